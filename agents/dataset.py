@@ -45,19 +45,29 @@ def write_dataset(
 
     The data set rebuilds its environment: `load_dataset(id).recover_environment()`.
 
-    Args:
-        dataset_id: Id, for example `"mlivr/jem/astar-v0"`.
-        episodes: Number of episodes.
-        seed: Seed of the first episode.
-        env_arguments: Arguments of `MlivrEnv`.
-        progress: Called with the number of episodes done.
+    Parameters
+    ----------
+    dataset_id
+        Id, for example `"mlivr/jem/astar-v0"`.
+    episodes
+        Number of episodes.
+    seed
+        Seed of the first episode.
+    env_arguments
+        Arguments of `MlivrEnv`.
+    progress
+        Called with the number of episodes done.
 
-    Returns:
+    Returns
+    -------
+    Any
         The `minari.MinariDataset`.
 
-    Raises:
-        SettingError: If there is no episode, the id is no id of Minari or taken, or the extra
-            [data] is not installed; all before the first episode.
+    Raises
+    ------
+    SettingError
+        If there is no episode, the id is no id of Minari or taken, or the extra
+        [data] is not installed; all before the first episode.
     """
     need(*NEEDED, extra="data")
     if episodes < 1:
@@ -110,9 +120,11 @@ def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
 def load_dataset(dataset_id: str) -> Any:
     """A data set of `write_dataset`, a `minari.MinariDataset`.
 
-    Raises:
-        SettingError: If there is none of this id, its walks were made under other rules of the
-            stance graph, or the extra [data] is not installed.
+    Raises
+    ------
+    SettingError
+        If there is none of this id, its walks were made under other rules of the
+        stance graph, or the extra [data] is not installed.
     """
     need(*NEEDED, extra="data")
     import minari

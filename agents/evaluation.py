@@ -32,16 +32,24 @@ class EvaluationTask(NamedTuple):
 class Evaluation:
     """What happened in k episodes.
 
-    Attributes:
-        success: Whether the goal was reached, shape (k,).
-        steps: Steps taken, shape (k,).
-        base_translation: Sum of base displacements [m], shape (k,).
-        first_decision: Time from the reset to the first action, world and policy together [s],
-            shape (k,).
-        decision: Mean time of the policy alone for an action [s], shape (k,).
-        failed_grasps: Attempts that failed, shape (k,).
-        executed: 1 where the walk could be executed, 0 where it could not, NaN where it was not
-            tried, shape (k,).
+    Attributes
+    ----------
+    success
+        Whether the goal was reached, shape (k,).
+    steps
+        Steps taken, shape (k,).
+    base_translation
+        Sum of base displacements [m], shape (k,).
+    first_decision
+        Time from the reset to the first action, world and policy together [s],
+        shape (k,).
+    decision
+        Mean time of the policy alone for an action [s], shape (k,).
+    failed_grasps
+        Attempts that failed, shape (k,).
+    executed
+        1 where the walk could be executed, 0 where it could not, NaN where it was not
+        tried, shape (k,).
     """
 
     success: BoolArray
@@ -70,21 +78,31 @@ def evaluate(
 ) -> Evaluation:
     """Run a policy; episode k starts from `reset(seed=seed + k)`.
 
-    Args:
-        env: The environment, unwrapped. Tasks occupy points of its graph; in the end those are
-            occupied that were before.
-        policy: The policy.
-        episodes: Number of episodes, or their tasks.
-        seed: Seed of the first episode.
-        max_steps: Steps after which an episode counts as failed. One whose policy takes an action
-            that is not possible counts as failed at once (the policy would only repeat it), and so
-            does one in which a simulated step fails.
-        progress: Called with the number of episodes done.
-        execute: Executes a walk, for example in MuJoCo; given the environment and the states of
-            each successful episode, tells whether it could be executed, None if it was not tried.
+    Parameters
+    ----------
+    env
+        The environment, unwrapped. Tasks occupy points of its graph; in the end those are
+        occupied that were before.
+    policy
+        The policy.
+    episodes
+        Number of episodes, or their tasks.
+    seed
+        Seed of the first episode.
+    max_steps
+        Steps after which an episode counts as failed. One whose policy takes an action
+        that is not possible counts as failed at once (the policy would only repeat it), and so
+        does one in which a simulated step fails.
+    progress
+        Called with the number of episodes done.
+    execute
+        Executes a walk, for example in MuJoCo; given the environment and the states of
+        each successful episode, tells whether it could be executed, None if it was not tried.
 
-    Raises:
-        SettingError: If there is no episode.
+    Raises
+    ------
+    SettingError
+        If there is no episode.
     """
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
@@ -146,10 +164,14 @@ def bootstrap(
 ) -> tuple[float, float]:
     """95 % percentile bootstrap interval of a statistic of independent values; NaN without values.
 
-    Args:
-        values: The values, shape (k,).
-        statistic: What is computed from k values.
-        seed: Seed of the resampling.
+    Parameters
+    ----------
+    values
+        The values, shape (k,).
+    statistic
+        What is computed from k values.
+    seed
+        Seed of the resampling.
     """
     if not len(values):
         return float("nan"), float("nan")

@@ -85,7 +85,9 @@ class Aims(NamedTuple):
 def point_features(points: Points, states: Situations, aims: Aims) -> Features:
     """Features of k states with N limbs on m points, all in the robot's frame.
 
-    Returns:
+    Returns
+    -------
+    Features
         `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 8 + 4 DEPTH):
         whether the limb holds the point, whether it may move there, the base's displacement if it
         does, whether a limb that holds could let go then, reach and arrivals of the point, and
@@ -125,13 +127,20 @@ def reach_of_points(
     or not, the limbs moving in turns. For more than two limbs the stances are not known
     beforehand: the distance is then that of the point itself, and the arrivals are none.
 
-    Args:
-        graph: The stance graph.
-        goal: Goal position [m], shape (3,).
-        tolerance: Radius of the goal region [m].
-        held: Which stances can be held, shape (n,); by default those that the graph says.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    goal
+        Goal position [m], shape (3,).
+    tolerance
+        Radius of the goal region [m].
+    held
+        Which stances can be held, shape (n,); by default those that the graph says.
 
-    Returns:
+    Returns
+    -------
+    Array
         Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the number
         of sequences of stances that end in the goal region.
     """
@@ -193,13 +202,20 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
     With more than two limbs, where to work out all steps of a state takes long, the distance is
     that of the base after the step itself, and the arrivals are none.
 
-    Args:
-        env: The environment.
-        state: The state.
-        steps: The k steps that leave it.
-        reach: What `reach_of_points` returns, shape (N, m, 2 DEPTH).
+    Parameters
+    ----------
+    env
+        The environment.
+    state
+        The state.
+    steps
+        The k steps that leave it.
+    reach
+        What `reach_of_points` returns, shape (N, m, 2 DEPTH).
 
-    Returns:
+    Returns
+    -------
+    Array
         Shape (k, 2 DEPTH + 2): the least distance of the base to the goal after 1 to DEPTH + 1 more
         steps [m], and the number of sequences that end in the goal region.
     """
@@ -244,13 +260,20 @@ class TableFeatures:
     ) -> Features:
         """Features of k states.
 
-        Args:
-            tables: The steps, of all points.
-            stances: Stance indices, shape (k,).
-            masks: Branches each limb may be on, shape (k, 2).
-            goals: Goal positions [m], shape (k, 3).
-            reach: What `reach_of_points` returns for each state, shape (k, 2, m, 2 DEPTH).
-            free: Which points may be grasped, shape (m,) or (k, m); by default all.
+        Parameters
+        ----------
+        tables
+            The steps, of all points.
+        stances
+            Stance indices, shape (k,).
+        masks
+            Branches each limb may be on, shape (k, 2).
+        goals
+            Goal positions [m], shape (k, 3).
+        reach
+            What `reach_of_points` returns for each state, shape (k, 2, m, 2 DEPTH).
+        free
+            Which points may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))

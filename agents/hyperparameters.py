@@ -22,24 +22,39 @@ METHODS = ("bc", "dagger", "ppo", "finetune")
 class ImitationSettings:
     """How a policy imitates the planner.
 
-    Attributes:
-        rounds: Times that data are gathered and learnt from; in the first the expert walks, in the
-            others the policy (behaviour cloning: the expert in all).
-        dagger: Whether the policy walks after the first round.
-        layouts: Layouts of the points in a round.
-        goals: Goals on each layout.
-        walks: Walks to each goal.
-        longest: Most steps of a walk.
-        most_removed: Largest share of the points taken out of a layout; every third layout has all
-            of them.
-        noise: Share of random possible actions on walks.
-        updates: Gradient steps in a round.
-        batch: States in a gradient step.
-        learning_rate: Largest rate of Adam; it falls to a tenth by a cosine.
-        averaging: Share that the average of the weights, which is kept in the end, keeps of itself
-            in a gradient step.
-        value_weight: Weight of the error of the value in the loss.
-        discount: Discount of that value.
+    Attributes
+    ----------
+    rounds
+        Times that data are gathered and learnt from; in the first the expert walks, in the
+        others the policy (behaviour cloning: the expert in all).
+    dagger
+        Whether the policy walks after the first round.
+    layouts
+        Layouts of the points in a round.
+    goals
+        Goals on each layout.
+    walks
+        Walks to each goal.
+    longest
+        Most steps of a walk.
+    most_removed
+        Largest share of the points taken out of a layout; every third layout has all
+        of them.
+    noise
+        Share of random possible actions on walks.
+    updates
+        Gradient steps in a round.
+    batch
+        States in a gradient step.
+    learning_rate
+        Largest rate of Adam; it falls to a tenth by a cosine.
+    averaging
+        Share that the average of the weights, which is kept in the end, keeps of itself
+        in a gradient step.
+    value_weight
+        Weight of the error of the value in the loss.
+    discount
+        Discount of that value.
     """
 
     rounds: int = 8
@@ -125,12 +140,17 @@ PARTS: dict[str, Kind[Any]] = {
 def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
     """Hyperparameters of one method, with the sizes of the networks.
 
-    Args:
-        settings: `imitation`, or `copies`, `timesteps` and `ppo`, or both; and `networks`.
-        path: What they are called in a message.
+    Parameters
+    ----------
+    settings
+        `imitation`, or `copies`, `timesteps` and `ppo`, or both; and `networks`.
+    path
+        What they are called in a message.
 
-    Raises:
-        SettingError: naming a field that is missing, unknown or faulty.
+    Raises
+    ------
+    SettingError
+        naming a field that is missing, unknown or faulty.
     """
     place = FieldPath(path, SettingError)
     found = Fields({"networks": SIZES}, PARTS).read(settings, place)
@@ -145,8 +165,10 @@ def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
 def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
     """Hyperparameters of a method from a JSON file, by default the one that ships with the package.
 
-    Raises:
-        SettingError: If the file cannot be read, lacks the method, or a field is faulty.
+    Raises
+    ------
+    SettingError
+        If the file cannot be read, lacks the method, or a field is faulty.
     """
     choice("method", method, METHODS)
     file = asset_path("training.json") if path is None else path

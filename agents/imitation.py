@@ -70,10 +70,14 @@ class _Layout(NamedTuple):
 def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
     """Minus the mean logarithm of the summed probability of the optimal actions.
 
-    Args:
-        scores: Scores of the actions, shape (k, a).
-        legal: Which are possible, shape (k, a).
-        optimal: Which of these are optimal, at least one in each row, shape (k, a).
+    Parameters
+    ----------
+    scores
+        Scores of the actions, shape (k, a).
+    legal
+        Which are possible, shape (k, a).
+    optimal
+        Which of these are optimal, at least one in each row, shape (k, a).
     """
     best = scores.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
     every = scores.masked_fill(~legal, -torch.inf).logsumexp(dim=1)
@@ -83,10 +87,14 @@ def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
 class Imitation:
     """Teaches a policy what the planner would do.
 
-    Attributes:
-        policy: A policy of sb3-contrib.
-        settings: How.
-        success: Share of the last round's walks by the policy that reached their goal.
+    Attributes
+    ----------
+    policy
+        A policy of sb3-contrib.
+    settings
+        How.
+    success
+        Share of the last round's walks by the policy that reached their goal.
     """
 
     def __init__(
@@ -100,13 +108,20 @@ class Imitation:
     ) -> None:
         """Work the environment's steps out, or read them from the cache.
 
-        Args:
-            env: The environment, two limbs.
-            policy: The policy, changed in place.
-            plain: Whether the policy sees the observations of the environment itself.
-            settings: How to imitate.
-            seed: Seed of layouts, goals, walks and batches.
-            held_out: Goals that must not be learnt from [m], shape (g, 3).
+        Parameters
+        ----------
+        env
+            The environment, two limbs.
+        policy
+            The policy, changed in place.
+        plain
+            Whether the policy sees the observations of the environment itself.
+        settings
+            How to imitate.
+        seed
+            Seed of layouts, goals, walks and batches.
+        held_out
+            Goals that must not be learnt from [m], shape (g, 3).
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
@@ -125,8 +140,10 @@ class Imitation:
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
         """Gather and learn for all rounds.
 
-        Args:
-            progress: Called with the gradient steps done, those in all, and figures.
+        Parameters
+        ----------
+        progress
+            Called with the gradient steps done, those in all, and figures.
         """
         for k in range(self.settings.rounds):
             began = time.perf_counter()
@@ -209,7 +226,9 @@ class Imitation:
     ) -> tuple[Samples, BoolArray, BoolArray]:
         """The states of k walks with what is best there.
 
-        Returns:
+        Returns
+        -------
+        tuple[Samples, BoolArray, BoolArray]
             The samples, which actions are possible and which are optimal, both of shape (k, 2 m).
         """
         costs = layout.values.of_actions(walks.stances, walks.masks, which, 2 * self.m)

@@ -60,10 +60,14 @@ class LearnedPolicy:
     Visited are the stances of this episode; where all have been visited it takes the best of all.
     Without this rule a deterministic policy that steps back once steps back and forth for ever.
 
-    Attributes:
-        policy: The policy of sb3-contrib.
-        network: `"pointer"` or `"mlp"`.
-        config: What it was trained with.
+    Attributes
+    ----------
+    policy
+        The policy of sb3-contrib.
+    network
+        `"pointer"` or `"mlp"`.
+    config
+        What it was trained with.
     """
 
     def __init__(self, policy: Any, network: str, config: dict[str, Any] | None = None) -> None:
@@ -103,13 +107,20 @@ def beam_walk(
     Each of the `width` most probable walks goes on by its most probable actions, and the first that
     arrives is taken. Walks never return to a stance that any of them has visited.
 
-    Args:
-        policy: A pointer policy.
-        env: The environment.
-        width: Walks kept.
-        longest: Most steps.
+    Parameters
+    ----------
+    policy
+        A pointer policy.
+    env
+        The environment.
+    width
+        Walks kept.
+    longest
+        Most steps.
 
-    Returns:
+    Returns
+    -------
+    list[int] | None
         The actions, None if no walk to the goal is found.
     """
     m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
@@ -146,8 +157,10 @@ def beam_walk(
 def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
     """Follows the walks of `beam_walk`.
 
-    Raises:
-        SettingError: If the policy is no pointer policy.
+    Raises
+    ------
+    SettingError
+        If the policy is no pointer policy.
     """
     if policy.network != "pointer":
         raise SettingError(f"a beam needs a pointer policy; this one is {policy.network!r}")
@@ -157,11 +170,15 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
 def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
     """Write `PATH.pt` with the weights and `PATH.json` with the configuration.
 
-    Args:
-        path: Path without suffix.
-        policy: The policy.
-        config: Everything it was trained with; `network`, `sizes` and what `made_for` tells are
-            needed to load it. Format, number of the graph's rules and checksum are added.
+    Parameters
+    ----------
+    path
+        Path without suffix.
+    policy
+        The policy.
+    config
+        Everything it was trained with; `network`, `sizes` and what `made_for` tells are
+        needed to load it. Format, number of the graph's rules and checksum are added.
     """
     buffer = io.BytesIO()
     torch.save(policy.state_dict(), buffer)
@@ -190,15 +207,20 @@ def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
 def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """Read a policy for an environment.
 
-    Args:
-        path: Path without suffix, or `"pretrained"` for the checkpoint that ships with the package.
-        env: The environment; the pointer policy fits every map and robot, the MLP those alone that
-            it was trained on.
+    Parameters
+    ----------
+    path
+        Path without suffix, or `"pretrained"` for the checkpoint that ships with the package.
+    env
+        The environment; the pointer policy fits every map and robot, the MLP those alone that
+        it was trained on.
 
-    Raises:
-        CheckpointError: If the files cannot be read or were altered, a weight is not finite or too
-            large, the network was made for something else than the environment, or it was trained
-            under other rules of the stance graph.
+    Raises
+    ------
+    CheckpointError
+        If the files cannot be read or were altered, a weight is not finite or too
+        large, the network was made for something else than the environment, or it was trained
+        under other rules of the stance graph.
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     told = f"cannot use checkpoint {str(path)!r}"
@@ -262,9 +284,12 @@ def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], tol
 def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
     """The configuration of a checkpoint, what loading needs of it checked.
 
-    Args:
-        data: What its JSON file holds.
-        weights: What the file of its weights holds.
+    Parameters
+    ----------
+    data
+        What its JSON file holds.
+    weights
+        What the file of its weights holds.
     """
     if data.get("format") != FORMAT:
         raise CheckpointError(

@@ -30,11 +30,16 @@ def make_policy(
 ) -> Any:
     """A new policy for an environment.
 
-    Args:
-        env: The environment.
-        network: One of `NETWORKS`.
-        sizes: Further arguments of the policy's class.
-        learning_rate: Rate of the policy's optimiser.
+    Parameters
+    ----------
+    env
+        The environment.
+    network
+        One of `NETWORKS`.
+    sizes
+        Further arguments of the policy's class.
+    learning_rate
+        Rate of the policy's optimiser.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
     return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)

@@ -60,9 +60,12 @@ class PointerNetwork(nn.Module):
     def __init__(self, width: int = 96, summary: int = 32) -> None:
         """Build the layers.
 
-        Args:
-            width: Width of the pointer head.
-            summary: Width of the summary of the points.
+        Parameters
+        ----------
+        width
+            Width of the pointer head.
+        summary
+            Width of the summary of the points.
         """
         super().__init__()
         self.latent_dim_vf = width
@@ -107,7 +110,9 @@ class PointerNetwork(nn.Module):
         The points count by their distance from the base, and once more by their distance from a
         place `AHEAD` towards the goal.
 
-        Returns:
+        Returns
+        -------
+        tuple[Tensor, Tensor]
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
             its reach, its arrivals and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
         """

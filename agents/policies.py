@@ -51,9 +51,11 @@ class ExpertPolicy:
     def __init__(self, expect_failures: bool = True) -> None:
         """Start without tables; each is worked out when its goal first comes up.
 
-        Args:
-            expect_failures: Whether costs are expected costs where grasps may fail; otherwise every
-                grasp counts as sure.
+        Parameters
+        ----------
+        expect_failures
+            Whether costs are expected costs where grasps may fail; otherwise every
+            grasp counts as sure.
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
@@ -91,8 +93,10 @@ class ExpertPolicy:
 def cost_of(env: MlivrEnv) -> Cost:
     """The cost whose negative is the reward of an environment, shaping and bonus aside.
 
-    Raises:
-        SettingError: If the reward is an object of a user, whose cost is not known.
+    Raises
+    ------
+    SettingError
+        If the reward is an object of a user, whose cost is not known.
     """
     reward = env.reward.reward
     if isinstance(reward, StepReward | BaseReward):
@@ -103,8 +107,10 @@ def cost_of(env: MlivrEnv) -> Cost:
 class PlanPolicy:
     """Follows the plan of a method, and plans again where the state is not the plan's.
 
-    Attributes:
-        plans: Plans made so far.
+    Attributes
+    ----------
+    plans
+        Plans made so far.
     """
 
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
@@ -137,11 +143,16 @@ def planner_policy(
     its branches only. Plans of another graph of the same map, such as one without manipulability,
     start from its stance and are followed whether they are possible or not.
 
-    Args:
-        cost: Cost of the plans.
-        method: Search method.
-        planner: Plans on another graph.
-        **options: Further arguments of `Planner.plan`.
+    Parameters
+    ----------
+    cost
+        Cost of the plans.
+    method
+        Search method.
+    planner
+        Plans on another graph.
+    **options
+        Further arguments of `Planner.plan`.
     """
     made: dict[int, Planner] = {}
 

@@ -36,11 +36,16 @@ class TableVecEnv(VecEnv):
     ) -> None:
         """Copy an environment.
 
-        Args:
-            env: The environment.
-            num_envs: Number of copies.
-            observation: One of `OBSERVATIONS`.
-            max_episode_steps: Steps after which an episode is truncated.
+        Parameters
+        ----------
+        env
+            The environment.
+        num_envs
+            Number of copies.
+        observation
+            One of `OBSERVATIONS`.
+        max_episode_steps
+            Steps after which an episode is truncated.
         """
         self.plain = choice("observation", observation, OBSERVATIONS) == "plain"
         self.copies = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
@@ -105,8 +110,10 @@ class TableVecEnv(VecEnv):
     def action_masks(self) -> BoolArray:
         """Which actions are possible, shape (k, N m).
 
-        Raises:
-            gymnasium.error.ResetNeeded: Before the first reset.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
         """
         if not self._info:
             raise gymnasium.error.ResetNeeded("call reset() before action_masks()")

@@ -81,9 +81,11 @@ class HeldOutWorld(NamedTuple):
 def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     """The worlds of the test set that ships with the package, or of another file.
 
-    Raises:
-        MlivrError: If the file cannot be read, or its tasks were drawn under other rules of the
-            stance graph.
+    Raises
+    ------
+    MlivrError
+        If the file cannot be read, or its tasks were drawn under other rules of the
+        stance graph.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
 
@@ -107,10 +109,14 @@ def held_out_goals() -> Array:
 def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[HeldOutWorld]:
     """Draw a test set and write it.
 
-    Args:
-        path: Where to write it.
-        seed: Seed of all draws.
-        sizes: Number of tasks in each split.
+    Parameters
+    ----------
+    path
+        Where to write it.
+    seed
+        Seed of all draws.
+    sizes
+        Number of tasks in each split.
     """
     rng = np.random.default_rng(seed)
     worlds = [_draw(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]
@@ -120,12 +126,15 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
     worlds.append(_draw(HeldOutWorld("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
     data: dict[str, Any] = {"seed": seed, "rules": GRAPH_RULES, "worlds": []}
     for world in worlds:
-        data["worlds"].append(world._asdict() | {"tasks": [task._asdict() for task in world.tasks]})
+        tasks = [task._asdict() for task in world.tasks]
+        data["worlds"].append(world._asdict() | {"tasks": tasks})
     write_whole(path, json.dumps(data) + "\n")
     return worlds
 
 
-def _draw(world: HeldOutWorld, count: int, rng: np.random.Generator, groups: int = 0) -> HeldOutWorld:
+def _draw(
+    world: HeldOutWorld, count: int, rng: np.random.Generator, groups: int = 0
+) -> HeldOutWorld:
     """Fill a world with tasks; with `groups`, other points are occupied in each group of tasks."""
     env = MlivrEnv(map=world.map())
     tasks: list[EvaluationTask] = []

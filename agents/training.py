@@ -48,23 +48,38 @@ def train(
 ) -> LearnedPolicy:
     """Train a policy for the two-limb environment.
 
-    Args:
-        method: One of `METHODS`.
-        network: `"pointer"` or `"mlp"`.
-        seed: Seed of everything.
-        env: The environment, unwrapped; by default one is made.
-        env_arguments: Arguments of `MlivrEnv`, which go into the configuration; the environment is
-            made from them if none is given.
-        settings: What `hyperparameters` returns; by default those of the package.
-        init: Checkpoint without suffix to start from; `"finetune"` needs one.
-        out: Where to write the checkpoint, without suffix.
-        command: The command to repeat it, for the configuration.
-        progress: Called with the phase, the steps done, the steps in all and figures.
-        logs: Folder for TensorBoard logs; needs the package `tensorboard`.
+    Parameters
+    ----------
+    method
+        One of `METHODS`.
+    network
+        `"pointer"` or `"mlp"`.
+    seed
+        Seed of everything.
+    env
+        The environment, unwrapped; by default one is made.
+    env_arguments
+        Arguments of `MlivrEnv`, which go into the configuration; the environment is
+        made from them if none is given.
+    settings
+        What `hyperparameters` returns; by default those of the package.
+    init
+        Checkpoint without suffix to start from; `"finetune"` needs one.
+    out
+        Where to write the checkpoint, without suffix.
+    command
+        The command to repeat it, for the configuration.
+    progress
+        Called with the phase, the steps done, the steps in all and figures.
+    logs
+        Folder for TensorBoard logs; needs the package `tensorboard`.
 
-    Raises:
-        MlivrError: If an argument cannot be used; the message names it.
-        KeyboardInterrupt: If it is interrupted; `out` then holds what was learned so far.
+    Raises
+    ------
+    MlivrError
+        If an argument cannot be used; the message names it.
+    KeyboardInterrupt
+        If it is interrupted; `out` then holds what was learned so far.
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else checked_settings(settings)
@@ -121,8 +136,10 @@ class _Request:
 class _Report:
     """Tells the caller and TensorBoard how a training goes.
 
-    Attributes:
-        learned: Whether anything was learned yet.
+    Attributes
+    ----------
+    learned
+        Whether anything was learned yet.
     """
 
     def __init__(self, progress: Progress | None, logs: str | Path | None) -> None:

@@ -38,14 +38,22 @@ def check_all(
 
     Grippers are compared with all boxes.
 
-    Args:
-        bases: Bases in the world, rows of `Pose`, shape (k,).
-        joints: Joint angles, shape (k, 2, 6) [rad].
-        robots: A row of `Robot`, shape (1,).
-        grid: The boxes.
-        clearance: Least distance [m].
-        scratch_rows: Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
-        out: Filled with the kind of contact of each, 0 where there is none, shape (k,).
+    Parameters
+    ----------
+    bases
+        Bases in the world, rows of `Pose`, shape (k,).
+    joints
+        Joint angles, shape (k, 2, 6) [rad].
+    robots
+        A row of `Robot`, shape (1,).
+    grid
+        The boxes.
+    clearance
+        Least distance [m].
+    scratch_rows
+        Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
+    out
+        Filled with the kind of contact of each, 0 where there is none, shape (k,).
     """
     robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
     for k in range(len(bases)):
@@ -72,7 +80,9 @@ def check_all(
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
     """Random stances with every joint turned a little.
 
-    Returns:
+    Returns
+    -------
+    tuple[Array, Array, Array]
         Base positions, shape (count, 3) [m], base rotations, shape (count, 3, 3), and joint angles,
         shape (count, 2, 6) [rad].
     """

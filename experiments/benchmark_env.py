@@ -95,9 +95,12 @@ def vector(env: Any, seconds: float, seed: int) -> float:
 def settings_of(native: bool = False, **arguments: Any) -> str:
     """Arguments of an environment in words, the default ones too.
 
-    Args:
-        native: Whether it is the vector environment, which needs every step.
-        arguments: Arguments of `MlivrEnv`.
+    Parameters
+    ----------
+    native
+        Whether it is the vector environment, which needs every step.
+    arguments
+        Arguments of `MlivrEnv`.
     """
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
     found = [

@@ -67,9 +67,12 @@ def same_map() -> tuple[MlivrEnv, HeldOutWorld]:
 def outcome(task: int, walk: Walk) -> dict[str, Any]:
     """What becomes of a walk: whether MuJoCo carries it out, and its translation when refined.
 
-    Args:
-        task: Number of the task on the same map.
-        walk: The states.
+    Parameters
+    ----------
+    task
+        Number of the task on the same map.
+    walk
+        The states.
     """
     env, world = same_map()
     limbs = env.graph.limbs
@@ -95,11 +98,16 @@ def walked(
 ) -> None:
     """Carry out and refine the walks of the first tasks; what came of it goes into the rows.
 
-    Args:
-        rows: Records of methods on the same map, with their walks.
-        count: How many tasks.
-        known: What is known of walks, by their task and states; it grows, the short ones first.
-        keep: Called now and then, to keep what is known.
+    Parameters
+    ----------
+    rows
+        Records of methods on the same map, with their walks.
+    count
+        How many tasks.
+    known
+        What is known of walks, by their task and states; it grows, the short ones first.
+    keep
+        Called now and then, to keep what is known.
     """
     asked: dict[str, tuple[int, Walk]] = {}
     for row in rows:

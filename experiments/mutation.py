@@ -220,8 +220,10 @@ def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
 def planted(source: bytes, mutant: Mutant) -> bytes:
     """The source of a file with the fault in it.
 
-    Raises:
-        SyntaxError: If that is no Python.
+    Raises
+    ------
+    SyntaxError
+        If that is no Python.
     """
     changed = source[: mutant.start] + mutant.after.encode() + source[mutant.stop :]
     compile(changed, mutant.path, "exec")

@@ -27,8 +27,10 @@ LONGEST_CELL = 300
 def executed(path: Path) -> Any:
     """A notebook with the outputs of a run in an empty folder, by this Python.
 
-    Raises:
-        CellExecutionError: If a cell fails.
+    Raises
+    ------
+    CellExecutionError
+        If a cell fails.
     """
     notebook = nbformat.read(path, as_version=4)
     # The kernel of this environment, whatever kernels are registered on the machine.

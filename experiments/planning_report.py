@@ -105,7 +105,7 @@ def series(data: dict[str, Any]) -> Iterator[list[Any]]:
 
 
 def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """This planner and both libraries."""
+    """Rows of this planner and of both libraries."""
     for program, row in data["libraries"].items():
         for method in ("A*", "A*, consistent", "Dijkstra"):
             if method in row:

@@ -22,10 +22,14 @@ class Processes(NamedTuple):
     def answers(self, work: Callable[[int], Any], seeds: range, what: str) -> Iterator[Any]:
         """Answers for all seeds, in order, as plain data; those that are kept are not made again.
 
-        Args:
-            work: What is done for a seed; it takes what it needs from the process it is forked of.
-            seeds: The seeds.
-            what: Name of the study, and of its file.
+        Parameters
+        ----------
+        work
+            What is done for a seed; it takes what it needs from the process it is forked of.
+        seeds
+            The seeds.
+        what
+            Name of the study, and of its file.
         """
         path = None if self.keep is None else self.keep / f"{what.replace(' ', '_')}.jsonl"
         known: dict[int, Any] = {}

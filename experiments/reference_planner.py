@@ -63,9 +63,12 @@ def nodes_only_graph(grasp_map: GraspMap) -> PairGraph:
 def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
     """Pinocchio model of a UR arm from its DH lengths, and the index of its grasp frame.
 
-    Args:
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        tool_length: Flange to grasp along the flange normal [m].
+    Parameters
+    ----------
+    lengths
+        d1, a2, a3, d4, d5, d6 [m].
+    tool_length
+        Flange to grasp along the flange normal [m].
     """
     d1, a2, a3, d4, d5, d6 = lengths
     model, here, joint = pin.Model(), pin.SE3.Identity(), 0
@@ -88,8 +91,10 @@ def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
 class ReferencePlanner:
     """A* over the stances of a two-limb robot, each candidate tried when it is met and remembered.
 
-    Attributes:
-        stances: Base position of each stance tried, None where it cannot be held.
+    Attributes
+    ----------
+    stances
+        Base position of each stance tried, None where it cannot be held.
     """
 
     def __init__(
@@ -102,13 +107,19 @@ class ReferencePlanner:
     ) -> None:
         """Plan on a map.
 
-        Args:
-            grasp_map: The map.
-            robot: A robot with two limbs.
-            settings: Thresholds; steps are not checked.
-            first_pose: Take the first base pose that meets the thresholds, not the one with the
-                largest margin.
-            limit: Most iterations of one call of the inverse kinematics.
+        Parameters
+        ----------
+        grasp_map
+            The map.
+        robot
+            A robot with two limbs.
+        settings
+            Thresholds; steps are not checked.
+        first_pose
+            Take the first base pose that meets the thresholds, not the one with the
+            largest margin.
+        limit
+            Most iterations of one call of the inverse kinematics.
         """
         self.grasp_map, self.robot, self.first_pose, self.limit = (
             grasp_map,
@@ -130,9 +141,12 @@ class ReferencePlanner:
     def inverse_kinematics(self, target: pin.SE3, q: Array) -> Array | None:
         """Joint angles that bring the grasp frame to a pose, or None.
 
-        Args:
-            target: Pose of the grasp frame in the limb base frame.
-            q: Joint angles from which the iteration begins, shape (6,) [rad].
+        Parameters
+        ----------
+        target
+            Pose of the grasp frame in the limb base frame.
+        q
+            Joint angles from which the iteration begins, shape (6,) [rad].
         """
         if float(np.linalg.norm(target.translation)) > self.reach:
             return None
@@ -233,14 +247,22 @@ class ReferencePlanner:
     ) -> dict[str, Any]:
         """Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
 
-        Args:
-            start: Point indices of the start.
-            goal: Goal position of the base [m].
-            tolerance: Radius of the goal region [m].
-            seconds: Time limit, looked at after each candidate [s].
-            evaluate: Takes the place of `self.evaluate` (to count candidates).
+        Parameters
+        ----------
+        start
+            Point indices of the start.
+        goal
+            Goal position of the base [m].
+        tolerance
+            Radius of the goal region [m].
+        seconds
+            Time limit, looked at after each candidate [s].
+        evaluate
+            Takes the place of `self.evaluate` (to count candidates).
 
-        Returns:
+        Returns
+        -------
+        dict[str, Any]
             `finished` (before the limit), `cost` [m] (None without a plan), `expanded`,
             `candidates` (distinct stances tried) and `seconds`.
         """
@@ -278,12 +300,18 @@ class ReferencePlanner:
     ) -> float | None:
         """A*: the least cost [m], or None without a plan.
 
-        Args:
-            start: Point indices of the start.
-            goal: Goal position of the base, shape (3,) [m].
-            tolerance: Radius of the goal region [m].
-            closed: Filled with the stances expanded.
-            position: Base position of a stance, shape (3,) [m], or None if it cannot be held.
+        Parameters
+        ----------
+        start
+            Point indices of the start.
+        goal
+            Goal position of the base, shape (3,) [m].
+        tolerance
+            Radius of the goal region [m].
+        closed
+            Filled with the stances expanded.
+        position
+            Base position of a stance, shape (3,) [m], or None if it cannot be held.
         """
         origin = position(start)
         if origin is None:

@@ -108,13 +108,19 @@ atexit.register(tell)
 def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
     """Run a path of `PATHS`; what it compiled and how long it took.
 
-    Args:
-        path: Its name.
-        cache: Folder in which machine code and tables are kept.
-        variables: Further environment variables.
+    Parameters
+    ----------
+    path
+        Its name.
+    cache
+        Folder in which machine code and tables are kept.
+    variables
+        Further environment variables.
 
-    Raises:
-        RuntimeError: If it fails.
+    Raises
+    ------
+    RuntimeError
+        If it fails.
     """
     given = PATHS[path]
     words = given.removeprefix("mlivr-gym").split()

@@ -100,10 +100,14 @@ def pareto(pairs: int) -> list[dict[str, float]]:
 def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
     """Picture of `pareto`; the translation in percent over the least, the span of which it tells.
 
-    Args:
-        rows: What `pareto` found.
-        pairs: Number of random tasks.
-        path: PNG file to write, and an SVG beside it.
+    Parameters
+    ----------
+    rows
+        What `pareto` found.
+    pairs
+        Number of random tasks.
+    path
+        PNG file to write, and an SVG beside it.
     """
     metres = np.array([row["base_translation"] for row in rows])
     steps, least = np.array([row["steps"] for row in rows]), metres.min()

@@ -1,4 +1,4 @@
-"""Do the thresholds of manipulability predict how well a walk is carried out?
+"""Measure whether the thresholds of manipulability predict how well a walk is carried out.
 
     python experiments/thresholds.py [--pairs 20] [--out results]
 

@@ -197,7 +197,9 @@ def beside(judge: Judge, here: Configuration, kind: str, rng: np.random.Generato
 def past_an_obstacle(seed: int) -> tuple[str, str, int, float]:
     """A random step with an obstacle beside it: the obstacle, and what came of the step.
 
-    Returns:
+    Returns
+    -------
+    tuple[str, str, int, float]
         Kind of the obstacle, `blocked` or `made`, configurations looked at, least distance [m].
     """
     graph, rng = whole_graph(), np.random.default_rng([8, seed])

@@ -45,10 +45,13 @@ def checked(
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Have the arguments of a function read before it is called; it is given what they make of it.
 
-    Args:
-        kinds: Kind of each argument by name; there may be more than the function has. Defaults
-            are not read.
-        error: Type of the error.
+    Parameters
+    ----------
+    kinds
+        Kind of each argument by name; there may be more than the function has. Defaults
+        are not read.
+    error
+        Type of the error.
     """
 
     def above(function: Callable[P, T]) -> Callable[P, T]:

@@ -83,17 +83,23 @@ class SimulationError(MlivrError):
 class TimingError(SettingError):
     """A step cannot be carried out in the time that is given.
 
-    Attributes:
-        shortest: The shortest duration that would do [s].
+    Attributes
+    ----------
+    shortest
+        The shortest duration that would do [s].
     """
 
     def __init__(self, duration: float, binding: str, shortest: float) -> None:
         """Build the message.
 
-        Args:
-            duration: The step's duration that was asked for [s].
-            binding: The limit that is broken, and where.
-            shortest: The shortest duration that would do [s].
+        Parameters
+        ----------
+        duration
+            The step's duration that was asked for [s].
+        binding
+            The limit that is broken, and where.
+        shortest
+            The shortest duration that would do [s].
         """
         self.shortest = shortest
         super().__init__(
@@ -126,8 +132,10 @@ class UnknownPointError(StanceError):
 def choice(name: str, value: object, valid: Iterable[str]) -> str:
     """Return `value` if it is one of `valid`.
 
-    Raises:
-        SettingError: naming the value and the valid choices.
+    Raises
+    ------
+    SettingError
+        naming the value and the valid choices.
     """
     options = list(valid)
     if value not in options:

@@ -18,8 +18,10 @@ def missing(*packages: str, extra: str) -> str:
 def need(*packages: str, extra: str) -> None:
     """Refuse where packages of an extra are not installed.
 
-    Raises:
-        SettingError: naming the first of them.
+    Raises
+    ------
+    SettingError
+        naming the first of them.
     """
     if told := missing(*packages, extra=extra):
         raise SettingError(told)

@@ -50,10 +50,14 @@ def step_seconds(
 ) -> list[float]:
     """How long each step of a plan takes [s].
 
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        timing: `Limits`, by default the default ones, or `Durations`.
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    timing
+        `Limits`, by default the default ones, or `Durations`.
     """
     found = []
     for index in range(len(plan.steps)):
@@ -74,17 +78,27 @@ def fastest_plan(
 ) -> list[Candidate]:
     """Plans for one query, the fastest first; equally fast ones with less translation first.
 
-    Args:
-        planner: Plans on the graph.
-        start: Point id (or index) of each limb.
-        goal: x, y, z in the JEM frame [m].
-        limits: What the steps may ask for; by default the default ones.
-        goal_tolerance: Radius of the goal region [m].
-        goal_face: Face of the map whose points all limbs hold at the goal.
+    Parameters
+    ----------
+    planner
+        Plans on the graph.
+    start
+        Point id (or index) of each limb.
+    goal
+        x, y, z in the JEM frame [m].
+    limits
+        What the steps may ask for; by default the default ones.
+    goal_tolerance
+        Radius of the goal region [m].
+    goal_face
+        Face of the map whose points all limbs hold at the goal.
 
-    Raises:
-        NoPlanError: If there is no plan.
-        MlivrError: If an argument cannot be used; the message names it.
+    Raises
+    ------
+    NoPlanError
+        If there is no plan.
+    MlivrError
+        If an argument cannot be used; the message names it.
 
     Example:
         >>> best = fastest_plan(planner, ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))[0]

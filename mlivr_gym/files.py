@@ -31,8 +31,10 @@ class FileError(MlivrError):
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file by renaming a finished temporary one, so that no half-written file is ever seen.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     path = FileName().read(path, FieldPath("path", FileError))
     target, name = Path(path), None
@@ -63,14 +65,20 @@ def checksum(data: Any, content: bytes = b"") -> str:
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:
     """The object that a JSON file holds, every number in it finite.
 
-    Args:
-        path: The file, in UTF-8.
-        kind: What it should be, for the message: `"map"`.
-        error: Type of the error.
+    Parameters
+    ----------
+    path
+        The file, in UTF-8.
+    kind
+        What it should be, for the message: `"map"`.
+    error
+        Type of the error.
 
-    Raises:
-        MlivrError: of the type `error`, naming the file, if it cannot be read, is too large or
-            nested too deeply, is no JSON, or holds something other than an object.
+    Raises
+    ------
+    MlivrError
+        of the type `error`, naming the file, if it cannot be read, is too large or
+        nested too deeply, is no JSON, or holds something other than an object.
     """
     path = FileName().read(path, FieldPath("path", error))
     try:
@@ -107,14 +115,21 @@ def load(
 ) -> T:
     """What is built from the object that a JSON file holds.
 
-    Args:
-        path: The file.
-        kind: What it should be, for the message: `"map"`.
-        error: Type of the error.
-        build: Makes it of the object.
+    Parameters
+    ----------
+    path
+        The file.
+    kind
+        What it should be, for the message: `"map"`.
+    error
+        Type of the error.
+    build
+        Makes it of the object.
 
-    Raises:
-        MlivrError: of the type `error`, naming the file, if it cannot be read or used.
+    Raises
+    ------
+    MlivrError
+        of the type `error`, naming the file, if it cannot be read or used.
     """
     data = read_json(path, kind, error)
     try:

@@ -35,11 +35,16 @@ SETUP_DATA = Fields(
 class Case:
     """One case of the table.
 
-    Attributes:
-        manipulability: Whether the thresholds hold.
-        cost: Name of the cost.
-        sparse: Whether the map is the sparse one.
-        title: Heading of its picture.
+    Attributes
+    ----------
+    manipulability
+        Whether the thresholds hold.
+    cost
+        Name of the cost.
+    sparse
+        Whether the map is the sparse one.
+    title
+        Heading of its picture.
     """
 
     manipulability: bool
@@ -70,11 +75,16 @@ PAPER = {case: dict(zip(_COLUMNS, row, strict=True)) for case, row in _ROWS.item
 class Mode:
     """A mode in which the cases are planned.
 
-    Attributes:
-        title: Its name in tables.
-        transitions: Whether steps are checked.
-        collisions: Whether stances and steps must touch nothing.
-        heuristic: Heuristic of the search.
+    Attributes
+    ----------
+    title
+        Its name in tables.
+    transitions
+        Whether steps are checked.
+    collisions
+        Whether stances and steps must touch nothing.
+    heuristic
+        Heuristic of the search.
     """
 
     title: str
@@ -149,10 +159,14 @@ chosen for it, or of itself."""
 def relations(rows: Mapping[int, Row]) -> dict[str, dict[str, Any]]:
     """Whether the relations between the paper's cases hold, and why they may.
 
-    Args:
-        rows: What cases 1 to 4 give.
+    Parameters
+    ----------
+    rows
+        What cases 1 to 4 give.
 
-    Returns:
+    Returns
+    -------
+    dict[str, dict[str, Any]]
         `held` and `kind` by the name of each relation. Those by construction need an optimal
         search from one start pose: the paper's heuristic may lose them.
     """

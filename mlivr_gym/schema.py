@@ -71,12 +71,17 @@ class Kind(Protocol[T_co]):
     def read(self, value: object, place: FieldPath) -> T_co:
         """What the program works with.
 
-        Args:
-            value: What was given.
-            place: Where it stands.
+        Parameters
+        ----------
+        value
+            What was given.
+        place
+            Where it stands.
 
-        Raises:
-            MlivrError: of the type of the place, if it is not of this kind.
+        Raises
+        ------
+        MlivrError
+            of the type of the place, if it is not of this kind.
         """
 
 
@@ -92,8 +97,10 @@ class Anything:
 class Text:
     """Printable text.
 
-    Attributes:
-        least: Fewest characters.
+    Attributes
+    ----------
+    least
+        Fewest characters.
     """
 
     least: int = 1
@@ -156,12 +163,18 @@ class Whole:
 class Numbers:
     """Finite numbers in lists of a shape.
 
-    Attributes:
-        shape: The shape; a first entry of None leaves the number of rows open.
-        least: Least value of each.
-        most: Largest value of each.
-        unit: The unit; lengths [m] above `most` are told to be in metres.
-        rows: Fewest and most rows, where their number is open.
+    Attributes
+    ----------
+    shape
+        The shape; a first entry of None leaves the number of rows open.
+    least
+        Least value of each.
+    most
+        Largest value of each.
+    unit
+        The unit; lengths [m] above `most` are told to be in metres.
+    rows
+        Fewest and most rows, where their number is open.
     """
 
     shape: tuple[int | None, ...] = ()
@@ -217,8 +230,10 @@ class Rotation:
 def are_rotations(turns: Array) -> BoolArray:
     """Which of some matrices are right-handed rotations.
 
-    Args:
-        turns: The matrices, shape (..., 3, 3).
+    Parameters
+    ----------
+    turns
+        The matrices, shape (..., 3, 3).
     """
     turned = np.clip(turns, -2.0, 2.0)  # squares of huge numbers would overflow
     error = np.abs(np.swapaxes(turned, -1, -2) @ turned - np.eye(3)).max(axis=(-2, -1))
@@ -255,10 +270,14 @@ class Listed(Generic[T]):
 class Fields:
     """An object with fields.
 
-    Attributes:
-        required: Kind of each field that must be there.
-        optional: Kind of each that may be there.
-        others: Whether it may have more, of any kind.
+    Attributes
+    ----------
+    required
+        Kind of each field that must be there.
+    optional
+        Kind of each that may be there.
+    others
+        Whether it may have more, of any kind.
     """
 
     required: Mapping[str, Kind[Any]]
@@ -293,10 +312,14 @@ class Fields:
 class Struct(Generic[T]):
     """An object with the fields of a dataclass.
 
-    Attributes:
-        made: The dataclass.
-        kinds: Kind of each field.
-        complete: Whether fields that have a default must be there too.
+    Attributes
+    ----------
+    made
+        The dataclass.
+    kinds
+        Kind of each field.
+    complete
+        Whether fields that have a default must be there too.
     """
 
     made: type[T]
@@ -324,10 +347,14 @@ class Struct(Generic[T]):
     def given(self, value: object, place: FieldPath, known: Mapping[str, T] | None = None) -> T:
         """The record as it is, of plain data, by name, or, of None, with all its defaults.
 
-        Args:
-            value: What was given.
-            place: Where it stands.
-            known: Records that have names.
+        Parameters
+        ----------
+        value
+            What was given.
+        place
+            Where it stands.
+        known
+            Records that have names.
         """
         if isinstance(value, str) and known is not None:
             return known[Choice(tuple(known)).read(value, place)]
@@ -336,8 +363,10 @@ class Struct(Generic[T]):
     def check(self, record: T, place: FieldPath) -> None:
         """Check the fields of a record that is being made, and keep what their kinds make of them.
 
-        Raises:
-            MlivrError: of the type of the place, naming the field.
+        Raises
+        ------
+        MlivrError
+            of the type of the place, naming the field.
         """
         for name, kind in self.kinds.items():
             found = kind.read(getattr(record, name), place.field(name))

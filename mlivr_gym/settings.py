@@ -41,14 +41,21 @@ def check_rules(
 ) -> None:
     """Refuse what was made by other rules of the stance graph.
 
-    Args:
-        what: What it is, the first words of the message.
-        found: The number it carries; None if it carries none, as in version 0.1.0.
-        remedy: What to do, the last words of the message.
-        error: Class of the error.
+    Parameters
+    ----------
+    what
+        What it is, the first words of the message.
+    found
+        The number it carries; None if it carries none, as in version 0.1.0.
+    remedy
+        What to do, the last words of the message.
+    error
+        Class of the error.
 
-    Raises:
-        MlivrError: One of class `error`, if the number is not `GRAPH_RULES`.
+    Raises
+    ------
+    MlivrError
+        One of class `error`, if the number is not `GRAPH_RULES`.
     """
     found = 1 if found is None else found
     if found != GRAPH_RULES:
@@ -62,19 +69,27 @@ def check_rules(
 class Settings:
     """What makes a stance a node and a step an edge.
 
-    Attributes:
-        manipulability: Whether stances must meet both thresholds. Without them two things still
-            leave stances out: where steps are checked `path_floor`, and everywhere the robot's
-            `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
-        transitions: Whether a step must be shown to be possible without the holding limbs letting
-            go.
-        limb_threshold: Least `w_m` of each limb.
-        base_threshold: Least `w_b`; by default `0.001 (2/N)^3`.
-        path_floor: Least `w_m` of a holding limb between stances, and of a limb that departs from
-            one; it holds whether there are thresholds or not, since the proof that a limb stays on
-            its branch needs it.
-        collisions: Whether stances and steps must touch nothing.
-        clearance: Least distance between any two shapes that are checked [m].
+    Attributes
+    ----------
+    manipulability
+        Whether stances must meet both thresholds. Without them two things still
+        leave stances out: where steps are checked `path_floor`, and everywhere the robot's
+        `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
+    transitions
+        Whether a step must be shown to be possible without the holding limbs letting
+        go.
+    limb_threshold
+        Least `w_m` of each limb.
+    base_threshold
+        Least `w_b`; by default `0.001 (2/N)^3`.
+    path_floor
+        Least `w_m` of a holding limb between stances, and of a limb that departs from
+        one; it holds whether there are thresholds or not, since the proof that a limb stays on
+        its branch needs it.
+    collisions
+        Whether stances and steps must touch nothing.
+    clearance
+        Least distance between any two shapes that are checked [m].
     """
 
     manipulability: bool = True

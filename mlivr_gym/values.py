@@ -42,15 +42,23 @@ def numbers(
 ) -> Array:
     """Return `value` as an array if it holds finite numbers from `-most` to `most`.
 
-    Args:
-        value: Numbers in sequences or an array.
-        shape: The shape it must have.
-        where: What it is, for the message.
-        error: Type of the error.
-        most: `LONGEST` or `LONGEST_ROBOT` for lengths [m], infinity for others.
+    Parameters
+    ----------
+    value
+        Numbers in sequences or an array.
+    shape
+        The shape it must have.
+    where
+        What it is, for the message.
+    error
+        Type of the error.
+    most
+        `LONGEST` or `LONGEST_ROBOT` for lengths [m], infinity for others.
 
-    Raises:
-        MlivrError: of the type `error`, naming the value.
+    Raises
+    ------
+    MlivrError
+        of the type `error`, naming the value.
     """
     kind = "a number, and finite" if shape == () else f"numbers of shape {shape}, all finite"
     try:
@@ -78,8 +86,10 @@ def numbers(
 def unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
     """Refuse ids of which one appears twice.
 
-    Raises:
-        MlivrError: of the type `error`, naming it.
+    Raises
+    ------
+    MlivrError
+        of the type `error`, naming it.
     """
     seen: set[str] = set()
     for name in ids:

@@ -64,14 +64,22 @@ def algorithm1(
 ) -> Explored:
     """Search from a state to any stance at the goal.
 
-    Args:
-        graph: The stance graph, of any number of limbs.
-        start: Where to start, for example `graph.state(stance)`.
-        goal: Where to go and at what cost.
-        heuristic: `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
-        inflation: Factor on the heuristic; with 1 and a consistent one the path costs the least.
-        limit: Most expansions.
-        progress: Called with the number of expansions now and then.
+    Parameters
+    ----------
+    graph
+        The stance graph, of any number of limbs.
+    start
+        Where to start, for example `graph.state(stance)`.
+    goal
+        Where to go and at what cost.
+    heuristic
+        `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
+    inflation
+        Factor on the heuristic; with 1 and a consistent one the path costs the least.
+    limit
+        Most expansions.
+    progress
+        Called with the number of expansions now and then.
     """
     cost = goal.cost
 

@@ -64,16 +64,25 @@ def costs_to_goal(
 ) -> tuple[Array, BoolArray]:
     """Lower bounds of the cost from every node to the goal.
 
-    Args:
-        table: The nodes.
-        goals: Which are at the goal, shape (n,).
-        weights: What is minimised.
-        starts: Nodes from which bounds are wanted.
-        toward: Lower bounds of the cost from the start to each node, consistent, infinite for what
-            need not be looked at; shape (n,).
-        farther_by: How much farther than to the starts it goes: share and amount of the cost.
+    Parameters
+    ----------
+    table
+        The nodes.
+    goals
+        Which are at the goal, shape (n,).
+    weights
+        What is minimised.
+    starts
+        Nodes from which bounds are wanted.
+    toward
+        Lower bounds of the cost from the start to each node, consistent, infinite for what
+        need not be looked at; shape (n,).
+    farther_by
+        How much farther than to the starts it goes: share and amount of the cost.
 
-    Returns:
+    Returns
+    -------
+    tuple[Array, BoolArray]
         The bounds, 0 at goals alone, infinite where nothing leads there, and consistent; and where
         they are the least cost. Each of shape (n,).
     """

@@ -216,18 +216,29 @@ def find_walk(
 ) -> Walk:
     """A walk by one of the baselines.
 
-    Args:
-        method: One of `FINDERS`.
-        moves: The moves of the world, `MlivrEnv.moves`.
-        start: Where to start.
-        goal: Goal position of the base [m], shape (3,).
-        tolerance: Radius of the goal region [m].
-        longest: Most steps.
-        budget: Simulations for each step of `mcts`.
-        seed: Seed of `random` and `mcts`.
+    Parameters
+    ----------
+    method
+        One of `FINDERS`.
+    moves
+        The moves of the world, `MlivrEnv.moves`.
+    start
+        Where to start.
+    goal
+        Goal position of the base [m], shape (3,).
+    tolerance
+        Radius of the goal region [m].
+    longest
+        Most steps.
+    budget
+        Simulations for each step of `mcts`.
+    seed
+        Seed of `random` and `mcts`.
 
-    Raises:
-        SettingError: If the method is unknown.
+    Raises
+    ------
+    SettingError
+        If the method is unknown.
     """
     choice("method", method, FINDERS)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, longest)

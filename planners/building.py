@@ -37,13 +37,19 @@ _begun: dict[Hashable, _Work] = {}
 def finished(what: Hashable, work: Callable[[], object], until: float) -> bool:
     """Whether some work, which keeps its result itself, is done before a time.
 
-    Args:
-        what: What tells it from other work: the same is not begun twice.
-        work: Called once; where the time is unlimited here, else in a thread.
-        until: When to stop waiting, as `time.perf_counter` counts [s]; infinite for never.
+    Parameters
+    ----------
+    what
+        What tells it from other work: the same is not begun twice.
+    work
+        Called once; where the time is unlimited here, else in a thread.
+    until
+        When to stop waiting, as `time.perf_counter` counts [s]; infinite for never.
 
-    Raises:
-        BaseException: What the work raises.
+    Raises
+    ------
+    BaseException
+        What the work raises.
     """
     if until == math.inf and what not in _begun:
         work()

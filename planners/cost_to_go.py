@@ -21,11 +21,15 @@ from mlivr_gym.transitions.state import State, Successors
 class CostToGo:
     """Exact cost from every state of a two-limb graph to a goal region.
 
-    Attributes:
-        values: Cost from each stance when both limbs have all their branches, shape (n,); inf where
-            no goal can be reached.
-        goal: The goal.
-        is_goal: Which stances are goals, shape (n,).
+    Attributes
+    ----------
+    values
+        Cost from each stance when both limbs have all their branches, shape (n,); inf where
+        no goal can be reached.
+    goal
+        The goal.
+    is_goal
+        Which stances are goals, shape (n,).
     """
 
     def __init__(self, graph: PairGraph, goal: Goal) -> None:
@@ -39,8 +43,10 @@ class CostToGo:
     def value(self, state: State) -> float:
         """Cost from a state to the goal; infinity from a stance that cannot be held.
 
-        Raises:
-            StanceError: If it is no state on this map.
+        Raises
+        ------
+        StanceError
+            If it is no state on this map.
         """
         self.graph.check(state)
         if state.pose is not None:

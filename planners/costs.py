@@ -40,10 +40,14 @@ metre counts in moves, and how much a first plan is preferred to a good one."""
 class Cost:
     """Cost `base_weight * displacement + step_weight` of one step.
 
-    Attributes:
-        name: One of `motion.plan_parts.COSTS`.
-        base_weight: Weight of the base displacement [1/m].
-        step_weight: Charge for each step.
+    Attributes
+    ----------
+    name
+        One of `motion.plan_parts.COSTS`.
+    base_weight
+        Weight of the base displacement [1/m].
+    step_weight
+        Charge for each step.
     """
 
     name: str = "base"
@@ -55,13 +59,18 @@ class Cost:
     def named(cls, cost: str, regrasp_price: float | None = None) -> Cost:
         """A cost by name.
 
-        Args:
-            cost: `"base"` [m], `"steps"`, or `"weighted"` [m].
-            regrasp_price: Metres charged for a regrasp; only for `"weighted"`.
+        Parameters
+        ----------
+        cost
+            `"base"` [m], `"steps"`, or `"weighted"` [m].
+        regrasp_price
+            Metres charged for a regrasp; only for `"weighted"`.
 
-        Raises:
-            SettingError: If the name is unknown or the price is missing, misplaced, below zero or
-                too high.
+        Raises
+        ------
+        SettingError
+            If the name is unknown or the price is missing, misplaced, below zero or
+            too high.
         """
         if (cost == "weighted") != (regrasp_price is not None):
             raise SettingError(
@@ -78,11 +87,16 @@ class Cost:
         which never overestimate since the goal is a ball. `"paper"` uses `d` and `d / max_step`,
         which may.
 
-        Args:
-            name: `"consistent"`, `"paper"` or `"zero"`.
-            distance: Distances to the goal [m], any shape.
-            tolerance: Radius of the goal region [m].
-            max_step: Bound of one step's base displacement [m].
+        Parameters
+        ----------
+        name
+            `"consistent"`, `"paper"` or `"zero"`.
+        distance
+            Distances to the goal [m], any shape.
+        tolerance
+            Radius of the goal region [m].
+        max_step
+            Bound of one step's base displacement [m].
         """
         if name == "zero":
             return np.zeros_like(distance)
@@ -94,9 +108,12 @@ class Cost:
     def promise(self, distance: Array, moves: Array | None = None) -> Array:
         """Guess of the cost from base positions to the goal, no bound: it leads to a first plan.
 
-        Args:
-            distance: Distances to the goal [m], any shape.
-            moves: Fewest moves to it, where that is known.
+        Parameters
+        ----------
+        distance
+            Distances to the goal [m], any shape.
+        moves
+            Fewest moves to it, where that is known.
         """
         if moves is None:
             return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)

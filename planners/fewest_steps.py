@@ -40,14 +40,22 @@ def fewest_steps(
 ) -> tuple[NDArray[np.int16], float]:
     """Fewest steps from every node to the goal.
 
-    Args:
-        table: The nodes.
-        goals: Which are at the goal, shape (n,).
-        taken: Which walks may not enter, shape (n,).
-        starts: Nodes from which they are wanted.
-        farther: How many steps farther than to these it goes.
+    Parameters
+    ----------
+    table
+        The nodes.
+    goals
+        Which are at the goal, shape (n,).
+    taken
+        Which walks may not enter, shape (n,).
+    starts
+        Nodes from which they are wanted.
+    farther
+        How many steps farther than to these it goes.
 
-    Returns:
+    Returns
+    -------
+    tuple[NDArray[np.int16], float]
         The steps, shape (n,), negative for nodes that it did not come to; and how many those take
         at least that are not taken, infinite if nothing leads on from them.
     """

@@ -212,15 +212,24 @@ def cheapest_walk(
 
     With weight 1 of the cost and any number of labels it costs the least.
 
-    Args:
-        steps: The nodes, the steps known of them, and what is minimised.
-        h: Consistent lower bounds of the cost from each node, shape (n,).
-        origins: Where it may begin.
-        labels: Room.
-        parameters: How it is searched.
-        below: Cost that it must not reach.
-        until: When to give up, on the clock of `time.perf_counter`.
-        check: What checks edges, where they are checked one by one.
+    Parameters
+    ----------
+    steps
+        The nodes, the steps known of them, and what is minimised.
+    h
+        Consistent lower bounds of the cost from each node, shape (n,).
+    origins
+        Where it may begin.
+    labels
+        Room.
+    parameters
+        How it is searched.
+    below
+        Cost that it must not reach.
+    until
+        When to give up, on the clock of `time.perf_counter`.
+    check
+        What checks edges, where they are checked one by one.
     """
     status = SearchStatus.row()
     for name, value in parameters._asdict().items():
@@ -253,7 +262,9 @@ def _search(
 ) -> int:
     """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
 
-    Returns:
+    Returns
+    -------
+    int
         `NO_LABEL` at the end, or why it stopped: `FULL`, `PAUSED` or `LIMIT`.
     """
     table, _, _ = steps

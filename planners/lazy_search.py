@@ -60,10 +60,14 @@ ROUNDING = 1e-9
 class LazySearchResult:
     """Outcome of a search: expanded states with their parents, costs and postures.
 
-    Attributes:
-        status: `FOUND`, `EXHAUSTED` or `LIMIT`.
-        goal: Index of the state that ends the best plan, or of the last expanded one.
-        bound: Factor of the least cost within which the plan is proved.
+    Attributes
+    ----------
+    status
+        `FOUND`, `EXHAUSTED` or `LIMIT`.
+    goal
+        Index of the state that ends the best plan, or of the last expanded one.
+    bound
+        Factor of the least cost within which the plan is proved.
     """
 
     status: int = EXHAUSTED
@@ -80,12 +84,18 @@ class LazySearchResult:
 def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> Path | None:
     """Best-first search from a state to any stance whose base lies in the goal region.
 
-    Args:
-        graph: The stance graph.
-        start: Where to start.
-        search: What to look for, and how.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    start
+        Where to start.
+    search
+        What to look for, and how.
 
-    Returns:
+    Returns
+    -------
+    Path | None
         What was found; None if no moves lead to the goal, whatever steps there are.
     """
     found = _LazySearch(graph, start, search).run()

@@ -42,11 +42,16 @@ class StatePath(NamedTuple):
 class LazyTable(ABC):
     """The nodes and edges of a table in the world as it is now.
 
-    Attributes:
-        table: The table; of nodes that were looked at it has the branches that are left.
-        known: Edges that were checked.
-        complete: Whether the table holds every edge as it is, so that none needs a check.
-        exact: Whether an edge that was checked keeps what was found whatever the label.
+    Attributes
+    ----------
+    table
+        The table; of nodes that were looked at it has the branches that are left.
+    known
+        Edges that were checked.
+    complete
+        Whether the table holds every edge as it is, so that none needs a check.
+    exact
+        Whether an edge that was checked keeps what was found whatever the label.
     """
 
     complete: bool
@@ -66,10 +71,14 @@ class LazyTable(ABC):
     ) -> bool:
         """Work out what obstacles leave of nodes; whether they take something of one.
 
-        Args:
-            rows: Rows of nodes, shape (k,).
-            most: Most nodes that are looked at.
-            about: Position to which those that are looked at are the closest [m], shape (3,).
+        Parameters
+        ----------
+        rows
+            Rows of nodes, shape (k,).
+        most
+            Most nodes that are looked at.
+        about
+            Position to which those that are looked at are the closest [m], shape (3,).
         """
         return False
 
@@ -81,19 +90,26 @@ class LazyTable(ABC):
     def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Branches that limbs may be on after edges, which are checked; 0 where there is none.
 
-        Args:
-            bits: Bits of the edges, shape (k,).
-            masks: Branches that the limbs may be on before them, shape (k,).
+        Parameters
+        ----------
+        bits
+            Bits of the edges, shape (k,).
+        masks
+            Branches that the limbs may be on before them, shape (k,).
         """
 
     @abstractmethod
     def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
         """The states of a walk whose edges were checked; None if a step is none after all.
 
-        Args:
-            start: What leads to the first node of the walk.
-            turn: Turn after which its stance is that of the table.
-            found: The walk over nodes.
+        Parameters
+        ----------
+        start
+            What leads to the first node of the walk.
+        turn
+            Turn after which its stance is that of the table.
+        found
+            The walk over nodes.
         """
 
 
@@ -270,11 +286,16 @@ def masks_along(
     Where they are others than a table tells, which may be one of the robot after a turn, the steps
     from there on are checked anew.
 
-    Args:
-        graph: The stance graph.
-        stances: The k + 1 stances.
-        masks: The masks there that the table tells; those found take their place.
-        postures: Their postures.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    stances
+        The k + 1 stances.
+    masks
+        The masks there that the table tells; those found take their place.
+    postures
+        Their postures.
     """
     begin, count = 0, len(stances) - 1
     found = np.zeros_like(masks[1:])

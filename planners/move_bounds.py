@@ -26,10 +26,13 @@ Partition = tuple[tuple[int, ...], ...]
 class MoveBounds:
     """Lower bounds of the steps from stances to one goal.
 
-    Attributes:
-        alone: Fewest moves of a limb by the point that it holds, 0 or 1, shape (m,).
-        pairs: Fewest moves of two limbs by the points that they hold, shape (m, m); infinite where
-            they cannot come to the goal, or cannot hold both.
+    Attributes
+    ----------
+    alone
+        Fewest moves of a limb by the point that it holds, 0 or 1, shape (m,).
+    pairs
+        Fewest moves of two limbs by the points that they hold, shape (m, m); infinite where
+        they cannot come to the goal, or cannot hold both.
     """
 
     def __init__(self, graph: StanceGraph, goal: Goal) -> None:

@@ -20,10 +20,14 @@ time."""
 class Improvement:
     """A plan that a search found before it ended.
 
-    Attributes:
-        time: When [s], from the start of the search.
-        cost: Cost of the plan.
-        bound: Factor of the least cost within which it was proved then; infinite if within none.
+    Attributes
+    ----------
+    time
+        When [s], from the start of the search.
+    cost
+        Cost of the plan.
+    bound
+        Factor of the least cost within which it was proved then; infinite if within none.
     """
 
     time: float
@@ -35,16 +39,26 @@ class Improvement:
 class Path:
     """What a search found.
 
-    Attributes:
-        status: `FOUND`, `EXHAUSTED` or `LIMIT`.
-        states: States from the start to the last one explored, the goal if it was found.
-        cost: Cost of the path to it.
-        expanded: States expanded.
-        generated: States generated.
-        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-        backward: Nodes that a search backward has settled for the lower bound.
-        bound: Factor of the least cost within which the path is proved; infinite if within none.
-        improvements: The plans found one after the other, each better than the last.
+    Attributes
+    ----------
+    status
+        `FOUND`, `EXHAUSTED` or `LIMIT`.
+    states
+        States from the start to the last one explored, the goal if it was found.
+    cost
+        Cost of the path to it.
+    expanded
+        States expanded.
+    generated
+        States generated.
+    tree
+        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    backward
+        Nodes that a search backward has settled for the lower bound.
+    bound
+        Factor of the least cost within which the path is proved; infinite if within none.
+    improvements
+        The plans found one after the other, each better than the last.
     """
 
     status: int

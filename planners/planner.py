@@ -42,17 +42,27 @@ CACHED_TABLES = 16
 class PlanningResult:
     """Outcome of a query.
 
-    Attributes:
-        plan: The plan, or None.
-        reason: `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
-            set"`, `"search exhausted"`, `"limit reached"`, `"no swing"`.
-        message: One sentence for people.
-        expanded: States expanded.
-        generated: States generated.
-        feasibility_time: Time spent on postures and stances for this query [s].
-        search_time: Time spent on search and step checks [s].
-        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-        improvements: When each better plan was found, at what cost.
+    Attributes
+    ----------
+    plan
+        The plan, or None.
+    reason
+        `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
+        set"`, `"search exhausted"`, `"limit reached"`, `"no swing"`.
+    message
+        One sentence for people.
+    expanded
+        States expanded.
+    generated
+        States generated.
+    feasibility_time
+        Time spent on postures and stances for this query [s].
+    search_time
+        Time spent on search and step checks [s].
+    tree
+        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    improvements
+        When each better plan was found, at what cost.
     """
 
     plan: Plan | None
@@ -76,8 +86,10 @@ class PlanningResult:
     def unwrap(self) -> Plan:
         """The plan.
 
-        Raises:
-            NoPlanError: If there is none; the message says why.
+        Raises
+        ------
+        NoPlanError
+            If there is none; the message says why.
         """
         if self.plan is None:
             raise NoPlanError(self.message)
@@ -136,42 +148,61 @@ class Planner:
     ) -> PlanningResult:
         """Plan from a stance to a goal position of the base.
 
-        Args:
-            start: Point id (or index) of each limb, or a state of the graph.
-            goal: x, y, z in the JEM frame [m].
-            cost: `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a
-                step).
-            regrasp_price: Metres charged for a regrasp, with `cost="weighted"`.
-            method: `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"`
-                (best-first by heuristic) or `"algorithm1"` (as `"astar"`, in plain Python: slow, to
-                read and to compare with).
-            heuristic: `"cost_to_go"` (exact cost when steps are not checked; default for two
-                limbs), `"consistent"` (default for more and of `"algorithm1"`), `"paper"` (may lose
-                optimality; default of `"greedy"`) or `"zero"`.
-            inflation: The plan costs at most this many times the least. By default 1 for two
-                limbs and `"algorithm1"`; with more limbs the first plan found is taken, and
-                `plan.statistics.bound` tells within what factor it is proved.
-            goal_tolerance: Radius of the goal region [m].
-            goal_face: Face of the map whose points all limbs hold at the goal, for example
-                `"overhead"`; by default they may hold any.
-            start_pose: Base pose at the start, where the robot stands in another than that of the
-                start stance: x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to
-                it.
-            start_joints: Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those
-                that hold the points at that pose, on their windings (`Limb.windows`): the plan
-                then keeps their branches for as long as each limb holds.
-            limit: Most expansions.
-            time_limit: How long a plan is looked for and improved [s], unless one is proved within
-                `inflation` (by default 1) before. What is found then depends on the machine.
-            progress: Called with the number of expansions now and then (`"algorithm1"`, or where
-                there is no table of the graph).
+        Parameters
+        ----------
+        start
+            Point id (or index) of each limb, or a state of the graph.
+        goal
+            x, y, z in the JEM frame [m].
+        cost
+            `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a
+            step).
+        regrasp_price
+            Metres charged for a regrasp, with `cost="weighted"`.
+        method
+            `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"`
+            (best-first by heuristic) or `"algorithm1"` (as `"astar"`, in plain Python: slow, to
+            read and to compare with).
+        heuristic
+            `"cost_to_go"` (exact cost when steps are not checked; default for two
+            limbs), `"consistent"` (default for more and of `"algorithm1"`), `"paper"` (may lose
+            optimality; default of `"greedy"`) or `"zero"`.
+        inflation
+            The plan costs at most this many times the least. By default 1 for two
+            limbs and `"algorithm1"`; with more limbs the first plan found is taken, and
+            `plan.statistics.bound` tells within what factor it is proved.
+        goal_tolerance
+            Radius of the goal region [m].
+        goal_face
+            Face of the map whose points all limbs hold at the goal, for example
+            `"overhead"`; by default they may hold any.
+        start_pose
+            Base pose at the start, where the robot stands in another than that of the
+            start stance: x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to
+            it.
+        start_joints
+            Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those
+            that hold the points at that pose, on their windings (`Limb.windows`): the plan
+            then keeps their branches for as long as each limb holds.
+        limit
+            Most expansions.
+        time_limit
+            How long a plan is looked for and improved [s], unless one is proved within
+            `inflation` (by default 1) before. What is found then depends on the machine.
+        progress
+            Called with the number of expansions now and then (`"algorithm1"`, or where
+            there is no table of the graph).
 
-        Returns:
+        Returns
+        -------
+        PlanningResult
             The plan, or why there is none. A start that cannot be held is such a reason; ids that
             do not exist, points too close or too far apart and goals outside the cabin raise.
 
-        Raises:
-            MlivrError: If an argument cannot be used; the message names it.
+        Raises
+        ------
+        MlivrError
+            If an argument cannot be used; the message names it.
         """
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
@@ -222,17 +253,27 @@ class Planner:
         The query is asked again on graphs without obstacles, collisions, thresholds or checks of
         steps, which takes some seconds.
 
-        Args:
-            start: As in `plan`, as are the next four.
-            goal: x, y, z in the JEM frame [m].
-            goal_tolerance: Radius of the goal region [m].
-            goal_face: As in `plan`.
-            start_pose: Base pose at the start.
-            start_joints: Joint angles at the start.
-            limit: Most expansions of each search with more than two limbs.
+        Parameters
+        ----------
+        start
+            As in `plan`, as are the next four.
+        goal
+            x, y, z in the JEM frame [m].
+        goal_tolerance
+            Radius of the goal region [m].
+        goal_face
+            As in `plan`.
+        start_pose
+            Base pose at the start.
+        start_joints
+            Joint angles at the start.
+        limit
+            Most expansions of each search with more than two limbs.
 
-        Raises:
-            MlivrError: If an argument cannot be used, or the start cannot be held.
+        Raises
+        ------
+        MlivrError
+            If an argument cannot be used, or the start cannot be held.
         """
         target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         first = self._first(start, start_pose, start_joints)
@@ -248,8 +289,10 @@ class Planner:
     ) -> State:
         """The state at the start.
 
-        Raises:
-            StanceError: If it cannot be held.
+        Raises
+        ------
+        StanceError
+            If it cannot be held.
         """
         if isinstance(start, State):
             if not (pose is None and joints is None):
@@ -287,8 +330,10 @@ class Planner:
 
         See `refinement.refined`: `plan` stays what the graph's optimum is measured by.
 
-        Raises:
-            PlanError: If the plan belongs to another map or robot, or is not possible here now.
+        Raises
+        ------
+        PlanError
+            If the plan belongs to another map or robot, or is not possible here now.
         """
         return refined(self.graph, plan, seed)
 
@@ -307,8 +352,10 @@ class Planner:
         It is the exact cost if limbs may change their branches, and stays a lower bound when points
         are occupied or obstacles come.
 
-        Raises:
-            SettingError: If the robot has more than two limbs.
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
         """
         graph, bounds = self._two_limbs(), self._searcher.bounds()
         assert bounds is not None
@@ -327,8 +374,10 @@ class Planner:
     ) -> CostToGo:
         """Exact cost from every state to a goal, steps checked: the oracle and expert.
 
-        Raises:
-            SettingError: If the robot has more than two limbs.
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
         """
         graph = self._two_limbs()
         target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)

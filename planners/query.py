@@ -56,13 +56,20 @@ QUERY: Kinds = {
 class SearchOptions:
     """How to search; None where the default depends on method and robot, see `Planner.plan`.
 
-    Attributes:
-        method: One of `METHODS`.
-        heuristic: One of `costs.HEURISTICS`.
-        inflation: Factor of the least cost that a plan may cost, at least 1.
-        limit: Most expansions.
-        progress: Called with the number of expansions now and then.
-        time_limit: Longest that a plan is looked for and improved [s].
+    Attributes
+    ----------
+    method
+        One of `METHODS`.
+    heuristic
+        One of `costs.HEURISTICS`.
+    inflation
+        Factor of the least cost that a plan may cost, at least 1.
+    limit
+        Most expansions.
+    progress
+        Called with the number of expansions now and then.
+    time_limit
+        Longest that a plan is looked for and improved [s].
     """
 
     method: str = "astar"
@@ -77,12 +84,18 @@ class SearchOptions:
 class Goal:
     """Where to go and at what cost.
 
-    Attributes:
-        target: Goal position of the base [m], shape (3,).
-        tolerance: Radius of the goal region [m].
-        cost: Cost of a step.
-        face: Face of the map whose points all limbs hold at the goal; None for any.
-        on_face: Which points lie on it, shape (m,); None with no face.
+    Attributes
+    ----------
+    target
+        Goal position of the base [m], shape (3,).
+    tolerance
+        Radius of the goal region [m].
+    cost
+        Cost of a step.
+    face
+        Face of the map whose points all limbs hold at the goal; None for any.
+    on_face
+        Which points lie on it, shape (m,); None with no face.
     """
 
     target: Array
@@ -103,8 +116,10 @@ class Goal:
     ) -> Goal:
         """A goal from the arguments of a user.
 
-        Raises:
-            MlivrError: If one cannot be used; the message names it.
+        Raises
+        ------
+        MlivrError
+            If one cannot be used; the message names it.
         """
         priced = Cost.named(cost, regrasp_price)
         target, on_face = graph.grasp_map.check_goal(goal), None
@@ -141,16 +156,26 @@ class Goal:
 class SearchQuery:
     """A query of a search: the goal, and how to look for it.
 
-    Attributes:
-        goal: Where to go and at what cost.
-        method: One of `METHODS`.
-        heuristic: One of `costs.HEURISTICS`.
-        inflation: Factor of the least cost that a plan may cost, at least 1; infinite for any.
-        limit: Most expansions.
-        progress: Called with the number of expansions now and then.
-        time_limit: Longest that a plan is looked for and improved [s].
-        began: When it was asked, as `time.perf_counter` counts [s].
-        guided: Whether a first plan is looked for by promise, see `lazy_search`.
+    Attributes
+    ----------
+    goal
+        Where to go and at what cost.
+    method
+        One of `METHODS`.
+    heuristic
+        One of `costs.HEURISTICS`.
+    inflation
+        Factor of the least cost that a plan may cost, at least 1; infinite for any.
+    limit
+        Most expansions.
+    progress
+        Called with the number of expansions now and then.
+    time_limit
+        Longest that a plan is looked for and improved [s].
+    began
+        When it was asked, as `time.perf_counter` counts [s].
+    guided
+        Whether a first plan is looked for by promise, see `lazy_search`.
     """
 
     goal: Goal
@@ -167,8 +192,10 @@ class SearchQuery:
     def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
         """A search from the options of a user, with the defaults of method and robot.
 
-        Raises:
-            SettingError: If one cannot be used; the message names it.
+        Raises
+        ------
+        SettingError
+            If one cannot be used; the message names it.
         """
         method = options.method
         plain, tables = method == "algorithm1", graph.has_tables

@@ -14,13 +14,20 @@ from mlivr_gym.transitions.state import State
 class Block:
     """Neighbours of a state of which their points alone are known, the most promising first.
 
-    Attributes:
-        parent: Index of the expanded state before them.
-        cost: A lower bound of the cost so far of all of them.
-        stances: Their points, shape (k, N).
-        lows: Lower bounds of the cost of plans through each of them and those after it, shape (k,).
-        promises: What they are ordered by in the search for a first plan, shape (k,).
-        version: How many of them were taken.
+    Attributes
+    ----------
+    parent
+        Index of the expanded state before them.
+    cost
+        A lower bound of the cost so far of all of them.
+    stances
+        Their points, shape (k, N).
+    lows
+        Lower bounds of the cost of plans through each of them and those after it, shape (k,).
+    promises
+        What they are ordered by in the search for a first plan, shape (k,).
+    version
+        How many of them were taken.
     """
 
     parent: int
@@ -50,15 +57,24 @@ class Block:
 class Entry:
     """A node in the queue.
 
-    Attributes:
-        stance: Its points.
-        parent: Index of the expanded state before it, -1 at the start.
-        cost: Cost so far.
-        low: Lower bound of the cost of a plan through it.
-        promise: What it is ordered by in the search for a first plan, the least first.
-        posture: Its posture.
-        state: Its state, once the step to it is checked.
-        done: Whether it is expanded or dropped.
+    Attributes
+    ----------
+    stance
+        Its points.
+    parent
+        Index of the expanded state before it, -1 at the start.
+    cost
+        Cost so far.
+    low
+        Lower bound of the cost of a plan through it.
+    promise
+        What it is ordered by in the search for a first plan, the least first.
+    posture
+        Its posture.
+    state
+        Its state, once the step to it is checked.
+    done
+        Whether it is expanded or dropped.
     """
 
     stance: tuple[int, ...]

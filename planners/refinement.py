@@ -46,18 +46,26 @@ BLOCK = 8
 def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     """A plan with the same footholds and no more base translation.
 
-    Args:
-        graph: The stance graph that the plan was made on, with the obstacles that there are now.
-        plan: The plan. Its first base pose and branches are kept; its last base pose stays in the
-            goal region.
-        seed: Seed of the samples.
+    Parameters
+    ----------
+    graph
+        The stance graph that the plan was made on, with the obstacles that there are now.
+    plan
+        The plan. Its first base pose and branches are kept; its last base pose stays in the
+        goal region.
+    seed
+        Seed of the samples.
 
-    Returns:
+    Returns
+    -------
+    Plan
         The plan with other base poses where they shorten the way, else `plan` itself. Its `query`
         and counts are those of `plan`; its cost is that of the new way.
 
-    Raises:
-        PlanError: If the plan belongs to another map or robot, or is not possible here now.
+    Raises
+    ------
+    PlanError
+        If the plan belongs to another map or robot, or is not possible here now.
     """
     plan.check_map(graph.grasp_map)
     if plan.world.robot != graph.robot:
@@ -141,10 +149,14 @@ class _Footholds:
     def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
         """Base poses about those of some postures, one a stance; half of them nearer.
 
-        Args:
-            postures: The postures.
-            rng: Source of the samples.
-            share: Spread of the samples as a share of `SPREAD`.
+        Parameters
+        ----------
+        postures
+            The postures.
+        rng
+            Source of the samples.
+        share
+            Spread of the samples as a share of `SPREAD`.
         """
         out, (spread, turned) = [], (share * SPREAD[0], share * SPREAD[1])
         for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):

@@ -33,9 +33,12 @@ class GraphSearcher:
     def __init__(self, graph: StanceGraph, *, work_out: bool = True) -> None:
         """Search `graph`.
 
-        Args:
-            graph: The stance graph.
-            work_out: Whether its sets of points are worked out first where they are not known.
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        work_out
+            Whether its sets of points are worked out first where they are not known.
         """
         self.graph, self.work_out = graph, work_out
         self._bounds: LowerBounds | None = None

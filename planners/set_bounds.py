@@ -20,9 +20,12 @@ from mlivr_gym.stances.stance_sets import StanceSets
 class SetBounds:
     """Lower bounds of the steps from stances to one goal.
 
-    Attributes:
-        sets: The sets of points.
-        moves: Fewest moves from each to the goal, -1 where none lead there, shape (n,).
+    Attributes
+    ----------
+    sets
+        The sets of points.
+    moves
+        Fewest moves from each to the goal, -1 where none lead there, shape (n,).
     """
 
     def __init__(self, graph: StanceGraph, sets: StanceSets, goal: Goal) -> None:
@@ -45,10 +48,14 @@ class SetBounds:
 def fewest_moves(supports: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray) -> None:
     """Fewest moves from n sets to those of which `moves` is 0, by breadth.
 
-    Args:
-        supports: Supports of each set, shape (n, N): sets with one in common are a move apart.
-        moves: 0 for the goals, -1 for others, where it is filled; shape (n,).
-        reached: Room for each rest, all False.
+    Parameters
+    ----------
+    supports
+        Supports of each set, shape (n, N): sets with one in common are a move apart.
+    moves
+        0 for the goals, -1 for others, where it is filled; shape (n,).
+    reached
+        Room for each rest, all False.
     """
     count, new = 0, True
     while new:

@@ -100,12 +100,18 @@ SAME = 1e-9
 def search_table(bounds: LowerBounds, search: SearchQuery, start: State) -> Path | None:
     """Search from a state over the table of a graph.
 
-    Args:
-        bounds: Lower bounds on the graph.
-        search: What to look for, and stage.
-        start: Where to start.
+    Parameters
+    ----------
+    bounds
+        Lower bounds on the graph.
+    search
+        What to look for, and stage.
+    start
+        Where to start.
 
-    Returns:
+    Returns
+    -------
+    Path | None
         What was found; None if the goal is not connected with the start, whatever steps there are.
     """
     running = _TableSearch(bounds, search, start)
@@ -135,12 +141,18 @@ def search_table(bounds: LowerBounds, search: SearchQuery, start: State) -> Path
 class _TableSearch:
     """A search in progress.
 
-    Attributes:
-        low: No plan costs less; infinite if there is none.
-        found: Whether there was a walk.
-        expanded: Labels expanded, of all searches.
-        generated: Labels generated.
-        backward: Nodes whose exact cost-to-go was worked out.
+    Attributes
+    ----------
+    low
+        No plan costs less; infinite if there is none.
+    found
+        Whether there was a walk.
+    expanded
+        Labels expanded, of all searches.
+    generated
+        Labels generated.
+    backward
+        Nodes whose exact cost-to-go was worked out.
     """
 
     def __init__(self, bounds: LowerBounds, search: SearchQuery, start: State) -> None:
@@ -351,7 +363,9 @@ class _TableSearch:
     def _masks_along(self, walk: NodeWalk) -> NDArray[np.uint64] | None:
         """Branches that limbs may be on along a walk, by what is known of its edges.
 
-        Returns:
+        Returns
+        -------
+        NDArray[np.uint64] | None
             The masks, see `limb_masks`, shape (k + 1,); None if a limb keeps no branch.
         """
         table, limbs = self._world.table, self.graph.limbs

@@ -52,14 +52,22 @@ def relax(
 ) -> None:
     """Fill the table, label-correcting backward from the goal stances.
 
-    Args:
-        goal: Which stances are goals, shape (n,).
-        charges: What a step to each point costs.
-        tables: `StepTables`.
-        costs: Infinities, filled for one goal.
-        g: Which goal.
-        waiting: Shape (n,).
-        queued: Zeros, shape (n,).
+    Parameters
+    ----------
+    goal
+        Which stances are goals, shape (n,).
+    charges
+        What a step to each point costs.
+    tables
+        `StepTables`.
+    costs
+        Infinities, filled for one goal.
+    g
+        Which goal.
+    waiting
+        Shape (n,).
+    queued
+        Zeros, shape (n,).
     """
     n, value, grasped = len(goal), costs.held[g], costs.grasped[g]
     step_cost, base_cost = charges.step, charges.metre
@@ -121,15 +129,24 @@ def step_values(
 ) -> None:
     """Cost of taking each possible action and going on at the least cost.
 
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches, shape (k, 2).
-        which: Goal of each state, shape (k,).
-        goals: Which stances are goals, shape (g, n).
-        charges: As in `relax`.
-        tables: `StepTables`.
-        costs: As `relax` has filled them.
-        out: Infinities, shape (k, 2 m), written.
+    Parameters
+    ----------
+    stances
+        Stance indices, shape (k,).
+    masks
+        Branches, shape (k, 2).
+    which
+        Goal of each state, shape (k,).
+    goals
+        Which stances are goals, shape (g, n).
+    charges
+        As in `relax`.
+    tables
+        `StepTables`.
+    costs
+        As `relax` has filled them.
+    out
+        Infinities, shape (k, 2 m), written.
     """
     m, values, grasped = out.shape[1] // 2, costs.held, costs.grasped
     step_cost, base_cost = charges.step, charges.metre
@@ -166,11 +183,16 @@ def expected_charges(cost: Cost, failure: Array) -> Charges:
     A failed attempt costs a step and the path there and back; it is made again until it succeeds,
     `1 / (1 - p)` times on average.
 
-    Args:
-        cost: Cost of a step.
-        failure: Probability p that an attempt at each point fails, shape (m,).
+    Parameters
+    ----------
+    cost
+        Cost of a step.
+    failure
+        Probability p that an attempt at each point fails, shape (m,).
 
-    Returns:
+    Returns
+    -------
+    Charges
         The charges for each point.
     """
     step = cost.step_weight / (1.0 - failure)
@@ -185,12 +207,17 @@ def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
 class TableValues:
     """Least costs to g goals on one layout of the points.
 
-    Attributes:
-        tables: The steps of the layout.
-        goals: Which stances are goals, shape (g, n).
-        values: Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where the
-            goal cannot be reached.
-        grasped: Their least by goal, stance and limb that has just grasped, shape (g, n, 2).
+    Attributes
+    ----------
+    tables
+        The steps of the layout.
+    goals
+        Which stances are goals, shape (g, n).
+    values
+        Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where the
+        goal cannot be reached.
+    grasped
+        Their least by goal, stance and limb that has just grasped, shape (g, n, 2).
     """
 
     def __init__(
@@ -198,12 +225,17 @@ class TableValues:
     ) -> None:
         """Search backward from the stances of each goal.
 
-        Args:
-            tables: The steps.
-            goals: Which stances are at each goal, shape (g, n).
-            cost: Cost of a step.
-            failure: Probability that an attempt at each point fails, shape (m,); costs are then
-                expected costs.
+        Parameters
+        ----------
+        tables
+            The steps.
+        goals
+            Which stances are at each goal, shape (g, n).
+        cost
+            Cost of a step.
+        failure
+            Probability that an attempt at each point fails, shape (m,); costs are then
+            expected costs.
         """
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
@@ -225,13 +257,20 @@ class TableValues:
     ) -> Array:
         """Cost of taking each action in k states and going on at the least cost.
 
-        Args:
-            stances: Stance indices, shape (k,).
-            masks: Branches each limb may be on, shape (k, 2).
-            which: Goal of each state, shape (k,).
-            actions: Number of actions, 2 m.
+        Parameters
+        ----------
+        stances
+            Stance indices, shape (k,).
+        masks
+            Branches each limb may be on, shape (k, 2).
+        which
+            Goal of each state, shape (k,).
+        actions
+            Number of actions, 2 m.
 
-        Returns:
+        Returns
+        -------
+        Array
             Shape (k, actions), inf where an action is not possible.
         """
         out: Array = np.full((len(stances), actions), np.inf)

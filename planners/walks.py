@@ -17,10 +17,14 @@ from mlivr_gym.transitions.state import State, moving_limb
 class Walk(NamedTuple):
     """What a method found.
 
-    Attributes:
-        states: K states, the first of them the start.
-        reached: Whether the last one is at the goal.
-        expanded: States expanded.
+    Attributes
+    ----------
+    states
+        K states, the first of them the start.
+    reached
+        Whether the last one is at the goal.
+    expanded
+        States expanded.
     """
 
     states: tuple[State, ...]
@@ -47,13 +51,20 @@ def plan_of(
 ) -> Plan | None:
     """The plan of a walk; None if one of its steps is not executable after those before it.
 
-    Args:
-        graph: The stance graph.
-        states: The states, each a step from the one before it.
-        goal: Goal position [m], shape (3,).
-        tolerance: Radius of the goal region [m].
-        method: Name of what found the states.
-        expanded: States explored.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    states
+        The states, each a step from the one before it.
+    goal
+        Goal position [m], shape (3,).
+    tolerance
+        Radius of the goal region [m].
+    method
+        Name of what found the states.
+    expanded
+        States explored.
     """
     motion = committed_motion(graph, states).motion
     if motion is None:

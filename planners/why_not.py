@@ -55,11 +55,16 @@ class Cause(NamedTuple):
 def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
     """Why no plan leads from a state to a goal.
 
-    Args:
-        graph: The stance graph, on which a search has found none.
-        first: The start.
-        goal: The goal.
-        limit: Most expansions of each search for the cause; for two limbs the answer is exact.
+    Parameters
+    ----------
+    graph
+        The stance graph, on which a search has found none.
+    first
+        The start.
+    goal
+        The goal.
+    limit
+        Most expansions of each search for the cause; for two limbs the answer is exact.
     """
     nearest = _nearest_base(graph, goal)
     if nearest == np.inf:

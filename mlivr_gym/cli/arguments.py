@@ -42,11 +42,15 @@ def command(
 ) -> argparse.ArgumentParser:
     """Add a command to the parser's.
 
-    Args:
-        add: What adds it.
-        run: What it does with its arguments; returns its exit code, or None for success.
-        **told: `groups`, the names of `GROUPS` it has besides those of what is printed, and
-            arguments of `add_parser`.
+    Parameters
+    ----------
+    add
+        What adds it.
+    run
+        What it does with its arguments; returns its exit code, or None for success.
+    **told
+        `groups`, the names of `GROUPS` it has besides those of what is printed, and
+        arguments of `add_parser`.
     """
     groups = (*told.pop("groups", ()), "output")
     parser = add(parents=[GROUPS[group]() for group in groups], **told)
@@ -59,12 +63,18 @@ def option(
 ) -> None:
     """Add an option as its usage reads.
 
-    Args:
-        parser: The parser, or a group of it.
-        usage: `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` any.
-        told: Its help, to which the default is added.
-        default: What it is if it is not given, whose type its values have.
-        **rest: Further arguments of `add_argument`.
+    Parameters
+    ----------
+    parser
+        The parser, or a group of it.
+    usage
+        `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` any.
+    told
+        Its help, to which the default is added.
+    default
+        What it is if it is not given, whose type its values have.
+    **rest
+        Further arguments of `add_argument`.
     """
     names = [word for word in usage.split() if word.startswith("-")]
     values = usage.split()[len(names) :]
@@ -230,13 +240,19 @@ def chosen_task(
 def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:
     """Refuse arguments of world, obstacles and query that what was chosen decides itself.
 
-    Args:
-        args: All arguments.
-        chosen: The argument that decides.
-        taken: Arguments that have a meaning beside it.
+    Parameters
+    ----------
+    args
+        All arguments.
+    chosen
+        The argument that decides.
+    taken
+        Arguments that have a meaning beside it.
 
-    Raises:
-        SettingError: naming one that would have no effect.
+    Raises
+    ------
+    SettingError
+        naming one that would have no effect.
     """
     parsers = (world_arguments(), obstacle_arguments(), query_arguments())
     decided = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}
@@ -248,8 +264,10 @@ def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]
 def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> None:
     """Refuse arguments that have no effect where they are given, for a reason.
 
-    Raises:
-        SettingError: naming the first of them.
+    Raises
+    ------
+    SettingError
+        naming the first of them.
     """
     for name in sorted(names):
         if getattr(args, name) != args.default(name):

@@ -119,11 +119,16 @@ def _report(name: str, told: dict[str, Any]) -> None:
 def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
     """What acts, by the name that `evaluate` takes.
 
-    Args:
-        name: One of `PLANNERS`, `"pretrained"`, or the path of a checkpoint without suffix.
-        env: The environment it shall act in.
-        seed: Seed of what is random.
-        beam: Width of the beam search that a learned policy guides, if it shall.
+    Parameters
+    ----------
+    name
+        One of `PLANNERS`, `"pretrained"`, or the path of a checkpoint without suffix.
+    env
+        The environment it shall act in.
+    seed
+        Seed of what is random.
+    beam
+        Width of the beam search that a learned policy guides, if it shall.
     """
     from mlivr_gym.agents import policies
 

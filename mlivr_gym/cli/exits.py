@@ -48,8 +48,10 @@ def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
     library made another error of it; else the process ends. Nothing changes outside the main
     thread, where somebody else handles or ignores the signal, and on Windows.
 
-    Args:
-        grace: How long Python may take to come to it [s].
+    Parameters
+    ----------
+    grace
+        How long Python may take to come to it [s].
     """
     ours = threading.current_thread() is threading.main_thread() and sys.platform != "win32"
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:

@@ -40,12 +40,17 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
     That is said on standard error, also with `--quiet`, and before anything is worked out, so that
     an interruption still keeps them.
 
-    Args:
-        files: The files; None for those that were not asked for.
-        folder: A folder that `make_folder` will make, in which they lie; else theirs must be there.
+    Parameters
+    ----------
+    files
+        The files; None for those that were not asked for.
+    folder
+        A folder that `make_folder` will make, in which they lie; else theirs must be there.
 
-    Raises:
-        FileError: If a file cannot be written, or two would be one.
+    Raises
+    ------
+    FileError
+        If a file cannot be written, or two would be one.
     """
     replaced: list[str] = []
     seen: set[Path] = set()
@@ -72,8 +77,10 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
 def make_folder(folder: str | Path) -> Path:
     """Make a folder, and those that it lies in.
 
-    Raises:
-        FileError: If it cannot be made.
+    Raises
+    ------
+    FileError
+        If it cannot be made.
     """
     path = Path(folder)
     try:

@@ -120,8 +120,10 @@ CUT_OFF = ("goal outside the reachable set", "search exhausted")
 def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan between start and goal of the arguments, and describe the plan.
 
-    Raises:
-        NoPlanError: If there is no plan.
+    Raises
+    ------
+    NoPlanError
+        If there is no plan.
     """
     if args.method in ("dijkstra", "greedy"):
         names = ("inflation",) if args.method == "greedy" else ("heuristic", "inflation")

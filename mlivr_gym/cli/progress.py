@@ -40,10 +40,14 @@ class Progress:
     def __init__(self, what: str, total: int | None = None, quiet: bool = False) -> None:
         """Begin.
 
-        Args:
-            what: What is done or counted.
-            total: How many there are, if that is known.
-            quiet: Whether nothing is to be told.
+        Parameters
+        ----------
+        what
+            What is done or counted.
+        total
+            How many there are, if that is known.
+        quiet
+            Whether nothing is to be told.
         """
         self._quiet = quiet
         self._line, self._told, self._ended = False, 0.0, threading.Event()

@@ -138,13 +138,20 @@ def draw(
 
     Where there is no GL library they are drawn with matplotlib.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        pictures: What each picture shows, by the PNG file to write.
-        size: Width and height of one robot's picture [px].
-        obstacles: Boxes besides the map's.
-        route: What is shown of a plan; with it, captions.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    pictures
+        What each picture shows, by the PNG file to write.
+    size
+        Width and height of one robot's picture [px].
+    obstacles
+        Boxes besides the map's.
+    route
+        What is shown of a plan; with it, captions.
     """
     width, height = size
     strip = strip_height(height) if route is not None else 0

@@ -121,11 +121,16 @@ def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Pla
 
     Draws them, and writes `table1.json` and `table1.md`.
 
-    Args:
-        out: Folder for the results; made if it is missing.
-        progress: Called with the number of cases planned, each in one mode.
+    Parameters
+    ----------
+    out
+        Folder for the results; made if it is missing.
+    progress
+        Called with the number of cases planned, each in one mode.
 
-    Returns:
+    Returns
+    -------
+    tuple[dict[int, Plan], dict[str, Any]]
         The plans with collisions checked, and the data of the table.
     """
     make_folder(out)
@@ -191,8 +196,10 @@ def plan_case(
 ) -> tuple[Plan, dict[str, Any], Array]:
     """Plan, row and explored base paths of a case in one of `paper.MODES`.
 
-    Raises:
-        NoPlanError: If there is no plan.
+    Raises
+    ------
+    NoPlanError
+        If there is no plan.
     """
     began = time.perf_counter()
     graph = case_graph(case, setup, mode)

@@ -34,11 +34,15 @@ Pair = tuple[str, str, float]
 class Contact:
     """Two shapes that are closer than the clearance.
 
-    Attributes:
-        first: A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
-        second: Another of its shapes, or a box: `"box/{id}"`.
-        distance: Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body
-            reaches into a box.
+    Attributes
+    ----------
+    first
+        A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
+    second
+        Another of its shapes, or a box: `"box/{id}"`.
+    distance
+        Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body
+        reaches into a box.
     """
 
     first: str
@@ -49,8 +53,10 @@ class Contact:
 def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
     """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3).
 
-    Raises:
-        SettingError: If the configuration is none of the robot.
+    Raises
+    ------
+    SettingError
+        If the configuration is none of the robot.
     """
     position, quaternion, joints = checked_configuration(robot, configuration)
     base = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -66,8 +72,10 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
 def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration:
     """A configuration of a robot, of finite numbers.
 
-    Raises:
-        SettingError: If it is none.
+    Raises
+    ------
+    SettingError
+        If it is none.
     """
     parts = Listed(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
     position, quaternion, joints = parts
@@ -94,16 +102,24 @@ def contacts(
     is the box that it is; the compiled checks take capsules that contain it where they compare it
     with boxes, `limb_shapes.round_cube`.
 
-    Args:
-        robot: The robot.
-        boxes: What stands round it.
-        configuration: Where it is.
-        clearance: Least distance [m].
-        grasps: Limb, and point [m] and surface normal in the world, of each limb at a grasp: its
-            gripper may come close to what lies behind.
+    Parameters
+    ----------
+    robot
+        The robot.
+    boxes
+        What stands round it.
+    configuration
+        Where it is.
+    clearance
+        Least distance [m].
+    grasps
+        Limb, and point [m] and surface normal in the world, of each limb at a grasp: its
+        gripper may come close to what lies behind.
 
-    Raises:
-        SettingError: If the configuration is none of the robot.
+    Raises
+    ------
+    SettingError
+        If the configuration is none of the robot.
     """
     shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)

@@ -125,16 +125,26 @@ def stays_away(
     by: it lies above its tangents, and where those from both sides meet above zero it is nowhere
     below.
 
-    Args:
-        kind: `BOX`, about the origin, or `SEGMENT`.
-        shape: Half edges of the box, or one end of the segment [m].
-        along: From there to the other end [m]; of no account for a box.
-        p: One end of the axis [m].
-        d: From there to the other [m].
-        at_p: The length at `p` [m], above 0.
-        at_d: The length at the other end.
+    Parameters
+    ----------
+    kind
+        `BOX`, about the origin, or `SEGMENT`.
+    shape
+        Half edges of the box, or one end of the segment [m].
+    along
+        From there to the other end [m]; of no account for a box.
+    p
+        One end of the axis [m].
+    d
+        From there to the other [m].
+    at_p
+        The length at `p` [m], above 0.
+    at_d
+        The length at the other end.
 
-    Returns:
+    Returns
+    -------
+    bool
         True if it is shown; false also where `ROUNDS` places do not decide.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p

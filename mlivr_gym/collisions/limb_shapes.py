@@ -108,16 +108,26 @@ class LimbShapes:
 
     Pairs that are left out stand in `ALLOWED_COLLISIONS`.
 
-    Attributes:
-        names: Link of each capsule that moves, c of them, from the mount on.
-        rows: All this as compiled code reads it, a row of `RobotModel`, shape (1,).
-        robot: The row.
-        limb: The first limb there; in the frames of their links the limbs are equal.
-        links: Link of each capsule that moves, shape (c,).
-        ends: Ends of their axes in the frames of their links [m], shape (c, 2, 3).
-        radii: Their radii [m], shape (c,).
-        pairs: Pairs of them that are compared, shape (k, 2).
-        mounts: Rows of `BodyCapsule`: what is fixed to the body.
+    Attributes
+    ----------
+    names
+        Link of each capsule that moves, c of them, from the mount on.
+    rows
+        All this as compiled code reads it, a row of `RobotModel`, shape (1,).
+    robot
+        The row.
+    limb
+        The first limb there; in the frames of their links the limbs are equal.
+    links
+        Link of each capsule that moves, shape (c,).
+    ends
+        Ends of their axes in the frames of their links [m], shape (c, 2, 3).
+    radii
+        Their radii [m], shape (c,).
+    pairs
+        Pairs of them that are compared, shape (k, 2).
+    mounts
+        Rows of `BodyCapsule`: what is fixed to the body.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
@@ -216,7 +226,9 @@ def round_cube(half: float) -> tuple[Array, Array]:
     Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out
     of the faces by 0.37 half edges, the sphere round the cube by 0.73.
 
-    Returns:
+    Returns
+    -------
+    tuple[Array, Array]
         Ends, shape (4, 2, 3), and radii, shape (4,) [m].
     """
     at = 0.5 * half

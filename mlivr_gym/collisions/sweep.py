@@ -117,7 +117,9 @@ def _base_span(motion: SweptMotion) -> float:
 def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) -> int:
     """Whether the first limb of a motion keeps clear of what it is compared with.
 
-    Returns:
+    Returns
+    -------
+    int
         `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
     """
     motion, intervals = scratch.motion, scratch.intervals

@@ -116,12 +116,18 @@ def in_parallel(
 
     From `least` items on it is called in threads, each with a row of `scratch_rows` for scratch.
 
-    Args:
-        count: Number of items.
-        kernel: The entry.
-        args: Its arguments between the range and the room.
-        scratch_rows: Makes rows of scratch records, given their number.
-        least: See above.
+    Parameters
+    ----------
+    count
+        Number of items.
+    kernel
+        The entry.
+    args
+        Its arguments between the range and the room.
+    scratch_rows
+        Makes rows of scratch records, given their number.
+    least
+        See above.
     """
     used = workers(count, least)
     scratch = scratch_rows(used)

@@ -76,8 +76,10 @@ def archive() -> zipfile.ZipFile | str:
 def why_compiled(digest: str) -> str:
     """Why what a first plan needs is not ready-made; empty if it is.
 
-    Args:
-        digest: That of the sources of a first plan, see `cache.source_digest`.
+    Parameters
+    ----------
+    digest
+        That of the sources of a first plan, see `cache.source_digest`.
     """
     found = archive()
     if isinstance(found, str):
@@ -95,9 +97,12 @@ def _damaged(error: Exception) -> str:
 def offer(dispatcher: Any, digest: str) -> None:
     """Have a function that Numba compiles look into the archive, too.
 
-    Args:
-        dispatcher: The function.
-        digest: That of its sources, see `cache.source_digest`.
+    Parameters
+    ----------
+    dispatcher
+        The function.
+    digest
+        That of its sources, see `cache.source_digest`.
     """
     place = f"{digest}/{dispatcher.py_func.__qualname__}"
     dispatcher._cache = _FolderThenArchive(dispatcher._cache, place)
@@ -145,10 +150,14 @@ def _read(name: str) -> Any:
 def pack(folder: Path, features: Sequence[str], digest: str) -> bytes:
     """An archive of the machine code in a folder of kernels.
 
-    Args:
-        folder: Where Python and Numba as they are here kept it, see `cache.kernel_root`.
-        features: What the processor has that it was compiled for.
-        digest: See `why_compiled`.
+    Parameters
+    ----------
+    folder
+        Where Python and Numba as they are here kept it, see `cache.kernel_root`.
+    features
+        What the processor has that it was compiled for.
+    digest
+        See `why_compiled`.
     """
     told = {"for": machine(), "features": list(features), "sources": digest}
     contents = {}

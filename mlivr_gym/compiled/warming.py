@@ -102,9 +102,12 @@ def warming(module: str, mark: Path) -> Iterator[None]:
     Where that was not done yet and they are not ready-made, `python -m module` is run beside the
     block to compile others, and waited for; progress is shown.
 
-    Args:
-        module: What compiles the others.
-        mark: A file that is made when all is compiled, see `mark_of`.
+    Parameters
+    ----------
+    module
+        What compiles the others.
+    mark
+        A file that is made when all is compiled, see `mark_of`.
     """
     if os.environ.get(QUIET) or mark in _asked or mark.exists():
         yield

@@ -14,12 +14,17 @@ from mlivr_gym.errors import SettingError, shortened
 def action_number(action: Any, count: int) -> int:
     """One action as an int.
 
-    Args:
-        action: An int, an integer of numpy, or an integer array or tensor without axes.
-        count: Number of actions.
+    Parameters
+    ----------
+    action
+        An int, an integer of numpy, or an integer array or tensor without axes.
+    count
+        Number of actions.
 
-    Raises:
-        SettingError: If it is none of these, or not from 0 to `count` - 1.
+    Raises
+    ------
+    SettingError
+        If it is none of these, or not from 0 to `count` - 1.
     """
     try:
         shape = tuple(getattr(action, "shape", ()))
@@ -36,13 +41,19 @@ def action_number(action: Any, count: int) -> int:
 def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
     """A batch of actions, shape (k,).
 
-    Args:
-        actions: Integers, shape (k,): an array, a tensor or a list.
-        copies: Number of copies k.
-        count: Number of actions of a copy.
+    Parameters
+    ----------
+    actions
+        Integers, shape (k,): an array, a tensor or a list.
+    copies
+        Number of copies k.
+    count
+        Number of actions of a copy.
 
-    Raises:
-        SettingError: If they are not k integers from 0 to `count` - 1.
+    Raises
+    ------
+    SettingError
+        If they are not k integers from 0 to `count` - 1.
     """
     fault, numbers = "", np.zeros(0, dtype=np.int64)
     try:

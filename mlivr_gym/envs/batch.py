@@ -80,10 +80,14 @@ class Draws(NamedTuple):
 def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
     """Draw a whole number from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
 
-    Args:
-        streams: States of the random numbers, one of them changed.
-        k: Index of the stream to draw from.
-        bound: The bound.
+    Parameters
+    ----------
+    streams
+        States of the random numbers, one of them changed.
+    k
+        Index of the stream to draw from.
+    bound
+        The bound.
     """
     streams[k] += np.uint64(0x9E3779B97F4A7C15)
     z = streams[k]
@@ -105,15 +109,23 @@ def advance(
 ) -> None:
     """Take one action in each of k states.
 
-    Args:
-        actions: Limb times m plus point, shape (k,).
-        skip: States that take none, shape (k,).
-        chances: What an action may come to.
-        tables: `StepTables`.
-        robots: The states, changed.
-        moved: Base displacement of each step [m], shape (k,), written.
-        outcome: 0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
-            written.
+    Parameters
+    ----------
+    actions
+        Limb times m plus point, shape (k,).
+    skip
+        States that take none, shape (k,).
+    chances
+        What an action may come to.
+    tables
+        `StepTables`.
+    robots
+        The states, changed.
+    moved
+        Base displacement of each step [m], shape (k,), written.
+    outcome
+        0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
+        written.
     """
     stances, masks, failure = robots.stances, robots.masks, chances.failure
     streams, max_step = robots.streams, chances.max_step
@@ -147,12 +159,18 @@ def _walk_towards(
 ) -> int:
     """Stance at which a walk ends that goes nearer to a target with every step.
 
-    Args:
-        s: Stance at which it begins.
-        masks: Branches that each limb may be on.
-        target: Where it goes [m], shape (3,).
-        position: Base positions of the stances [m], shape (n, 3).
-        tables: `StepTables`.
+    Parameters
+    ----------
+    s
+        Stance at which it begins.
+    masks
+        Branches that each limb may be on.
+    target
+        Where it goes [m], shape (3,).
+    position
+        Base positions of the stances [m], shape (n, 3).
+    tables
+        `StepTables`.
     """
     start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
     for axis in range(3):
@@ -204,15 +222,23 @@ def _draw_walk(
 ) -> Task:
     """A task as `tasks` draws it, number for number of the same stream, over tables of steps.
 
-    Args:
-        moves: Moves of the tables.
-        tasks: What draws it.
-        stream: Where its numbers come from.
-        tolerance: Radius of the goal region [m].
-        start: The start, in the posture of its stance, if it is given.
+    Parameters
+    ----------
+    moves
+        Moves of the tables.
+    tasks
+        What draws it.
+    stream
+        Where its numbers come from.
+    tolerance
+        Radius of the goal region [m].
+    start
+        The start, in the posture of its stance, if it is given.
 
-    Raises:
-        StanceError: If none is found.
+    Raises
+    ------
+    StanceError
+        If none is found.
     """
     tables, grasp_map = moves.tables, moves.graph.grasp_map
     stances, masks, goals = np.zeros(1, np.int64), np.zeros((1, 2), np.int64), np.empty((1, 3))
@@ -242,13 +268,20 @@ def draw_tasks(
 
     Returns the index of the first state for which none was found, or -1.
 
-    Args:
-        which: States to draw, shape (k,).
-        given: Those of them whose start is given by `robots`, shape (k,).
-        draws: What they are drawn from.
-        tables: `StepTables`.
-        robots: Stances and masks are written where not given.
-        goals: Shape (k, 3) [m], written.
+    Parameters
+    ----------
+    which
+        States to draw, shape (k,).
+    given
+        Those of them whose start is given by `robots`, shape (k,).
+    draws
+        What they are drawn from.
+    tables
+        `StepTables`.
+    robots
+        Stances and masks are written where not given.
+    goals
+        Shape (k, 3) [m], written.
     """
     targets, cabin, tolerance = draws.targets, draws.cabin, draws.tolerance
     axis, middle = draws.axis, draws.middle

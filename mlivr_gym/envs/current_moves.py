@@ -13,9 +13,12 @@ from mlivr_gym.stances.step_tables import step_tables
 class CurrentMoves:
     """Moves of a stance graph, kept for as long as its world does not change.
 
-    Attributes:
-        graph: The stance graph.
-        tabled: Whether they are read from exact tables.
+    Attributes
+    ----------
+    graph
+        The stance graph.
+    tabled
+        Whether they are read from exact tables.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
@@ -38,8 +41,10 @@ class CurrentMoves:
     def from_tables(self) -> TableMoves:
         """The same from exact tables, which are used from now on.
 
-        Raises:
-            SettingError: If the robot has more than two limbs.
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
         """
         if not self.tabled:
             self._moves, self._version = self._read(), self.graph.version

@@ -42,10 +42,14 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
     ) -> None:
         """Wrap an environment.
 
-        Args:
-            env: The environment.
-            seed: Seed of the starts and goals that are drawn.
-            max_episode_steps: Steps after which an episode ends.
+        Parameters
+        ----------
+        env
+            The environment.
+        seed
+            Seed of the starts and goals that are drawn.
+        max_episode_steps
+            Steps after which an episode ends.
         """
         self.env, self._seed, self._limit = env, seed, max_episode_steps
         self._ended = True

@@ -23,8 +23,10 @@ def check_dynamics(
 ) -> None:
     """Refuse arguments of `MlivrEnv` that do not go with its dynamics.
 
-    Raises:
-        SettingError: If an argument does not go with them; the message names it.
+    Raises
+    ------
+    SettingError
+        If an argument does not go with them; the message names it.
     """
     if dynamics == "kinematic":
         return
@@ -48,12 +50,17 @@ def simulation_part(given: Any, place: FieldPath) -> Any:
 def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
     """What executes steps in MuJoCo, which is loaded only where it is wanted.
 
-    Args:
-        graph: The stance graph.
-        **parts: Parts of a `Setup`, see `Setup.of`.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    **parts
+        Parts of a `Setup`, see `Setup.of`.
 
-    Raises:
-        MlivrError: If an argument cannot be used; the message names it.
+    Raises
+    ------
+    MlivrError
+        If an argument cannot be used; the message names it.
     """
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
     from mlivr_gym.simulation.setup import Setup

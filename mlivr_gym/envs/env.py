@@ -132,15 +132,24 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     * v0: first version. What an episode is also rests on the rules of the stance graph,
       `settings.GRAPH_RULES`, whose number goes up when they change.
 
-    Attributes:
-        graph: The stance graph.
-        reward: The whole reward, with bonus and shaping.
-        tasks: What draws starts and goals.
-        goal_tolerance: Radius of the goal region [m].
-        failure_probability: Probability that an attempt to grasp each point fails, shape (m,).
-        goal: Goal position [m], shape (3,).
-        steps: Steps since reset.
-        base_translation: Sum of base displacements since reset [m].
+    Attributes
+    ----------
+    graph
+        The stance graph.
+    reward
+        The whole reward, with bonus and shaping.
+    tasks
+        What draws starts and goals.
+    goal_tolerance
+        Radius of the goal region [m].
+    failure_probability
+        Probability that an attempt to grasp each point fails, shape (m,).
+    goal
+        Goal position [m], shape (3,).
+    steps
+        Steps since reset.
+    base_translation
+        Sum of base displacements since reset [m].
     """
 
     metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
@@ -181,35 +190,63 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     ) -> None:
         """Build the stance graph and the spaces.
 
-        Args:
-            robot: Name, path of a JSON file, or description of the robot, also as plain data.
-            map: Path of a map file, or a map, also as plain data; by default the measured JEM.
-            manipulability: Whether stances must meet both thresholds.
-            transitions: Whether steps must be checked, rather than taken to be possible.
-            limb_threshold: Least limb manipulability.
-            base_threshold: Least base manipulability; by default `0.001 (2/N)^3`.
-            collisions: Whether stances and steps must touch nothing; False reproduces the paper.
-            clearance: Least distance between shapes [m].
-            goal_tolerance: Radius of the goal region [m].
-            reward: `"steps"`, `"base"`, or an `envs.rewards.Reward`, also as plain data.
-            success_bonus: Added on reaching the goal.
-            shaping: Whether to add potential-based shaping.
-            discount: Discount used by the shaping.
-            tasks: What draws starts and goals: `"walk"`, `"far"`, or an `envs.tasks.TaskGenerator`.
-            dynamics: `"kinematic"`: the step of the stance graph; `"mujoco"`: executed.
-            limits: How fast; this and the next three see `Setup.of`: `"fast"`, `"gentle"`.
-            controller: `"full"`, `"feedforward"`, `"paper"`.
-            disturbances: `"none"`, `"all"`; each episode draws anew.
-            physics: Figures of grasps and failures.
-            grasp_failure: Mean probability that a grasp fails, or each point's; kinematic only.
-            grasp_failure_seed: Seed of the probabilities.
-            precompute: Whether to call `table_moves` at once. Two limbs, kinematic, only.
-            render_mode: `"rgb_array"`, `"rgb_array_list"`, `"human"` or None.
-            width: Width of rendered pictures [px].
-            height: Height of rendered pictures [px].
+        Parameters
+        ----------
+        robot
+            Name, path of a JSON file, or description of the robot, also as plain data.
+        map
+            Path of a map file, or a map, also as plain data; by default the measured JEM.
+        manipulability
+            Whether stances must meet both thresholds.
+        transitions
+            Whether steps must be checked, rather than taken to be possible.
+        limb_threshold
+            Least limb manipulability.
+        base_threshold
+            Least base manipulability; by default `0.001 (2/N)^3`.
+        collisions
+            Whether stances and steps must touch nothing; False reproduces the paper.
+        clearance
+            Least distance between shapes [m].
+        goal_tolerance
+            Radius of the goal region [m].
+        reward
+            `"steps"`, `"base"`, or an `envs.rewards.Reward`, also as plain data.
+        success_bonus
+            Added on reaching the goal.
+        shaping
+            Whether to add potential-based shaping.
+        discount
+            Discount used by the shaping.
+        tasks
+            What draws starts and goals: `"walk"`, `"far"`, or an `envs.tasks.TaskGenerator`.
+        dynamics
+            `"kinematic"`: the step of the stance graph; `"mujoco"`: executed.
+        limits
+            How fast; this and the next three see `Setup.of`: `"fast"`, `"gentle"`.
+        controller
+            `"full"`, `"feedforward"`, `"paper"`.
+        disturbances
+            `"none"`, `"all"`; each episode draws anew.
+        physics
+            Figures of grasps and failures.
+        grasp_failure
+            Mean probability that a grasp fails, or each point's; kinematic only.
+        grasp_failure_seed
+            Seed of the probabilities.
+        precompute
+            Whether to call `table_moves` at once. Two limbs, kinematic, only.
+        render_mode
+            `"rgb_array"`, `"rgb_array_list"`, `"human"` or None.
+        width
+            Width of rendered pictures [px].
+        height
+            Height of rendered pictures [px].
 
-        Raises:
-            MlivrError: If an argument cannot be used; the message names it.
+        Raises
+        ------
+        MlivrError
+            If an argument cannot be used; the message names it.
         """
         checks = {"transitions": transitions, "precompute": precompute}
         check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
@@ -250,8 +287,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def table_moves(self) -> TableMoves:
         """The same from exact tables, which are used from now on.
 
-        Raises:
-            SettingError: If the robot has more than two limbs.
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
         """
         return self._moves.from_tables()
 
@@ -259,8 +298,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def state(self) -> State:
         """The present state.
 
-        Raises:
-            gymnasium.error.ResetNeeded: Before the first reset.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded("call reset() before using the environment")
@@ -298,12 +339,17 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`.
 
-        Args:
-            action: A whole number: an int, or an integer array or tensor without axes.
+        Parameters
+        ----------
+        action
+            A whole number: an int, or an integer array or tensor without axes.
 
-        Raises:
-            gymnasium.error.ResetNeeded: Before the first reset, and after a step that failed.
-            SettingError: If the action is not in the action space.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset, and after a step that failed.
+        SettingError
+            If the action is not in the action space.
         """
         self._keep_up()
         state, points = self.state, len(self.graph.grasp_map)
@@ -341,8 +387,10 @@ class MlivrEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def action_masks(self) -> BoolArray:
         """Which actions are allowed, shape (N m,).
 
-        Raises:
-            gymnasium.error.ResetNeeded: Before the first reset.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
         """
         self._keep_up()
         return self._mask.copy()

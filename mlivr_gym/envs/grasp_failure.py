@@ -28,14 +28,20 @@ GRASP_FAILURE = Via(_failure)
 def failure_probabilities(points: int, grasp_failure: float | Array, seed: int = 0) -> Array:
     """Probability that an attempt at each point fails, shape (m,).
 
-    Args:
-        points: Number of points m.
-        grasp_failure: Mean of the probabilities, which are drawn evenly between 0 and twice the
-            mean; or the probabilities themselves, shape (m,).
-        seed: Seed of the draw.
+    Parameters
+    ----------
+    points
+        Number of points m.
+    grasp_failure
+        Mean of the probabilities, which are drawn evenly between 0 and twice the
+        mean; or the probabilities themselves, shape (m,).
+    seed
+        Seed of the draw.
 
-    Raises:
-        SettingError: If they cannot be used.
+    Raises
+    ------
+    SettingError
+        If they cannot be used.
     """
     given = GRASP_FAILURE.read(grasp_failure, FieldPath("grasp_failure", SettingError))
     if not given.ndim:

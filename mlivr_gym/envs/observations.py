@@ -159,11 +159,16 @@ class ObservationArrays(NamedTuple):
     ) -> ObservationArrays:
         """What is seen in new arrays.
 
-        Args:
-            table: What belongs to each stance.
-            stances: Stance indices, shape (k,).
-            masks: Branches each limb may be on, shape (k, 2).
-            goals: Goal positions [m], shape (k, 3).
+        Parameters
+        ----------
+        table
+            What belongs to each stance.
+        stances
+            Stance indices, shape (k,).
+        masks
+            Branches each limb may be on, shape (k, 2).
+        goals
+            Goal positions [m], shape (k, 3).
         """
         k, reals = len(stances), np.float32
         made = cls(

@@ -33,13 +33,20 @@ OPTIONS = Fields(
 class ResetOptions:
     """Where to start and where to go; what is None is drawn.
 
-    Attributes:
-        start: Point id or index that each limb holds, N of them.
-        start_pose: Base pose at the start [m], x, y, z and quaternion w, x, y, z.
-        start_joints: Joint angles at the start, shape (N, 6) [rad].
-        goal: Goal position of the base, shape (3,) [m].
-        plan: A plan to follow from its start.
-        task: Number of a fixed task, which tells start and goal.
+    Attributes
+    ----------
+    start
+        Point id or index that each limb holds, N of them.
+    start_pose
+        Base pose at the start [m], x, y, z and quaternion w, x, y, z.
+    start_joints
+        Joint angles at the start, shape (N, 6) [rad].
+    goal
+        Goal position of the base, shape (3,) [m].
+    plan
+        A plan to follow from its start.
+    task
+        Number of a fixed task, which tells start and goal.
     """
 
     start: Any = None
@@ -55,13 +62,19 @@ class ResetOptions:
     ) -> ResetOptions:
         """Check the options and take start and goal from the plan where they are not given.
 
-        Args:
-            options: What `OPTIONS` reads.
-            graph: The stance graph.
-            plans: Whether `"plan"` is an option.
+        Parameters
+        ----------
+        options
+            What `OPTIONS` reads.
+        graph
+            The stance graph.
+        plans
+            Whether `"plan"` is an option.
 
-        Raises:
-            SettingError: If options do not go together.
+        Raises
+        ------
+        SettingError
+            If options do not go together.
         """
         given = dict(options or {})
         if "plan" in given and not plans:
@@ -84,8 +97,10 @@ class ResetOptions:
     def state(self, graph: StanceGraph) -> State | None:
         """The start, if one is given.
 
-        Raises:
-            MlivrError: If the robot cannot start there; the message names the option.
+        Raises
+        ------
+        MlivrError
+            If the robot cannot start there; the message names the option.
         """
         if self.start is None:
             return None

@@ -46,14 +46,21 @@ class TaskGenerator(Protocol):
     ) -> Task:
         """A task whose goal can be reached from its start.
 
-        Args:
-            graph: The stance graph.
-            rng: Source of randomness.
-            tolerance: Radius of the goal region [m].
-            start: The start, if it is given.
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        rng
+            Source of randomness.
+        tolerance
+            Radius of the goal region [m].
+        start
+            The start, if it is given.
 
-        Raises:
-            StanceError: If none is found.
+        Raises
+        ------
+        StanceError
+            If none is found.
         """
 
 
@@ -67,9 +74,11 @@ class WalkTasks:
     nearer than before. If the walk ends outside the cabin, or not farther from the start than the
     goal tolerance, both are drawn again, or the point alone if the start is given.
 
-    Attributes:
-        far: Whether start and point, and start and goal, must lie in opposite halves of the map
-            along its longest axis, see `halves`; what does not is drawn again too.
+    Attributes
+    ----------
+    far
+        Whether start and point, and start and goal, must lie in opposite halves of the map
+        along its longest axis, see `halves`; what does not is drawn again too.
     """
 
     far: bool = False
@@ -123,14 +132,21 @@ FIXED_NUMBER = Whole(0, MOST_FIXED - 1)
 def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:
     """The fixed task of a number: the same in every process, and drawn in no training.
 
-    Args:
-        generator: What draws it.
-        graph: The stance graph.
-        number: A `FIXED_NUMBER`.
-        tolerance: Radius of the goal region [m].
+    Parameters
+    ----------
+    generator
+        What draws it.
+    graph
+        The stance graph.
+    number
+        A `FIXED_NUMBER`.
+    tolerance
+        Radius of the goal region [m].
 
-    Raises:
-        MlivrError: If no task is found.
+    Raises
+    ------
+    MlivrError
+        If no task is found.
     """
     return draw_task(generator, graph, Stream.of_seed(FIXED + number), tolerance)
 
@@ -154,9 +170,11 @@ def draw_task(
     A user's generator draws from `numpy.random.default_rng(stream.state)`, with a whole number of
     which below 2^63 the stream then goes on.
 
-    Raises:
-        MlivrError: If none is found, or the start cannot be held or the goal lies outside the
-            cabin.
+    Raises
+    ------
+    MlivrError
+        If none is found, or the start cannot be held or the goal lies outside the
+        cabin.
     """
     if isinstance(generator, WalkTasks):
         return generator.draw(graph, stream, tolerance, start)
@@ -180,15 +198,23 @@ def sample_task(
 ) -> Task:
     """A start and a goal that a walk over edges joins; see `WalkTasks`.
 
-    Args:
-        graph: The stance graph.
-        rng: Source of randomness.
-        tolerance: Goals closer to the start than this are drawn again [m].
-        start: The start, if it is given.
-        far: See `WalkTasks`.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    rng
+        Source of randomness.
+    tolerance
+        Goals closer to the start than this are drawn again [m].
+    start
+        The start, if it is given.
+    far
+        See `WalkTasks`.
 
-    Raises:
-        StanceError: If no pair is found.
+    Raises
+    ------
+    StanceError
+        If no pair is found.
     """
     grasp_map = graph.grasp_map
     axis, middle = halves(grasp_map)

@@ -63,13 +63,20 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     When points or obstacles of `env.graph` change, the tables are read or worked out anew, and
     masks and steps are those of the new world, as in `MlivrEnv`.
 
-    Attributes:
-        tables: The steps.
-        goals: Goal positions [m], shape (k, 3).
-        stances: Stance index of each copy in `tables`, shape (k,).
-        masks: Branches each limb may still be on, shape (k, 2).
-        steps: Steps since reset, shape (k,).
-        base_translation: Sum of base displacements since reset [m], shape (k,).
+    Attributes
+    ----------
+    tables
+        The steps.
+    goals
+        Goal positions [m], shape (k, 3).
+    stances
+        Stance index of each copy in `tables`, shape (k,).
+    masks
+        Branches each limb may still be on, shape (k, 2).
+    steps
+        Steps since reset, shape (k,).
+    base_translation
+        Sum of base displacements since reset [m], shape (k,).
     """
 
     @checked(KINDS)
@@ -83,15 +90,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> None:
         """Work every step out, or read it from the cache.
 
-        Args:
-            num_envs: Number of copies k.
-            max_episode_steps: Steps after which an episode is truncated.
-            autoreset_mode: `"NextStep"` or `"Disabled"`.
-            env: An environment whose world and rewards to take, in place of `kwargs`.
-            **kwargs: Arguments of `MlivrEnv`.
+        Parameters
+        ----------
+        num_envs
+            Number of copies k.
+        max_episode_steps
+            Steps after which an episode is truncated.
+        autoreset_mode
+            `"NextStep"` or `"Disabled"`.
+        env
+            An environment whose world and rewards to take, in place of `kwargs`.
+        **kwargs
+            Arguments of `MlivrEnv`.
 
-        Raises:
-            MlivrError: If an argument cannot be used; the message names it.
+        Raises
+        ------
+        MlivrError
+            If an argument cannot be used; the message names it.
         """
         self.metadata = {"autoreset_mode": autoreset_mode}
         if kwargs.pop("render_mode", None) is not None:
@@ -129,16 +144,21 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Start every copy anew, or those of `options["reset_mask"]`, bool of shape (k,).
 
-        Args:
-            seed: Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
-                None it goes on with its stream.
-            options: `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
-                `goal`, shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is
-                not given is drawn by `tasks`.
+        Parameters
+        ----------
+        seed
+            Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
+            None it goes on with its stream.
+        options
+            `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
+            `goal`, shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is
+            not given is drawn by `tasks`.
 
-        Raises:
-            MlivrError: If seed or options cannot be used, or no goal can be reached from a start;
-                no copy has moved then.
+        Raises
+        ------
+        MlivrError
+            If seed or options cannot be used, or no goal can be reached from a start;
+            no copy has moved then.
         """
         self._keep_up()
         given, seeds = self._given(options, seed)
@@ -209,13 +229,18 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
         """Take one action in each copy.
 
-        Args:
-            actions: Integers, shape (k,).
+        Parameters
+        ----------
+        actions
+            Integers, shape (k,).
 
-        Raises:
-            gymnasium.error.ResetNeeded: If a copy was never reset.
-            SettingError: If the actions are not in the action space, or a copy's episode has ended
-                and copies do not start anew by themselves.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If a copy was never reset.
+        SettingError
+            If the actions are not in the action space, or a copy's episode has ended
+            and copies do not start anew by themselves.
         """
         self._need_reset()
         self._keep_up()
@@ -249,8 +274,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def action_masks(self) -> BoolArray:
         """Which actions are allowed, shape (k, N m).
 
-        Raises:
-            gymnasium.error.ResetNeeded: If a copy was never reset.
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            If a copy was never reset.
         """
         self._need_reset()
         self._keep_up()

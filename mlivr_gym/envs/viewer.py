@@ -31,8 +31,10 @@ Picture = NDArray[np.uint8]
 class EnvViewer:
     """Shows the robot in its scene, which is built anew only for other obstacles.
 
-    Attributes:
-        scene: The scene with its GL context or window; None until something is drawn.
+    Attributes
+    ----------
+    scene
+        The scene with its GL context or window; None until something is drawn.
     """
 
     def __init__(self, graph: StanceGraph, size: tuple[int, int], goal_tolerance: float) -> None:
@@ -72,8 +74,10 @@ class EnvViewer:
 
         Each has shape (height, width, 3) and shows the goal and where the base has been.
 
-        Raises:
-            RenderError: If there is no GL library.
+        Raises
+        ------
+        RenderError
+            If there is no GL library.
         """
         out: list[Picture] = []
         stances: list[Array] = []
@@ -127,8 +131,10 @@ class EnvViewer:
     def _show(self, configuration: Configuration) -> None:
         """Show a configuration in a window.
 
-        Raises:
-            RenderError: If there is no screen.
+        Raises
+        ------
+        RenderError
+            If there is no screen.
         """
         graph, scene = self.graph, self._present()
         if not isinstance(scene, SceneWindow):

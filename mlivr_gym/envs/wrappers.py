@@ -66,10 +66,14 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
     ) -> None:
         """Wrap a `MlivrEnv`; see Gymnasium's wrapper.
 
-        Raises:
-            SettingError: If an argument is of another kind.
-            ValueError: If the environment has no `render_mode` that returns pictures.
-            gymnasium.error.DependencyNotInstalled: If MoviePy is missing.
+        Raises
+        ------
+        SettingError
+            If an argument is of another kind.
+        ValueError
+            If the environment has no `render_mode` that returns pictures.
+        gymnasium.error.DependencyNotInstalled
+            If MoviePy is missing.
         """
         super().__init__(
             env, video_folder, episode_trigger, step_trigger, video_length, name_prefix, fps,
@@ -96,8 +100,10 @@ class ActionMaskObservation(
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`.
 
-        Raises:
-            SettingError: If it is none.
+        Raises
+        ------
+        SettingError
+            If it is none.
         """
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)

@@ -63,9 +63,12 @@ def in_window(angle: float, low: float) -> float:
     A window is less than a turn, so there is one winding at most: a posture of a limb that holds
     tells the joint angles, whatever way led there.
 
-    Args:
-        angle: The angle [rad].
-        low: Where the window begins [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
+    Parameters
+    ----------
+    angle
+        The angle [rad].
+    low
+        Where the window begins [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
     """
     least = low - LIMIT_TOLERANCE
     winding: float = angle - TURN * np.floor((angle - least) / TURN)
@@ -75,10 +78,14 @@ def in_window(angle: float, low: float) -> float:
 def set_arm(arm: Arm, lengths: Array, windows: Array) -> None:
     """Fill `arm`.
 
-    Args:
-        arm: Filled.
-        lengths: d1, a2, a3, d4, d5, d6 [m].
-        windows: Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
+    Parameters
+    ----------
+    arm
+        Filled.
+    lengths
+        d1, a2, a3, d4, d5, d6 [m].
+    windows
+        Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
     """
     arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
     low, high = windows.T

@@ -83,12 +83,18 @@ class BasePath(Record):
 def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) -> None:
     """Fill `path` with the base path from one base pose in the world to another.
 
-    Args:
-        path: Filled.
-        first: Base at the start.
-        last: Base at the end.
-        kind: `STRAIGHT` or `ARC`.
-        pivot: Centre of the arc [m].
+    Parameters
+    ----------
+    path
+        Filled.
+    first
+        Base at the start.
+    last
+        Base at the end.
+    kind
+        `STRAIGHT` or `ARC`.
+    pivot
+        Centre of the arc [m].
     """
     for k in range(3):
         path.first.position[k], path.last.position[k] = first.position[k], last.position[k]
@@ -138,11 +144,16 @@ def resting(path: BasePath, base: Pose) -> None:
 def lift_path(path: BasePath, base: Pose, grasp: Grasp, lift: float) -> None:
     """Fill `path` with a departure: the base moves into the surface instead of the limb out of it.
 
-    Args:
-        path: Filled.
-        base: The base, in the frame of the grasp.
-        grasp: The point that is left.
-        lift: How far [m].
+    Parameters
+    ----------
+    path
+        Filled.
+    base
+        The base, in the frame of the grasp.
+    grasp
+        The point that is left.
+    lift
+        How far [m].
     """
     set_path(path, base, base, STRAIGHT, (0.0, 0.0, 0.0))
     for k in range(3):
@@ -180,14 +191,22 @@ def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple
     Its speed y seen from the base, v being the base's, w its turn and t'' its acceleration, grows
     by y' <= w y + w v + |t''|; so after s it is at most exp(w s) (y0 + (w v + |t''|) s).
 
-    Args:
-        path: The base path.
-        base: Base in the middle of the interval.
-        s: The middle of the interval on the path.
-        half: Half the length of the interval.
-        point: The point [m].
+    Parameters
+    ----------
+    path
+        The base path.
+    base
+        Base in the middle of the interval.
+    s
+        The middle of the interval on the path.
+    half
+        Half the length of the interval.
+    point
+        The point [m].
 
-    Returns:
+    Returns
+    -------
+    float
         A bound of the way to either end [m].
     """
     seen, velocity = seen_from(base, point), into(base, velocity_on_path(path, s))
@@ -214,13 +233,20 @@ def turn_seen(path: BasePath, base: Pose, half: float, direction: Triple) -> flo
 
     The base turns about an axis that rests in it, so the rate is the same all along.
 
-    Args:
-        path: The base path.
-        base: Base somewhere on it.
-        half: Half the length of the interval.
-        direction: Unit vector.
+    Parameters
+    ----------
+    path
+        The base path.
+    base
+        Base somewhere on it.
+    half
+        Half the length of the interval.
+    direction
+        Unit vector.
 
-    Returns:
+    Returns
+    -------
+    float
         The angle to either end at most [rad].
     """
     seen, (x, y, z) = into(base, direction), vector(path.axis)
@@ -265,10 +291,14 @@ def pose_on_path(path: BasePath, s: float, out: Pose) -> None:
 def poses_along(path: BasePath, s: Array, out: Any) -> None:
     """Base poses in the world at many places on a path.
 
-    Args:
-        path: The path.
-        s: Path parameters from 0 to 1, shape (k,).
-        out: Rows of `Pose`, shape (k,), filled.
+    Parameters
+    ----------
+    path
+        The path.
+    s
+        Path parameters from 0 to 1, shape (k,).
+    out
+        Rows of `Pose`, shape (k,), filled.
     """
     for i in range(len(s)):
         pose_on_path(path, s[i], out[i])
@@ -277,11 +307,16 @@ def poses_along(path: BasePath, s: Array, out: Any) -> None:
 def base_path(first: Pose, last: Pose, kind: int, pivot: Array) -> BasePath:
     """The base path from one base pose in the world to another.
 
-    Args:
-        first: Base at the start.
-        last: Base at the end.
-        kind: `STRAIGHT` or `ARC`.
-        pivot: Centre of an arc in the world (3,) [m].
+    Parameters
+    ----------
+    first
+        Base at the start.
+    last
+        Base at the end.
+    kind
+        `STRAIGHT` or `ARC`.
+    pivot
+        Centre of an arc in the world (3,) [m].
     """
     out: BasePath = BasePath.row()
     x, y, z = map(float, pivot)

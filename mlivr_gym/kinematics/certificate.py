@@ -69,15 +69,24 @@ def certify(
 ) -> int:
     """Branches on which a holding limb can follow a base path.
 
-    Args:
-        limb: The limb.
-        flange: Flange in the world.
-        path: The base path.
-        floor: Least `|det J|` on the path [m^3].
-        mask: Branches and flips to look at.
-        scratch: Scratch.
+    Parameters
+    ----------
+    limb
+        The limb.
+    flange
+        Flange in the world.
+    path
+        The base path.
+    floor
+        Least `|det J|` on the path [m^3].
+    mask
+        Branches and flips to look at.
+    scratch
+        Scratch.
 
-    Returns:
+    Returns
+    -------
+    int
         Those of them that are certified; all of a class or none.
     """
     arm = limb.arm
@@ -131,12 +140,18 @@ def _stays(
 ) -> bool:
     """Whether the bounds keep a class above the floor on an interval.
 
-    Args:
-        arm: The arm.
-        terms: What `branch_terms` fills, in the middle.
-        choice: The class.
-        change: How far the wrist moves [m] and the flange axis turns [rad] at most.
-        square_floor: Least `(s3 s5 u)^2` [m^2].
+    Parameters
+    ----------
+    arm
+        The arm.
+    terms
+        What `branch_terms` fills, in the middle.
+    choice
+        The class.
+    change
+        How far the wrist moves [m] and the flange axis turns [rad] at most.
+    square_floor
+        Least `(s3 s5 u)^2` [m^2].
     """
     d, a = change
     k2 = arm.a2 * arm.a2 + arm.a3 * arm.a3

@@ -27,11 +27,16 @@ class Grasp(Record):
 def grasp_rows(points: Array, normals: Array, rails: Array, tool_length: float) -> Any:
     """Rows of `Grasp`.
 
-    Args:
-        points: Points [m], shape (..., 3).
-        normals: Surface normals, shape (..., 3).
-        rails: Rail directions, shape (..., 3).
-        tool_length: Flange to grasp [m].
+    Parameters
+    ----------
+    points
+        Points [m], shape (..., 3).
+    normals
+        Surface normals, shape (..., 3).
+    rails
+        Rail directions, shape (..., 3).
+    tool_length
+        Flange to grasp [m].
     """
     out = Grasp.rows(*points.shape[:-1])
     out["point"], out["normal"], out["rail"] = points, normals, rails

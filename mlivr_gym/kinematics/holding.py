@@ -64,15 +64,24 @@ def follow(
 ) -> bool:
     """Joint angles of a holding limb along a base path, continuous from those of `track`.
 
-    Args:
-        limb: The limb.
-        flange: Flange in the world.
-        path: The base path.
-        branch: Branch label.
-        samples: Intervals.
-        track: Updated; where it has no angles, those at the start are in (-pi, pi].
+    Parameters
+    ----------
+    limb
+        The limb.
+    flange
+        Flange in the world.
+    path
+        The base path.
+    branch
+        Branch label.
+    samples
+        Intervals.
+    track
+        Updated; where it has no angles, those at the start are in (-pi, pi].
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the branch exists all along.
     """
     for sample in range(samples + 1):
@@ -148,13 +157,20 @@ def hold_mask(
 ) -> int:
     """Those of the branches in `mask` on which one limb can hold along a base path.
 
-    Args:
-        limb: The limb.
-        flange: Flange in the world, flip 0.
-        path: The base path.
-        floor: Least `|det J|` [m^3].
-        mask: Branches and flips to look at.
-        scratch: Scratch.
+    Parameters
+    ----------
+    limb
+        The limb.
+    flange
+        Flange in the world, flip 0.
+    path
+        The base path.
+    floor
+        Least `|det J|` [m^3].
+    mask
+        Branches and flips to look at.
+    scratch
+        Scratch.
     """
     if mask:
         mask = certify(limb, flange, path, floor, mask, scratch.proof)

@@ -45,12 +45,18 @@ def wrap(angle: float) -> float:
 def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis, Triple]:
     """A flange pose as the limb sees it.
 
-    Args:
-        limb: The limb.
-        base: Base in the world.
-        flange: Flange in the world.
+    Parameters
+    ----------
+    limb
+        The limb.
+    base
+        Base in the world.
+    flange
+        Flange in the world.
 
-    Returns:
+    Returns
+    -------
+    tuple[FlangeAxis, Triple]
         Position and axis of the flange, and its first axis, in the limb base frame.
     """
     x, _, z = columns(flange.rotation)
@@ -64,13 +70,20 @@ def angles_at(
 ) -> bool:
     """Joint angles with which a limb holds a flange pose; see `ur.branch_angles`.
 
-    Args:
-        limb: The limb.
-        base: Base in the world.
-        flange: Flange in the world.
-        branch: Branch label.
-        slack: See `ur.branch_angles`.
-        q: Filled, shape (6,) [rad].
+    Parameters
+    ----------
+    limb
+        The limb.
+    base
+        Base in the world.
+    flange
+        Flange in the world.
+    branch
+        Branch label.
+    slack
+        See `ur.branch_angles`.
+    q
+        Filled, shape (6,) [rad].
     """
     seen, x = flange_seen(limb, base, flange)
     return branch_angles(limb.arm, seen, x, branch, slack, q)
@@ -80,12 +93,18 @@ def angles_at(
 def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) -> None:
     """Joint angles with which N limbs hold at k stances, on the windings in their windows.
 
-    Args:
-        robots: A row of `Robot`, shape (1,).
-        bases: Bases in the world, rows of `Pose`, shape (k,).
-        grasps: What the limbs hold, rows of `Grasp`, shape (k, N).
-        bits: Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
-        out: Rows of `Angles`, shape (k, N), filled; NaN where the branch does not exist.
+    Parameters
+    ----------
+    robots
+        A row of `Robot`, shape (1,).
+    bases
+        Bases in the world, rows of `Pose`, shape (k,).
+    grasps
+        What the limbs hold, rows of `Grasp`, shape (k, N).
+    bits
+        Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
+    out
+        Rows of `Angles`, shape (k, N), filled; NaN where the branch does not exist.
     """
     for k in range(len(bits)):
         for i in range(bits.shape[1]):

@@ -45,11 +45,15 @@ def base_manipulability(
     Rigid grasps give `J_b v_b + J_sup qdot = 0`. `N_c` spans the null space of
     `(I - J_b J_b^+) J_sup`, `J_eq = -J_b^+ J_sup N_c`, `w_b = sqrt(det(S J_eq (S J_eq)^T))`.
 
-    Args:
-        limb_jacobians: Shape (N, 6, n); each maps joint rates to the twist of the grasp, linear
-            rows first, in base axes.
-        grasps_from_base: Shape (N, 3); grasp positions from the base origin in base axes [m].
-        characteristic_length: l_c [m].
+    Parameters
+    ----------
+    limb_jacobians
+        Shape (N, 6, n); each maps joint rates to the twist of the grasp, linear
+        rows first, in base axes.
+    grasps_from_base
+        Shape (N, 3); grasp positions from the base origin in base axes [m].
+    characteristic_length
+        l_c [m].
     """
     count, _, joints = limb_jacobians.shape
     j_base = np.zeros((6 * count, 6))
@@ -83,15 +87,24 @@ def limb_information(
 ) -> bool:
     """`K^-1` of one limb in base axes.
 
-    Args:
-        limb: The limb.
-        flange: Position and axis of the flange.
-        branch: Branch label.
-        l_c: Characteristic length [m].
-        scratch: Scratch.
-        out: Filled, shape (6, 6).
+    Parameters
+    ----------
+    limb
+        The limb.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    l_c
+        Characteristic length [m].
+    scratch
+        Scratch.
+    out
+        Filled, shape (6, 6).
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the limb is away from its singularities.
     """
     if not joint_axes(limb.arm, flange, branch, scratch.axes):

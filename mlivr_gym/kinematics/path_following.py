@@ -20,18 +20,28 @@ def joints_along(
 ) -> int:
     """Joint angles of a limb on one branch at many poses, continuous from given ones.
 
-    Args:
-        robots: A row of `Robot`, shape (1,).
-        i: Which limb.
-        bases: Rows of `Pose`, bases in the world, shape (k,), or (1,) for one that stays.
-        flanges: Rows of `Pose`, flanges in the world up to a half turn about their z axes, shape
-            (k,) or (1,).
-        branch: Branch label.
-        reference: Angles close to those at the first pose; they tell the
-            windings and the half turn of the tool.
-        out: Rows of `Angles`, shape (k,), filled.
+    Parameters
+    ----------
+    robots
+        A row of `Robot`, shape (1,).
+    i
+        Which limb.
+    bases
+        Rows of `Pose`, bases in the world, shape (k,), or (1,) for one that stays.
+    flanges
+        Rows of `Pose`, flanges in the world up to a half turn about their z axes, shape
+        (k,) or (1,).
+    branch
+        Branch label.
+    reference
+        Angles close to those at the first pose; they tell the
+        windings and the half turn of the tool.
+    out
+        Rows of `Angles`, shape (k,), filled.
 
-    Returns:
+    Returns
+    -------
+    int
         Number of poses from the first on at which the branch exists.
     """
     limb, half_turn = robots[0].limbs[i], 0.0

@@ -91,11 +91,16 @@ def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
 def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
     """Angle in [0, pi] [rad] and unit axis of the rotation from `r0` to `r1`.
 
-    Args:
-        r0: First rotation, shape (3, 3).
-        r1: Second rotation in the same frame, shape (3, 3).
+    Parameters
+    ----------
+    r0
+        First rotation, shape (3, 3).
+    r1
+        Second rotation in the same frame, shape (3, 3).
 
-    Returns:
+    Returns
+    -------
+    tuple[float, Triple]
         The angle, and the axis of `r0^T r1` in the first frame's axes.
     """
     a, d, g = columns(r0)

@@ -82,13 +82,20 @@ def more_turns(change: Joints, turns: Turns) -> None:
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     """How far joints turn on their way from the middle of an interval to its ends.
 
-    Args:
-        arm: The arm.
-        q: Joint angles in the middle [rad].
-        flange: How the flange moves on the way to either end.
-        turns: Filled.
+    Parameters
+    ----------
+    arm
+        The arm.
+    q
+        Joint angles in the middle [rad].
+    flange
+        How the flange moves on the way to either end.
+    turns
+        Filled.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether this can be told: the limb stays on its branch, and no joint turns by half a turn.
     """
     d, a, w = flange

@@ -94,12 +94,16 @@ def forearm_end(
 def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
     """Squares that decide reach and singularity of the four shoulder and wrist choices.
 
-    Args:
-        arm: The arm.
-        flange: Position and axis of the flange.
-        out: Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `c3` and `(s3 s5 u)^2` [m^2] for choice
-            `2 * shoulder + wrist`. The last is `(det J / (a2 a3))^2`, and not above zero out of
-            reach.
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    out
+        Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `c3` and `(s3 s5 u)^2` [m^2] for choice
+        `2 * shoulder + wrist`. The last is `(det J / (a2 a3))^2`, and not above zero out of
+        reach.
     """
     z, u2 = flange.z, squared_u(arm, flange)
     if u2 <= 0.0:
@@ -123,13 +127,20 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
     """Joint axes of one branch, without forming joint angles.
 
-    Args:
-        arm: The arm.
-        flange: Position and axis of the flange.
-        branch: Branch label.
-        out: `JointAxes`, filled.
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    out
+        `JointAxes`, filled.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the pose is within reach and away from the wrist singularity.
     """
     p, z, u2 = flange.p, flange.z, squared_u(arm, flange)
@@ -174,15 +185,24 @@ def branch_angles(
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is given; the
     solution with the forearm end nearest to the shoulder is taken.
 
-    Args:
-        arm: The arm.
-        flange: Position and axis of the flange.
-        x: Its first axis in the limb base frame.
-        branch: Branch label.
-        slack: 0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
-        q: Filled with joint angles [rad], shape (6,), on no particular winding.
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    x
+        Its first axis in the limb base frame.
+    branch
+        Branch label.
+    slack
+        0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
+    q
+        Filled with joint angles [rad], shape (6,), on no particular winding.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the pose is within reach.
     """
     z, u2 = flange.z, squared_u(arm, flange)
@@ -227,12 +247,16 @@ def branch_angles(
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Frames of the links in the limb base frame.
 
-    Args:
-        arm: The arm.
-        q: Joint angles [rad], shape (6,).
-        frames: Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z,
-            those of the manufacturer's link frames; x and y of link 6 are any pair across the
-            flange axis.
+    Parameters
+    ----------
+    arm
+        The arm.
+    q
+        Joint angles [rad], shape (6,).
+    frames
+        Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z,
+        those of the manufacturer's link frames; x and y of link 6 are any pair across the
+        flange axis.
     """
     c1, s1 = np.cos(q[0]), np.sin(q[0])
     _fixed_frames(arm, c1, s1, frames)
@@ -263,14 +287,22 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
     """Frames of the links of one branch, without forming joint angles.
 
-    Args:
-        arm: The arm.
-        flange: Position and axis of the flange.
-        branch: Branch label.
-        axes: `JointAxes`, filled.
-        frames: Filled like by `link_frames`; x and y of link 6 are any pair across the flange axis.
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    axes
+        `JointAxes`, filled.
+    frames
+        Filled like by `link_frames`; x and y of link 6 are any pair across the flange axis.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the pose is within reach.
     """
     if not joint_axes(arm, flange, branch, axes):
@@ -326,11 +358,16 @@ def _complete(frames: Array, link: int, axis: int) -> None:
 def forward_kinematics(q: Array, lengths: Array) -> Array:
     """Frames 0 to 6 of a UR arm in the limb base frame.
 
-    Args:
-        q: Joint angles [rad], shape (6,).
-        lengths: d1, a2, a3, d4, d5, d6 [m], shape (6,).
+    Parameters
+    ----------
+    q
+        Joint angles [rad], shape (6,).
+    lengths
+        d1, a2, a3, d4, d5, d6 [m], shape (6,).
 
-    Returns:
+    Returns
+    -------
+    Array
         Homogeneous transforms, shape (7, 4, 4); frame 6 is the flange.
     """
     d1, a2, a3, d4, d5, d6 = lengths

@@ -46,10 +46,14 @@ def stretched(clock: scipy.interpolate.PPoly, factor: float) -> scipy.interpolat
 class Durations:
     """How long the parts of a step take; by default the paper's.
 
-    Attributes:
-        departure: Departure along the surface normal [s].
-        swing: Swing, with the base moving [s].
-        approach: Approach along the surface normal [s].
+    Attributes
+    ----------
+    departure
+        Departure along the surface normal [s].
+    swing
+        Swing, with the base moving [s].
+    approach
+        Approach along the surface normal [s].
     """
 
     departure: float = 10.0

@@ -59,10 +59,14 @@ class CommittedMotion(NamedTuple):
 def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
     """Commit the robot to a step, or None if no swing is found for it.
 
-    Args:
-        graph: The stance graph.
-        regrasp: The step on the branches chosen, without a swing.
-        edge: How the graph has shown it, on these branches.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    regrasp
+        The step on the branches chosen, without a swing.
+    edge
+        How the graph has shown it, on these branches.
     """
     if not graph.settings.collisions:
         return Committed(regrasp, "unchecked")
@@ -139,15 +143,22 @@ def committed_motion(
     For each time a limb holds, the branch is the one kept at its end that has the largest least
     `w_m` over the hold; of equal ones the first.
 
-    Args:
-        graph: The stance graph.
-        states: K states, each with the branches kept.
-        postures: Postures in which the robot stands in them; by default those of the graph.
-        known: Steps that are known, to which those of this walk are added.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    states
+        K states, each with the branches kept.
+    postures
+        Postures in which the robot stands in them; by default those of the graph.
+    known
+        Steps that are known, to which those of this walk are added.
 
-    Raises:
-        PlanError: If a limb is on no branch on which it can be released where it moves next; no
-            walk of the graph is such.
+    Raises
+    ------
+    PlanError
+        If a limb is on no branch on which it can be released where it moves next; no
+        walk of the graph is such.
     """
     draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
     known, steps = known or CommittedSteps(graph), []

@@ -27,14 +27,21 @@ class PathSegment:
     Speeds of the base are linear in the world and angular in the base's axes, as those of MuJoCo's
     free joint.
 
-    Attributes:
-        phase: Index into `regrasp.PHASES`.
-        shares: Shares of the piece, shape (K,).
-        base_positions: Shape (K, 3) [m].
-        base_quaternions: Shape (K, 4), w, x, y, z.
-        joints: Shape (K, N, 6) [rad].
-        curve: Base position, base rotation and joints through these places; its derivatives by the
-            share are of shape (k, 6 + 6 N) [m, rad].
+    Attributes
+    ----------
+    phase
+        Index into `regrasp.PHASES`.
+    shares
+        Shares of the piece, shape (K,).
+    base_positions
+        Shape (K, 3) [m].
+    base_quaternions
+        Shape (K, 4), w, x, y, z.
+    joints
+        Shape (K, N, 6) [rad].
+    curve
+        Base position, base rotation and joints through these places; its derivatives by the
+        share are of shape (k, 6 + 6 N) [m, rad].
     """
 
     phase: int
@@ -53,12 +60,17 @@ class PathSegment:
 def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, ...]:
     """The pieces of a step in their order.
 
-    Args:
-        path: The step.
-        nodes: Places at which a line, departure or approach is looked at.
+    Parameters
+    ----------
+    path
+        The step.
+    nodes
+        Places at which a line, departure or approach is looked at.
 
-    Raises:
-        PlanError: If a limb that holds cannot follow the base.
+    Raises
+    ------
+    PlanError
+        If a limb that holds cannot follow the base.
     """
     share, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
     shares = [

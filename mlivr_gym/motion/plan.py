@@ -27,11 +27,16 @@ READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(Gra
 class Plan:
     """A sequence of K stances and everything that belongs to it.
 
-    Attributes:
-        query: What was asked for.
-        world: Where the plan was made, and for which robot.
-        motion: Stances, steps and configurations.
-        statistics: What the search found and spent.
+    Attributes
+    ----------
+    query
+        What was asked for.
+    world
+        Where the plan was made, and for which robot.
+    motion
+        Stances, steps and configurations.
+    statistics
+        What the search found and spent.
     """
 
     query: Query
@@ -103,8 +108,10 @@ class Plan:
     def save(self, path: str | Path) -> None:
         """Write the plan as JSON, whole or not at all.
 
-        Raises:
-            FileError: If the file cannot be written.
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
@@ -113,14 +120,19 @@ class Plan:
     def from_dict(cls, data: Any, grasp_map: GraspMap | None = None) -> Plan:
         """Build a plan from plain data; what can be worked out again has to be what it tells.
 
-        Args:
-            data: The parsed JSON.
-            grasp_map: If given, the plan must have been made on this map, and its whole motion is
-                worked out again; else only what follows without the map is.
+        Parameters
+        ----------
+        data
+            The parsed JSON.
+        grasp_map
+            If given, the plan must have been made on this map, and its whole motion is
+            worked out again; else only what follows without the map is.
 
-        Raises:
-            PlanError: If a field is missing or faulty, the plan belongs to another map or to other
-                rules of the stance graph, or a value is not the one that follows from the others.
+        Raises
+        ------
+        PlanError
+            If a field is missing or faulty, the plan belongs to another map or to other
+            rules of the stance graph, or a value is not the one that follows from the others.
         """
         plan = cls(*parts_of(data))
         if grasp_map is not None:
@@ -138,8 +150,10 @@ class Plan:
     def check_map(self, grasp_map: GraspMap) -> None:
         """Refuse a map that the plan was not made on.
 
-        Raises:
-            PlanError: If it is another one.
+        Raises
+        ------
+        PlanError
+            If it is another one.
         """
         world = self.world
         if world.map_fingerprint != grasp_map.fingerprint:
@@ -158,7 +172,9 @@ class Plan:
     def load(cls, path: str | Path, grasp_map: GraspMap | None = None) -> Plan:
         """Read a plan from a JSON file; see `from_dict`.
 
-        Raises:
-            PlanError: If the file cannot be read or does not hold a plan for this map.
+        Raises
+        ------
+        PlanError
+            If the file cannot be read or does not hold a plan for this map.
         """
         return load(path, "plan", PlanError, lambda data: cls.from_dict(data, grasp_map))

@@ -48,8 +48,10 @@ FLIP = np.diag([-1.0, -1.0, 1.0])
 def check_counts(query: Query, motion: Motion, statistics: Statistics) -> None:
     """Refuse a plan whose displacements, cost or goal do not follow from its base positions.
 
-    Raises:
-        PlanError: naming the field, the value told and the one found.
+    Raises
+    ------
+    PlanError
+        naming the field, the value told and the one found.
     """
     if (query.cost_name == "weighted") != (query.regrasp_price is not None):
         raise PlanError(
@@ -76,8 +78,10 @@ def check_counts(query: Query, motion: Motion, statistics: Statistics) -> None:
 def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap) -> None:
     """Refuse a plan whose motion does not follow from its stances, base poses and branches.
 
-    Raises:
-        PlanError: naming the field, the value told and the one found.
+    Raises
+    ------
+    PlanError
+        naming the field, the value told and the one found.
     """
     try:
         graph = _graph(world, grasp_map)
@@ -112,8 +116,10 @@ def _graph(world: World, grasp_map: GraspMap) -> LazyGraph:
 def _bits(graph: LazyGraph, points: IntArray, motion: Motion) -> IntArray:
     """Branch and flip that each limb is on, `branch + 8 * flip`, shape (K, N).
 
-    Raises:
-        PlanError: If the joint angles are none with which the limbs hold, or of other branches.
+    Raises
+    ------
+    PlanError
+        If the joint angles are none with which the limbs hold, or of other branches.
     """
     angles = Angles.rows(16, *points.shape)
     base = poses(motion.base_positions, _rotations(motion))
@@ -201,8 +207,10 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
     which branches limbs may be depends on that, too: a pose that meets the thresholds may have been
     looked at without them.
 
-    Raises:
-        PlanError: If a stance cannot be held on the branches told, or is no node.
+    Raises
+    ------
+    PlanError
+        If a stance cannot be held on the branches told, or is no node.
     """
     turns, chosen = _rotations(motion), graph.postures(points)
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)

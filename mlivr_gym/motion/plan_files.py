@@ -175,9 +175,11 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
 def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
     """The parts of a plan from plain data.
 
-    Raises:
-        PlanError: If they are of another format or of other rules of the stance graph, or a field
-            is missing, unknown or faulty; the message says what.
+    Raises
+    ------
+    PlanError
+        If they are of another format or of other rules of the stance graph, or a field
+        is missing, unknown or faulty; the message says what.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         given = data.get("format") if isinstance(data, dict) else type(data).__name__

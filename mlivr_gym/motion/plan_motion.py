@@ -21,11 +21,16 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 class StepMotion:
     """Configurations along one step, k in all.
 
-    Attributes:
-        phase: Index into `PHASES`, shape (k,).
-        base_positions: Shape (k, 3) [m].
-        base_quaternions: Shape (k, 4), w, x, y, z.
-        joint_positions: Shape (k, N, 6) [rad].
+    Attributes
+    ----------
+    phase
+        Index into `PHASES`, shape (k,).
+    base_positions
+        Shape (k, 3) [m].
+    base_quaternions
+        Shape (k, 4), w, x, y, z.
+    joint_positions
+        Shape (k, N, 6) [rad].
     """
 
     phase: IntArray
@@ -41,15 +46,22 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     base follows its path, and approaches along the other normal; the limbs that hold follow the
     base on their branches.
 
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        index: Index of the step.
-        samples: Configurations on the departure, on the approach, and between two knots of the
-            swing.
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    index
+        Index of the step.
+    samples
+        Configurations on the departure, on the approach, and between two knots of the
+        swing.
 
-    Raises:
-        PlanError: If the step has no swing.
+    Raises
+    ------
+    PlanError
+        If the step has no swing.
     """
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):

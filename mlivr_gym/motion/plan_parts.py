@@ -23,19 +23,29 @@ SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
 class Step:
     """One regrasp and the base motion that goes with it.
 
-    Attributes:
-        limb: Limb that moves.
-        from_point: Point it leaves.
-        to_point: Point it grasps.
-        path: `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
-        pivot: Centre of the arc: centroid of the held points [m].
-        displacement: Base displacement [m].
-        swing: Kind of the limb's swing, one of `mlivr_gym.motion.swings.SWING_KINDS`.
-        knots: Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its
-            swing, from above the point it leaves to above the point it grasps; in between both
-            change linearly.
-        rounded: Shares of the lines before and after each knot that lie on its rounded corner,
-            see `mlivr_gym.motion.runs`; 0 and 0 where the swing comes to rest.
+    Attributes
+    ----------
+    limb
+        Limb that moves.
+    from_point
+        Point it leaves.
+    to_point
+        Point it grasps.
+    path
+        `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
+    pivot
+        Centre of the arc: centroid of the held points [m].
+    displacement
+        Base displacement [m].
+    swing
+        Kind of the limb's swing, one of `mlivr_gym.motion.swings.SWING_KINDS`.
+    knots
+        Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its
+        swing, from above the point it leaves to above the point it grasps; in between both
+        change linearly.
+    rounded
+        Shares of the lines before and after each knot that lie on its rounded corner,
+        see `mlivr_gym.motion.runs`; 0 and 0 where the swing comes to rest.
     """
 
     limb: int
@@ -53,14 +63,22 @@ class Step:
 class Query:
     """What was asked for.
 
-    Attributes:
-        goal: Goal position [m].
-        goal_tolerance: Radius of the goal region [m].
-        cost_name: Name of the cost, one of `COSTS`.
-        regrasp_price: Metres charged for a regrasp, if the cost is `"weighted"`.
-        method: Search method.
-        heuristic: Heuristic.
-        goal_face: Face of the map whose points all limbs hold at the goal; None for any.
+    Attributes
+    ----------
+    goal
+        Goal position [m].
+    goal_tolerance
+        Radius of the goal region [m].
+    cost_name
+        Name of the cost, one of `COSTS`.
+    regrasp_price
+        Metres charged for a regrasp, if the cost is `"weighted"`.
+    method
+        Search method.
+    heuristic
+        Heuristic.
+    goal_face
+        Face of the map whose points all limbs hold at the goal; None for any.
     """
 
     goal: tuple[float, float, float]
@@ -82,13 +100,20 @@ class Query:
 class World:
     """Where the plan was made, and for which robot.
 
-    Attributes:
-        map_name: Name of the map.
-        map_fingerprint: Hash of the map's points and boxes.
-        obstacles: Boxes that stood there when the plan was made, besides those of the map.
-        occupied: Ids of points that were not to be grasped.
-        robot: Description of the robot.
-        settings: Thresholds and switches.
+    Attributes
+    ----------
+    map_name
+        Name of the map.
+    map_fingerprint
+        Hash of the map's points and boxes.
+    obstacles
+        Boxes that stood there when the plan was made, besides those of the map.
+    occupied
+        Ids of points that were not to be grasped.
+    robot
+        Description of the robot.
+    settings
+        Thresholds and switches.
     """
 
     map_name: str
@@ -112,15 +137,24 @@ class World:
 class Motion:
     """K stances, the steps between them, and the configuration in each stance.
 
-    Attributes:
-        stances: Point ids of each limb, K tuples of N.
-        steps: Committed steps, K - 1.
-        base_positions: Base positions in the world, shape (K, 3) [m].
-        base_quaternions: Base orientations in the world w, x, y, z, shape (K, 4).
-        joint_positions: Joint angles, shape (K, N, 6) [rad]; continuous while a limb holds.
-        branches: Branch of each limb, shape (K, N).
-        w_m: Limb manipulability, shape (K, N).
-        w_b: Base manipulability, shape (K,).
+    Attributes
+    ----------
+    stances
+        Point ids of each limb, K tuples of N.
+    steps
+        Committed steps, K - 1.
+    base_positions
+        Base positions in the world, shape (K, 3) [m].
+    base_quaternions
+        Base orientations in the world w, x, y, z, shape (K, 4).
+    joint_positions
+        Joint angles, shape (K, N, 6) [rad]; continuous while a limb holds.
+    branches
+        Branch of each limb, shape (K, N).
+    w_m
+        Limb manipulability, shape (K, N).
+    w_b
+        Base manipulability, shape (K,).
     """
 
     stances: tuple[tuple[str, ...], ...]
@@ -141,15 +175,23 @@ class Motion:
 class Statistics:
     """What the search found and spent.
 
-    Attributes:
-        cost: Cost of the plan.
-        expanded: States expanded.
-        generated: States generated.
-        feasibility_time: Time spent on postures and stances for this query [s].
-        search_time: Time spent on search and step checks [s].
-        backward: Stances that searches backward have expanded for the heuristic, for this query.
-        bound: Factor of the least cost of any plan of the graph within which the cost is proved to
-            be, 1 if it is the least; None if nothing is proved.
+    Attributes
+    ----------
+    cost
+        Cost of the plan.
+    expanded
+        States expanded.
+    generated
+        States generated.
+    feasibility_time
+        Time spent on postures and stances for this query [s].
+    search_time
+        Time spent on search and step checks [s].
+    backward
+        Stances that searches backward have expanded for the heuristic, for this query.
+    bound
+        Factor of the least cost of any plan of the graph within which the cost is proved to
+        be, 1 if it is the least; None if nothing is proved.
     """
 
     cost: float

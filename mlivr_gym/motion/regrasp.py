@@ -45,22 +45,35 @@ LARGEST_JUMP = 0.2
 class Regrasp:
     """What is needed to execute one step.
 
-    Attributes:
-        limb: Limb that moves.
-        before: Point index of each limb before the step, N of them.
-        to_point: Point index it grasps.
-        positions: Base positions before and after, shape (2, 3) [m].
-        rotations: Base rotations before and after, shape (2, 3, 3).
-        kind: Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
-        pivot: Centre of an arc, shape (3,) [m].
-        branches: Branch of each limb before the step, and of the moving limb after it, N + 1
-            numbers.
-        joints: Joint angles before the step, shape (N, 6) [rad].
-        grasp_joints: Joint angles of the moving limb after the step, shape (6,) [rad].
-        knots: Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
-            swing was not checked.
-        rounded: Shares of the lines before and after each knot that lie on its rounded corner,
-            shape (k, 2); 0 where the swing comes to rest. None is rounded by default.
+    Attributes
+    ----------
+    limb
+        Limb that moves.
+    before
+        Point index of each limb before the step, N of them.
+    to_point
+        Point index it grasps.
+    positions
+        Base positions before and after, shape (2, 3) [m].
+    rotations
+        Base rotations before and after, shape (2, 3, 3).
+    kind
+        Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
+    pivot
+        Centre of an arc, shape (3,) [m].
+    branches
+        Branch of each limb before the step, and of the moving limb after it, N + 1
+        numbers.
+    joints
+        Joint angles before the step, shape (N, 6) [rad].
+    grasp_joints
+        Joint angles of the moving limb after the step, shape (6,) [rad].
+    knots
+        Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
+        swing was not checked.
+    rounded
+        Shares of the lines before and after each knot that lie on its rounded corner,
+        shape (k, 2); 0 where the swing comes to rest. None is rounded by default.
     """
 
     limb: int
@@ -264,13 +277,19 @@ class Planned(Protocol):
 def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
     """What is needed to execute one step of a plan.
 
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        index: Index of the step.
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    index
+        Index of the step.
 
-    Raises:
-        PlanError: If the plan has no such step.
+    Raises
+    ------
+    PlanError
+        If the plan has no such step.
     """
     count = len(plan.motion.steps)
     if not 0 <= index < count:

@@ -23,9 +23,12 @@ from mlivr_gym.arrays import Array
 class Run:
     """Lines from rest to rest.
 
-    Attributes:
-        knots: Shape (k, 7), k at least 2.
-        corners: Shares of the lines before and after each inner knot, shape (k - 2, 2), above 0.
+    Attributes
+    ----------
+    knots
+        Shape (k, 7), k at least 2.
+    corners
+        Shares of the lines before and after each inner knot, shape (k - 2, 2), above 0.
     """
 
     knots: Array

@@ -68,11 +68,16 @@ class Support(NamedTuple):
 class SwingFinder:
     """Finds the swing of one step.
 
-    Attributes:
-        graph: The stance graph.
-        limb: The limb that moves.
-        path: Base path.
-        holds: The limbs that hold.
+    Attributes
+    ----------
+    graph
+        The stance graph.
+    limb
+        The limb that moves.
+    path
+        Base path.
+    holds
+        The limbs that hold.
     """
 
     def __init__(
@@ -100,11 +105,16 @@ class SwingFinder:
     def find(self, start: Array, end: Array, points: tuple[int, int], edge: Edge) -> Swing | None:
         """The shortest swing between lifted postures.
 
-        Args:
-            start: Joint angles above the point it leaves, shape (6,) [rad].
-            end: Joint angles above the point it grasps, shape (6,) [rad].
-            points: Both points, by index.
-            edge: How the graph has shown that the limb can move.
+        Parameters
+        ----------
+        start
+            Joint angles above the point it leaves, shape (6,) [rad].
+        end
+            Joint angles above the point it grasps, shape (6,) [rad].
+        points
+            Both points, by index.
+        edge
+            How the graph has shown that the limb can move.
         """
         first, last = _knot(0.0, start), _knot(1.0, end)
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
@@ -172,12 +182,17 @@ class SwingFinder:
     def rounded(self, knots: Array, lengths: Array) -> Array:
         """Shares of the lines before and after each knot on which its corner can be rounded.
 
-        Args:
-            knots: Of a swing whose lines are clear, shape (k, 7).
-            lengths: Lengths of its lines, shape (k - 1,); a corner takes as much of either. What
-                lies between two corners is theirs by halves.
+        Parameters
+        ----------
+        knots
+            Of a swing whose lines are clear, shape (k, 7).
+        lengths
+            Lengths of its lines, shape (k - 1,); a corner takes as much of either. What
+            lies between two corners is theirs by halves.
 
-        Returns:
+        Returns
+        -------
+        Array
             Shape (k, 2); 0 at the ends and where no rounding keeps the clearance.
         """
         shares, most = np.zeros((len(knots), 2)), lengths.copy()

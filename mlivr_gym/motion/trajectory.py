@@ -50,20 +50,33 @@ class TimedPath(NamedTuple):
 class Trajectory:
     """Configurations on a regular time grid, k in all, of one step or of several.
 
-    Attributes:
-        times: Shape (k,) [s].
-        step: Index of the step, shape (k,).
-        phase: Index into `regrasp.PHASES`, shape (k,).
-        joint_positions: Shape (k, N, 6) [rad].
-        joint_velocities: Shape (k, N, 6) [rad/s].
-        joint_accelerations: Shape (k, N, 6) [rad/s^2].
-        base_positions: Shape (k, 3) [m].
-        base_quaternions: Shape (k, 4), w, x, y, z.
-        base_velocities: Linear in the world and angular in the base's axes, shape (k, 6) [m/s,
-            rad/s].
-        base_accelerations: Their derivatives, shape (k, 6) [m/s^2, rad/s^2].
-        grasps: Point index each limb holds, or `FREE`, shape (k, N).
-        points: Ids of all points of the map.
+    Attributes
+    ----------
+    times
+        Shape (k,) [s].
+    step
+        Index of the step, shape (k,).
+    phase
+        Index into `regrasp.PHASES`, shape (k,).
+    joint_positions
+        Shape (k, N, 6) [rad].
+    joint_velocities
+        Shape (k, N, 6) [rad/s].
+    joint_accelerations
+        Shape (k, N, 6) [rad/s^2].
+    base_positions
+        Shape (k, 3) [m].
+    base_quaternions
+        Shape (k, 4), w, x, y, z.
+    base_velocities
+        Linear in the world and angular in the base's axes, shape (k, 6) [m/s,
+        rad/s].
+    base_accelerations
+        Their derivatives, shape (k, 6) [m/s^2, rad/s^2].
+    grasps
+        Point index each limb holds, or `FREE`, shape (k, N).
+    points
+        Ids of all points of the map.
     """
 
     times: Array
@@ -85,7 +98,7 @@ class Trajectory:
         return float(self.times[1] - self.times[0])
 
     def after(self, other: Trajectory) -> Trajectory:
-        """This trajectory behind another that ends where it starts."""
+        """Return this trajectory appended to another one that ends where it starts."""
         late = replace(
             self, times=self.times + other.times[-1], step=self.step + other.step[-1] + 1
         )
@@ -116,14 +129,20 @@ ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "poin
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     """The trajectory of one step.
 
-    Args:
-        timed: The step with its clocks.
-        period: Spacing of the time grid [s]. The step takes a whole number of periods, for which
-            it is slowed down by less than one.
+    Parameters
+    ----------
+    timed
+        The step with its clocks.
+    period
+        Spacing of the time grid [s]. The step takes a whole number of periods, for which
+        it is slowed down by less than one.
 
-    Raises:
-        PlanError: If a limb that holds cannot follow the base, or a joint would leave its limits.
-        SettingError: If the period does not fit the step.
+    Raises
+    ------
+    PlanError
+        If a limb that holds cannot follow the base, or a joint would leave its limits.
+    SettingError
+        If the period does not fit the step.
     """
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):

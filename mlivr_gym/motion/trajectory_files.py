@@ -40,8 +40,10 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
 
     Besides the fields of `Trajectory` it holds `joint_names` and `phases`, the names of the phases.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     stream = io.BytesIO()
     np.savez_compressed(
@@ -57,8 +59,10 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
 def load_npz(path: str | Path) -> Trajectory:
     """Read what `save_npz` wrote.
 
-    Raises:
-        PlanError: If the file cannot be read or is not a trajectory.
+    Raises
+    ------
+    PlanError
+        If the file cannot be read or is not a trajectory.
     """
     path = FileName().read(path, FieldPath("path", PlanError))
     try:
@@ -79,8 +83,10 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     of each joint, the point that each limb holds, and `event`: which limb released or grasped what
     since the line before.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     names, count = joint_names(trajectory), len(trajectory.times)
     limbs = trajectory.grasps.shape[1]
@@ -116,8 +122,10 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     It has positions, velocities and accelerations of all joints. Grasps stand in comments: the
     message has no place for them.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     count, held = len(trajectory.times), _held(trajectory)
     lines = [

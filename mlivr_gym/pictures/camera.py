@@ -55,10 +55,14 @@ class Camera(NamedTuple):
     def seeing(self, places: Array, radius: float, aspect: float) -> Camera:
         """The same camera as near as it can be while balls stay inside its picture.
 
-        Args:
-            places: Middles of the balls, shape (k, 3) [m].
-            radius: Their radius [m].
-            aspect: Width of the picture over its height.
+        Parameters
+        ----------
+        places
+            Middles of the balls, shape (k, 3) [m].
+        radius
+            Their radius [m].
+        aspect
+            Width of the picture over its height.
         """
         slope = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
         right, up, ahead = self.axes @ (places - np.array(self.lookat)).T

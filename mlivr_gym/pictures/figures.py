@@ -142,13 +142,19 @@ def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
 
     The same figure gives the same bytes: nothing in the files is drawn by chance or dated.
 
-    Args:
-        figure: The figure.
-        path: File to write; `figure_files` says which the two are.
-        vector: Write the SVG too.
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        File to write; `figure_files` says which the two are.
+    vector
+        Write the SVG too.
 
-    Raises:
-        FileError: If a file cannot be written.
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
     """
     from matplotlib import rc_context
 

@@ -90,20 +90,33 @@ def film(
     shows base path, goal and footholds, and below each picture time, speed of the film, step and
     phase. There are `RATE` pictures a second; the last one stays for `PAUSE`.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        recording: What the robot did.
-        path: File to write; `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
-        plan: The plan that was carried out; without one, none of it is shown.
-        size: Width and height [px].
-        speed: How many times faster than the clock it runs; by default `usual_speed`.
-        obstacles: Boxes besides the map's.
-        progress: Called with the number of pictures done.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    recording
+        What the robot did.
+    path
+        File to write; `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
+    plan
+        The plan that was carried out; without one, none of it is shown.
+    size
+        Width and height [px].
+    speed
+        How many times faster than the clock it runs; by default `usual_speed`.
+    obstacles
+        Boxes besides the map's.
+    progress
+        Called with the number of pictures done.
 
-    Raises:
-        RenderError: If there is no GL library, or the kind of file cannot be written.
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    RenderError
+        If there is no GL library, or the kind of file cannot be written.
+    FileError
+        If the file cannot be written.
     """
     check_kind(path)
     speed = usual_speed(recording) if speed is None else speed
@@ -133,9 +146,12 @@ def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
 
     The last one stays for `PAUSE`.
 
-    Raises:
-        RenderError: If the kind of file cannot be written.
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    RenderError
+        If the kind of file cannot be written.
+    FileError
+        If the file cannot be written.
     """
     kind = check_kind(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
@@ -179,10 +195,14 @@ def film_cameras(
 ) -> list[Camera]:
     """A camera for each picture, which goes along x with the base and keeps its distance.
 
-    Args:
-        robot: The robot.
-        configurations: Where it is in each picture.
-        aspect: Width of a picture over its height.
+    Parameters
+    ----------
+    robot
+        The robot.
+    configurations
+        Where it is in each picture.
+    aspect
+        Width of a picture over its height.
     """
     shapes = LimbShapes(robot)
     around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
@@ -226,9 +246,11 @@ def _configuration(recording: Recording, k: int) -> Configuration:
 def check_kind(path: str | Path) -> str:
     """The ending of a film's name, if such a film can be written.
 
-    Raises:
-        RenderError: If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
-            `.mp4`.
+    Raises
+    ------
+    RenderError
+        If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
+        `.mp4`.
     """
     kind = Path(FileName().read(path, FieldPath("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):

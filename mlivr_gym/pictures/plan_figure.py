@@ -51,12 +51,18 @@ def plan_figure(
     Explored base paths are thin, the chosen one thick and green, footholds in the limb's colour,
     the goal region a ball; the robot stands pale at its first stance, a middle one and the last.
 
-    Args:
-        grasp_map: The map.
-        plan: The plan.
-        path: PNG file to write, and an SVG beside it.
-        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-        title: Heading.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    plan
+        The plan.
+    path
+        PNG file to write, and an SVG beside it.
+    tree
+        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    title
+        Heading.
     """
     figure, axes, flats = map_views(grasp_map)
     explored = np.zeros((0, 2, 3)) if tree is None else tree
@@ -92,13 +98,20 @@ def configuration_figure(
 ) -> None:
     """Draw a robot in configurations, and what there is of a plan, for machines without GL.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        configurations: Where it is.
-        path: PNG file to write; no SVG beside it, since this stands for a picture that is rendered.
-        title: Heading.
-        route: What is shown of a plan.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    configurations
+        Where it is.
+    path
+        PNG file to write; no SVG beside it, since this stands for a picture that is rendered.
+    title
+        Heading.
+    route
+        What is shown of a plan.
     """
     figure, axes = map_axes(grasp_map)
     for configuration in configurations:

@@ -51,9 +51,12 @@ SIZE = Via(_size)
 class SceneRenderer:
     """Renders configurations of a robot in its cabin.
 
-    Attributes:
-        grasp_map: The map.
-        obstacles: The further boxes that are drawn.
+    Attributes
+    ----------
+    grasp_map
+        The map.
+    obstacles
+        The further boxes that are drawn.
 
     Example:
         >>> renderer = SceneRenderer(graph.grasp_map, graph.robot)
@@ -71,9 +74,12 @@ class SceneRenderer:
     ) -> None:
         """Compile the scene and open a GL context.
 
-        Raises:
-            SceneError: If MuJoCo refuses the scene.
-            RenderError: If no GL library can be used.
+        Raises
+        ------
+        SceneError
+            If MuJoCo refuses the scene.
+        RenderError
+            If no GL library can be used.
         """
         from mlivr_gym.pictures.studio import studio_spec
         from mlivr_gym.simulation.gl import mujoco, no_gl
@@ -112,14 +118,22 @@ class SceneRenderer:
     ) -> NDArray[np.uint8]:
         """Picture of one configuration, shape (height, width, 3).
 
-        Args:
-            position: Base position [m], shape (3,).
-            quaternion: Base orientation w, x, y, z.
-            joints: Joint angles [rad], shape (N, 6).
-            hide: Cabin faces that are not drawn.
-            camera: From where it is seen; by default so that the whole map is.
-            route: What is shown of a plan.
-            ghosts: Configurations in which a translucent copy of the robot stands.
+        Parameters
+        ----------
+        position
+            Base position [m], shape (3,).
+        quaternion
+            Base orientation w, x, y, z.
+        joints
+            Joint angles [rad], shape (N, 6).
+        hide
+            Cabin faces that are not drawn.
+        camera
+            From where it is seen; by default so that the whole map is.
+        route
+            What is shown of a plan.
+        ghosts
+            Configurations in which a translucent copy of the robot stands.
         """
         import mujoco
 
@@ -183,8 +197,10 @@ class SceneRenderer:
 class SceneWindow:
     """Shows configurations in MuJoCo's viewer.
 
-    Attributes:
-        obstacles: The further boxes that are drawn.
+    Attributes
+    ----------
+    obstacles
+        The further boxes that are drawn.
     """
 
     def __init__(
@@ -192,9 +208,12 @@ class SceneWindow:
     ) -> None:
         """Open the window.
 
-        Raises:
-            SceneError: If MuJoCo refuses the scene.
-            RenderError: If there is no screen.
+        Raises
+        ------
+        SceneError
+            If MuJoCo refuses the scene.
+        RenderError
+            If there is no screen.
         """
         if sys.platform.startswith("linux") and not (
             os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

@@ -80,8 +80,10 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     The shapes that collisions are checked with leave the joints out; the rods, which are checked
     with nothing, stand for these.
 
-    Raises:
-        SettingError: If the configuration is none of the robot.
+    Raises
+    ------
+    SettingError
+        If the configuration is none of the robot.
     """
     shapes = LimbShapes(robot)
     position, quaternion, _ = configuration
@@ -178,9 +180,12 @@ def _lit(colour: str, faces: Array) -> Array:
 def outline(faces: Array, across: Array) -> Array:
     """Outline of a convex shape seen from afar, shape (k, 2) [m].
 
-    Args:
-        faces: Corners of its faces, shape (f, 4, 3) [m].
-        across: The picture's horizontal and vertical axis in the world, shape (2, 3).
+    Parameters
+    ----------
+    faces
+        Corners of its faces, shape (f, 4, 3) [m].
+    across
+        The picture's horizontal and vertical axis in the world, shape (2, 3).
     """
     seen = faces.reshape(-1, 3) @ across.T
     corners: Array = seen[scipy.spatial.ConvexHull(seen).vertices]

@@ -39,8 +39,10 @@ def studio_spec(
 ) -> mujoco.MjSpec:
     """What `scene_spec` returns, lit and closed for a picture; its names stay.
 
-    Raises:
-        ShapeError: If two boxes have the same id.
+    Raises
+    ------
+    ShapeError
+        If two boxes have the same id.
     """
     spec = scene_spec(grasp_map, robot, obstacles)
     visual = spec.visual

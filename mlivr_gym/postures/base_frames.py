@@ -21,12 +21,18 @@ def base_frames(
     More limbs: z along the mean normal, or against it where that order of the mounts fits better; x
     by the Procrustes fit.
 
-    Args:
-        grasps: Held points from their centroid [m], shape (k, N, 3).
-        normals: Surface normals, shape (k, N, 3).
-        rails: Rail directions at the first grasps, shape (k, 3).
+    Parameters
+    ----------
+    grasps
+        Held points from their centroid [m], shape (k, N, 3).
+    normals
+        Surface normals, shape (k, N, 3).
+    rails
+        Rail directions at the first grasps, shape (k, 3).
 
-    Returns:
+    Returns
+    -------
+    tuple[Array, Array, Array, BoolArray]
         Body axes as columns, shape (k, 3, 3); outward directions (k, 3); roll axes (k, 3); and
         whether the held walls are opposed (k,).
     """
@@ -59,7 +65,9 @@ def base_frames(
 def _best_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
     """The Procrustes fit of the mounts' azimuths to the grasps, seen in axes across the body's z.
 
-    Returns:
+    Returns
+    -------
+    tuple[tuple[Array, Array], BoolArray]
         Cosine and sine of the yaw, each (k,), and whether the order of the mounts fits better the
         other way round, shape (k,).
     """

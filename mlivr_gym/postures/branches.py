@@ -79,14 +79,22 @@ def limb_status(
 ) -> int:
     """What limb `i` on branch `b` touches at `scratch.base`, other limbs apart.
 
-    Args:
-        search: The stance, the robot and what it must keep clear of.
-        tried: How the limbs reach the grasps.
-        i: Limb.
-        b: Branch.
-        scratch: Where answers are kept, and scratch.
+    Parameters
+    ----------
+    search
+        The stance, the robot and what it must keep clear of.
+    tried
+        How the limbs reach the grasps.
+    i
+        Limb.
+    b
+        Branch.
+    scratch
+        Where answers are kept, and scratch.
 
-    Returns:
+    Returns
+    -------
+    int
         An answer, looked up or worked out.
     """
     if scratch.status[i, b] >= 0:
@@ -127,7 +135,9 @@ def pair_status(
 ) -> int:
     """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place.
 
-    Returns:
+    Returns
+    -------
+    int
         An answer, looked up or worked out.
     """
     if scratch.pairs[i, b, j, c] < 0:

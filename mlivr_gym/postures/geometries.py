@@ -33,11 +33,16 @@ def relative_geometries(
 ) -> tuple[IntArray, NDArray[np.intp]]:
     """Distinct relative geometries of stances, and which one each stance has.
 
-    Args:
-        grasp_map: The map.
-        stances: Point indices, shape (k, N).
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    stances
+        Point indices, shape (k, N).
 
-    Returns:
+    Returns
+    -------
+    tuple[IntArray, NDArray[np.intp]]
         One row a geometry, shape (g, 9 (N - 1)): positions, normals and rails of the grasps after
         the first, in the frame of the first, as whole multiples of `RESOLUTION`; and a row for
         each stance, shape (k,).
@@ -63,11 +68,16 @@ def relative_geometries(
 def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
     """Grasps about their centroids from rows of `relative_geometries`.
 
-    Args:
-        rows: Shape (k, 9 (N - 1)).
-        count: Number of limbs N.
+    Parameters
+    ----------
+    rows
+        Shape (k, 9 (N - 1)).
+    count
+        Number of limbs N.
 
-    Returns:
+    Returns
+    -------
+    tuple[Grasps, Array]
         The grasps, and their centroids in the frames of the first grasps, shape (k, 3) [m].
     """
     k = len(rows)
@@ -86,11 +96,16 @@ def in_world(
 ) -> tuple[Array, Array]:
     """Base poses in the world, from what they are in the frames of first grasps.
 
-    Args:
-        grasp_map: The map.
-        first: The first point of each stance, shape (k,).
-        positions: Base positions in the frames of those grasps [m], shape (k, 3).
-        rotations: Base rotations there, shape (k, 3, 3).
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    first
+        The first point of each stance, shape (k,).
+    positions
+        Base positions in the frames of those grasps [m], shape (k, 3).
+    rotations
+        Base rotations there, shape (k, 3, 3).
     """
     frames = grasp_map.rotations[first]
     return grasp_map.positions[first] + rotate(frames, positions), chain(frames, rotations)

@@ -26,12 +26,16 @@ JOINT_TOLERANCE = 0.02
 def given_pose(pose: Any) -> tuple[float, ...]:
     """A base pose in the world as seven numbers: x, y, z [m] and the unit quaternion w, x, y, z.
 
-    Args:
-        pose: The seven numbers, or a pair of position (3,) and quaternion (4,).
+    Parameters
+    ----------
+    pose
+        The seven numbers, or a pair of position (3,) and quaternion (4,).
 
-    Raises:
-        SettingError: If they are not seven finite numbers or the quaternion's length is not 1
-            within 1 %.
+    Raises
+    ------
+    SettingError
+        If they are not seven finite numbers or the quaternion's length is not 1
+        within 1 %.
     """
     lists = (list, tuple, np.ndarray)
     pair = isinstance(pose, tuple) and len(pose) == 2
@@ -62,8 +66,10 @@ def rotation_of(pose: Sequence[float]) -> Array:
 def given_joints(robot: RobotSpec, joints: Any) -> Array:
     """Joint angles of all limbs, shape (N, 6) [rad].
 
-    Raises:
-        SettingError: If they are not N times six finite numbers inside the joint limits.
+    Raises
+    ------
+    SettingError
+        If they are not N times six finite numbers inside the joint limits.
     """
     flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
     flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
@@ -89,9 +95,11 @@ def masks_of_joints(
 ) -> tuple[int, ...]:
     """The branch and flip that each limb is on at given joint angles, as masks.
 
-    Raises:
-        StanceError: If the angles do not hold the points at the posture, or a limb may not hold on
-            that branch.
+    Raises
+    ------
+    StanceError
+        If the angles do not hold the points at the posture, or a limb may not hold on
+        that branch.
     """
     masks = []
     for limb, point in enumerate(points):
@@ -124,8 +132,10 @@ def masks_of_joints(
 def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
     """Check that the joints of a limb, shape (6,) [rad], are in their windows.
 
-    Raises:
-        StanceError: If one is not.
+    Raises
+    ------
+    StanceError
+        If one is not.
     """
     low, high = robot.limb.windows.T
     outside = np.flatnonzero((joints < low - JOINT_TOLERANCE) | (joints > high + JOINT_TOLERANCE))
@@ -141,7 +151,9 @@ def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
 def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Postures) -> Array:
     """Joint angles with which a limb holds a point at a posture.
 
-    Returns:
+    Returns
+    -------
+    Array
         One row a branch, shape (8, 6) [rad], NaN for branches that do not exist.
     """
     out = Angles.rows(8)

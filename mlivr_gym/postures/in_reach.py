@@ -139,12 +139,18 @@ def reach_queries(
 ) -> Any:
     """A row of `ReachQuery`, shape (1,).
 
-    Args:
-        robot: The robot.
-        w_m: Least limb manipulability.
-        tries: What is tried, see `records.set_candidates`.
-        target: Where the base is to be [m], shape (3,); None for anywhere.
-        tolerance: How near to it [m].
+    Parameters
+    ----------
+    robot
+        The robot.
+    w_m
+        Least limb manipulability.
+    tries
+        What is tried, see `records.set_candidates`.
+    target
+        Where the base is to be [m], shape (3,); None for anywhere.
+    tolerance
+        How near to it [m].
     """
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], tries)
@@ -166,14 +172,21 @@ def sets_in_reach(
 ) -> None:
     """Which sets from `start` to `stop` are in reach.
 
-    Args:
-        start: First set.
-        stop: One past the last.
-        sets: Points of each, shape (k, N).
-        world: A row of `RobotModel`, the map's points as rows of `Grasp`, a row of `ReachQuery`,
-            the orders of the points that are tried, see `orders_of`.
-        out: Filled, shape (k,).
-        scratch_rows: A row of `ReachScratch`, shape (1,).
+    Parameters
+    ----------
+    start
+        First set.
+    stop
+        One past the last.
+    sets
+        Points of each, shape (k, N).
+    world
+        A row of `RobotModel`, the map's points as rows of `Grasp`, a row of `ReachQuery`,
+        the orders of the points that are tried, see `orders_of`.
+    out
+        Filled, shape (k,).
+    scratch_rows
+        A row of `ReachScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
@@ -270,7 +283,9 @@ def _across(v: Triple, axis: Triple) -> Triple:
 def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
     """Unrolled body axes for all orders of the points, both senses where they fit equally well.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether these are all; not if the points of an order lie in no direction from the centroid.
     """
     e1 = _across((1.0, 0.0, 0.0), out)
@@ -319,13 +334,20 @@ def _rolled(
 ) -> bool:
     """Whether the set is in reach from a base pose rolled about a line.
 
-    Args:
-        line: Roll axis.
-        out: Outward direction before the roll.
-        level: Whether a roll of zero counts, which is the same about every line.
-        opposed: Whether rolls and heights are those between opposite walls.
-        world: What all sets share.
-        scratch: The set; its unrolled body axes are worked out if they are needed.
+    Parameters
+    ----------
+    line
+        Roll axis.
+    out
+        Outward direction before the roll.
+    level
+        Whether a roll of zero counts, which is the same about every line.
+    opposed
+        Whether rolls and heights are those between opposite walls.
+    world
+        What all sets share.
+    scratch
+        The set; its unrolled body axes are worked out if they are needed.
     """
     query, rule, base = world.query, world.query.rule, scratch.base
     roll_count = rule.wide_roll_count if opposed else rule.roll_count

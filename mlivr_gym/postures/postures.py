@@ -17,17 +17,26 @@ from mlivr_gym.postures.turns import permuted_limbs, turned_frames
 class Postures:
     """Postures of k stances.
 
-    Attributes:
-        base_position: Base positions in the world [m], shape (k, 3).
-        base_rotation: Base rotations in the world, shape (k, 3, 3).
-        w_m: Limb manipulability, shape (k, N); 0 where the stance cannot be held.
-        w_b: Base manipulability, shape (k,).
-        branch: Branch of each limb that gives the margin, shape (k, N).
-        mask: Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
-        tried: Which of the base poses tried it is, see `tried_poses`; -1 for one that was given and
-            where there is none, shape (k,).
-        cause: What the best posture touches where that alone keeps the stance from being held,
-            shape (k,); one of the causes in `distances`.
+    Attributes
+    ----------
+    base_position
+        Base positions in the world [m], shape (k, 3).
+    base_rotation
+        Base rotations in the world, shape (k, 3, 3).
+    w_m
+        Limb manipulability, shape (k, N); 0 where the stance cannot be held.
+    w_b
+        Base manipulability, shape (k,).
+    branch
+        Branch of each limb that gives the margin, shape (k, N).
+    mask
+        Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
+    tried
+        Which of the base poses tried it is, see `tried_poses`; -1 for one that was given and
+        where there is none, shape (k,).
+    cause
+        What the best posture touches where that alone keeps the stance from being held,
+        shape (k,); one of the causes in `distances`.
     """
 
     base_position: Array

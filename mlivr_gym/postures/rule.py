@@ -50,14 +50,22 @@ def enter(search: PostureSearch, c: int, floor: float, look: bool, scratch: Post
     What its branches touch is not known any more; `K^-1` of those above a margin is worked out, and
     these are combined.
 
-    Args:
-        search: What is searched.
-        c: Index of the base pose.
-        floor: Margin that branches must exceed.
-        look: Whether the body must touch no box.
-        scratch: Scratch.
+    Parameters
+    ----------
+    search
+        What is searched.
+    c
+        Index of the base pose.
+    floor
+        Margin that branches must exceed.
+    look
+        Whether the body must touch no box.
+    scratch
+        Scratch.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the base pose may be looked at.
     """
     robot, held, rule, tried = search.robot, search.held, search.rule, scratch.tried[c]
@@ -174,13 +182,20 @@ def _next_hopeful(
     below a margin or that is known to touch something, two branches that are known to touch or be
     near each other, or some with which `w_b` stays below a margin whatever the others are.
 
-    Args:
-        search: What is searched.
-        tried: The base pose that is looked at.
-        least: The margins of `w_m` and of `w_b`.
-        least_gap: Distance up to which branches are near each other [m].
-        depth: The limb whose branch changes: the last to begin with, 0 after a combination.
-        scratch: Scratch.
+    Parameters
+    ----------
+    search
+        What is searched.
+    tried
+        The base pose that is looked at.
+    least
+        The margins of `w_m` and of `w_b`.
+    least_gap
+        Distance up to which branches are near each other [m].
+    depth
+        The limb whose branch changes: the last to begin with, 0 after a combination.
+    scratch
+        Scratch.
     """
     limbs, i = search.robot.limb_count, depth
     if depth == 0:

@@ -35,7 +35,9 @@ def reach(
 ) -> float:
     """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
 
-    Returns:
+    Returns
+    -------
+    float
         The least over the limbs of the best class; 0 as soon as that of one is below `floor`.
     """
     least = np.inf
@@ -104,15 +106,24 @@ def solve_postures(
 
     Grasps, directions and base poses of a stance are given in a frame about the grasps' centroid.
 
-    Args:
-        start: First stance.
-        stop: One past the last.
-        stances: Rows of `HeldStance`, shape (k,).
-        robots: A row of `RobotModel`, shape (1,).
-        rules: A row of `PostureRule`: which base poses are tried, and which is taken.
-        grid: The boxes.
-        out: Rows of `Posture`, shape (k,), zeros; filled.
-        scratch_rows: A row of `PostureScratch`, shape (1,).
+    Parameters
+    ----------
+    start
+        First stance.
+    stop
+        One past the last.
+    stances
+        Rows of `HeldStance`, shape (k,).
+    robots
+        A row of `RobotModel`, shape (1,).
+    rules
+        A row of `PostureRule`: which base poses are tried, and which is taken.
+    grid
+        The boxes.
+    out
+        Rows of `Posture`, shape (k,), zeros; filled.
+    scratch_rows
+        A row of `PostureScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     for g in range(start, stop):
@@ -203,11 +214,16 @@ def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
 def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
     """A base pose of each of k stances, from the centroid of its grasps.
 
-    Args:
-        stances: Rows of `HeldStance`, shape (k,).
-        rules: A row of `PostureRule`, which tells what is tried.
-        numbers: Which of those of the stance, shape (k,); what is none is passed over.
-        out: Rows of `Pose`, shape (k,), filled.
+    Parameters
+    ----------
+    stances
+        Rows of `HeldStance`, shape (k,).
+    rules
+        A row of `PostureRule`, which tells what is tried.
+    numbers
+        Which of those of the stance, shape (k,); what is none is passed over.
+    out
+        Rows of `Pose`, shape (k,), filled.
     """
     rule = rules[0]
     for k in range(len(numbers)):

@@ -75,16 +75,25 @@ LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 class PostureSolver:
     """Postures of stances on a map, each relative geometry solved once.
 
-    Attributes:
-        grasp_map: The map.
-        robot: The robot.
-        settings: Thresholds and switches.
-        shapes: The robot's shapes; `shapes.rows` is the robot as compiled code reads it.
-        grasps: Points of the map in the world, rows of `Grasp`, shape (m,).
-        boxes: The map's boxes.
-        thresholds: What stances and steps must meet, a row of `Thresholds`, shape (1,).
-        point_cause: What a hand touches that holds each point, one of the causes in `distances`, 0
-            if nothing; shape (m,).
+    Attributes
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    settings
+        Thresholds and switches.
+    shapes
+        The robot's shapes; `shapes.rows` is the robot as compiled code reads it.
+    grasps
+        Points of the map in the world, rows of `Grasp`, shape (m,).
+    boxes
+        The map's boxes.
+    thresholds
+        What stances and steps must meet, a row of `Thresholds`, shape (1,).
+    point_cause
+        What a hand touches that holds each point, one of the causes in `distances`, 0
+        if nothing; shape (m,).
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
@@ -125,12 +134,18 @@ class PostureSolver:
     ) -> None:
         """Take the branches that touch a box out of the masks of some stances.
 
-        Args:
-            chosen: Indices of the stances to check.
-            stances: Point indices of all stances, shape (k, N).
-            postures: Their postures; masks and causes are changed in place.
-            grid: The boxes.
-            others: Whether branches other than those of the postures count.
+        Parameters
+        ----------
+        chosen
+            Indices of the stances to check.
+        stances
+            Point indices of all stances, shape (k, N).
+        postures
+            Their postures; masks and causes are changed in place.
+        grid
+            The boxes.
+        others
+            Whether branches other than those of the postures count.
         """
         held = PosturesHeld(
             np.ascontiguousarray(stances),
@@ -243,13 +258,19 @@ class PostureSolver:
 
         The floor of departures applies whatever the thresholds.
 
-        Args:
-            stances: Point index of each limb, shape (k, N).
-            positions: Base positions in the world [m], shape (k, 3).
-            rotations: Base rotations in the world, shape (k, 3, 3).
-            thresholds: Least `w_m` and `w_b` they must meet.
-            collisions: Whether branches that touch something are left out; by default as in the
-                settings.
+        Parameters
+        ----------
+        stances
+            Point index of each limb, shape (k, N).
+        positions
+            Base positions in the world [m], shape (k, 3).
+        rotations
+            Base rotations in the world, shape (k, 3, 3).
+        thresholds
+            Least `w_m` and `w_b` they must meet.
+        collisions
+            Whether branches that touch something are left out; by default as in the
+            settings.
         """
         collisions = self.settings.collisions if collisions is None else collisions
         count = len(stances)
@@ -273,7 +294,9 @@ class PostureSolver:
     def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
         """Base poses that are tried for a stance given by point indices.
 
-        Returns:
+        Returns
+        -------
+        tuple[Array, Array]
             Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), in the world.
         """
         points = np.array([stance], dtype=np.int64)
@@ -296,10 +319,14 @@ class PostureSolver:
 
         Of a node, and so of every state, the points are such a set.
 
-        Args:
-            sets: Points, in any order, shape (k, N).
-            target: Where the base is to be [m], shape (3,); by default anywhere.
-            tolerance: How near to it [m].
+        Parameters
+        ----------
+        sets
+            Points, in any order, shape (k, N).
+        target
+            Where the base is to be [m], shape (3,); by default anywhere.
+        tolerance
+            How near to it [m].
         """
         robot = self.robot
         tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]

@@ -115,13 +115,20 @@ def bases_at(
 
     They are those of `Postures` to the last bit.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        stances: Point indices, shape (k, N).
-        numbers: Which of those tried, shape (k,).
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    stances
+        Point indices, shape (k, N).
+    numbers
+        Which of those tried, shape (k,).
 
-    Returns:
+    Returns
+    -------
+    tuple[Array, Array]
         Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
     """
     turns = first_limbs(grasp_map, stances)

@@ -16,11 +16,16 @@ LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wris
 class Capsule:
     """A capsule fixed to a link of a limb.
 
-    Attributes:
-        link: One of `LINKS`; the gripper's frame is that of the flange, z towards the grasp.
-        start: One end of the axis in the link's frame, that of the manufacturer's description [m].
-        end: The other end [m].
-        radius: Radius [m].
+    Attributes
+    ----------
+    link
+        One of `LINKS`; the gripper's frame is that of the flange, z towards the grasp.
+    start
+        One end of the axis in the link's frame, that of the manufacturer's description [m].
+    end
+        The other end [m].
+    radius
+        Radius [m].
     """
 
     link: str

@@ -35,17 +35,26 @@ MASSES = (1e-3, 1e6)
 class LimbDynamics:
     """Masses, inertias and limits of the six links and joints of a limb.
 
-    Attributes:
-        base_mass: Mass of the link by which the limb is fixed to the body, a cylinder that stands
-            on it [kg].
-        base_size: Radius and length of that cylinder [m].
-        masses: Mass of each link [kg].
-        centres: Centre of mass of each link in its frame [m], six of three.
-        inertias: Inertia of each link about its centre of mass in the axes of its frame, xx, yy,
-            zz, xy, xz, yz [kg m^2].
-        torque_limits: Largest torque of each joint [N m].
-        speed_limits: Largest speed of each joint [rad/s].
-        rotor_inertias: Inertia of each joint's rotor, seen behind the gear [kg m^2].
+    Attributes
+    ----------
+    base_mass
+        Mass of the link by which the limb is fixed to the body, a cylinder that stands
+        on it [kg].
+    base_size
+        Radius and length of that cylinder [m].
+    masses
+        Mass of each link [kg].
+    centres
+        Centre of mass of each link in its frame [m], six of three.
+    inertias
+        Inertia of each link about its centre of mass in the axes of its frame, xx, yy,
+        zz, xy, xz, yz [kg m^2].
+    torque_limits
+        Largest torque of each joint [N m].
+    speed_limits
+        Largest speed of each joint [rad/s].
+    rotor_inertias
+        Inertia of each joint's rotor, seen behind the gear [kg m^2].
     """
 
     base_mass: float
@@ -120,9 +129,12 @@ def arm_of(limb: Limb) -> str | None:
 class Named:
     """A record of a limb, or the name of an arm that ships.
 
-    Attributes:
-        kind: Reads a record that is spelled out.
-        make: Gives the record of a name.
+    Attributes
+    ----------
+    kind
+        Reads a record that is spelled out.
+    make
+        Gives the record of a name.
     """
 
     kind: Kind[Any]

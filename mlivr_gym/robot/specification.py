@@ -98,30 +98,48 @@ class RobotSpec:
 
     The first joint axis of each limb is radial; limb 0 points along the body's +x axis.
 
-    Attributes:
-        name: Short name.
-        limbs: Number of limbs N, at least 2.
-        limb: Kinematics of one limb.
-        mount_radius: Distance of a limb's base from the body's z axis [m].
-        tool_length: Distance from the flange to the grasp along the flange normal [m].
-        characteristic_length: l_c, which makes lengths and angles comparable in the Jacobian [m].
-        grasp_separation: Least distance of two points held at once [m] (gripper width).
-        span: Greatest distance of two points held at once that is tried [m].
-        heights: Heights of the base over the grasps' centroid that are tried [m], in any order:
-            they are kept lowest first.
-        rolls: Rolls about the line from the grasps' centroid to that of limb 0, of more than two
-            limbs to the nearest, that are tried [rad], in any order; kept in `geometric_order`.
-        lift: How far a gripper departs along the surface normal before it swings [m].
-        folds: Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
-            moves, at most four, the preferred first; those that do not lie in the windows of the
-            joints are left out.
-        capsules: Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
-            lengths, and a gripper from the flange to the grasp.
-        body_size: Edge of the body, a cube [m].
-        body_mass: Mass of the body [kg].
-        gripper_mass: Mass of a gripper [kg].
-        dynamics: Masses, inertias and joint limits of a limb, also by the name of an arm (one of
-            `ARMS`); None for those of the arm that has the limb's lengths.
+    Attributes
+    ----------
+    name
+        Short name.
+    limbs
+        Number of limbs N, at least 2.
+    limb
+        Kinematics of one limb.
+    mount_radius
+        Distance of a limb's base from the body's z axis [m].
+    tool_length
+        Distance from the flange to the grasp along the flange normal [m].
+    characteristic_length
+        l_c, which makes lengths and angles comparable in the Jacobian [m].
+    grasp_separation
+        Least distance of two points held at once [m] (gripper width).
+    span
+        Greatest distance of two points held at once that is tried [m].
+    heights
+        Heights of the base over the grasps' centroid that are tried [m], in any order:
+        they are kept lowest first.
+    rolls
+        Rolls about the line from the grasps' centroid to that of limb 0, of more than two
+        limbs to the nearest, that are tried [rad], in any order; kept in `geometric_order`.
+    lift
+        How far a gripper departs along the surface normal before it swings [m].
+    folds
+        Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
+        moves, at most four, the preferred first; those that do not lie in the windows of the
+        joints are left out.
+    capsules
+        Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
+        lengths, and a gripper from the flange to the grasp.
+    body_size
+        Edge of the body, a cube [m].
+    body_mass
+        Mass of the body [kg].
+    gripper_mass
+        Mass of a gripper [kg].
+    dynamics
+        Masses, inertias and joint limits of a limb, also by the name of an arm (one of
+        `ARMS`); None for those of the arm that has the limb's lengths.
     """
 
     name: str = "robot"
@@ -218,9 +236,11 @@ class RobotSpec:
     def limb_dynamics(self) -> LimbDynamics:
         """Masses, inertias and joint limits of a limb.
 
-        Raises:
-            RobotError: If they are not given, and the limb's lengths are those of no arm that
-                ships: another arm's figures would be wrong without a word.
+        Raises
+        ------
+        RobotError
+            If they are not given, and the limb's lengths are those of no arm that
+            ships: another arm's figures would be wrong without a word.
         """
         if self.dynamics is not None:
             return self.dynamics
@@ -253,12 +273,17 @@ class RobotSpec:
 
         Missing fields keep their defaults.
 
-        Args:
-            data: The plain data.
-            name: Used when the data names none.
+        Parameters
+        ----------
+        data
+            The plain data.
+        name
+            Used when the data names none.
 
-        Raises:
-            RobotError: naming an unknown field or a faulty value.
+        Raises
+        ------
+        RobotError
+            naming an unknown field or a faulty value.
         """
         given = {"name": name} | data if isinstance(data, dict) else data
         return ROBOT.read(given, FieldPath("", RobotError))
@@ -267,8 +292,10 @@ class RobotSpec:
     def load(cls, path: str | Path) -> RobotSpec:
         """Read a robot from a JSON file; one without a name is called like the file.
 
-        Raises:
-            RobotError: If the file cannot be read or a field is faulty.
+        Raises
+        ------
+        RobotError
+            If the file cannot be read or a field is faulty.
         """
         name = Path(path).stem
         return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
@@ -313,8 +340,10 @@ _PLACE = FieldPath("robot", RobotError)
 def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLACE) -> RobotSpec:
     """A robot by name, by path of a JSON file, from plain data (`RobotSpec.to_dict`), or as it is.
 
-    Raises:
-        RobotError: If the name is unknown and no such file exists, or the plain data are faulty.
+    Raises
+    ------
+    RobotError
+        If the name is unknown and no such file exists, or the plain data are faulty.
     """
     if isinstance(robot, RobotSpec):
         return robot

@@ -35,22 +35,36 @@ from mlivr_gym.simulation.figures import Figures
 class Controller(Figures):
     """Gains and abilities of the controller.
 
-    Attributes:
-        kp_free: Gain of the position error of each joint of a limb that is free [N m/rad].
-        kd_free: Gain of its speed error [N m s/rad].
-        kp_hold: Gain of the position error of each joint of a limb that holds [N m/rad].
-        kd_hold: Gain of its speed error [N m s/rad].
-        period: Time from one reading of the encoders to the next [s], a multiple of the time step.
-        feedforward: Whether what the trajectory needs by the robot's dynamics is fed forward, see
-            `feedforward.feedforward`.
-        rebase: Whether references move to where the encoders are when a step begins.
-        recovery: Time in which a shift falls to 1/e on departure and swing [s].
-        guided: Whether a sensor on the gripper guides the approach.
-        sensor_period: Time from one reading of that sensor to the next [s].
-        guidance: Share of the error seen that is taken out in a second [1/s].
-        patience: How long the gripper may wait before the point until the error seen is small and
-            the gripper at rest [s].
-        tries: Approaches that are tried, all but the last of which must come close to the point.
+    Attributes
+    ----------
+    kp_free
+        Gain of the position error of each joint of a limb that is free [N m/rad].
+    kd_free
+        Gain of its speed error [N m s/rad].
+    kp_hold
+        Gain of the position error of each joint of a limb that holds [N m/rad].
+    kd_hold
+        Gain of its speed error [N m s/rad].
+    period
+        Time from one reading of the encoders to the next [s], a multiple of the time step.
+    feedforward
+        Whether what the trajectory needs by the robot's dynamics is fed forward, see
+        `feedforward.feedforward`.
+    rebase
+        Whether references move to where the encoders are when a step begins.
+    recovery
+        Time in which a shift falls to 1/e on departure and swing [s].
+    guided
+        Whether a sensor on the gripper guides the approach.
+    sensor_period
+        Time from one reading of that sensor to the next [s].
+    guidance
+        Share of the error seen that is taken out in a second [1/s].
+    patience
+        How long the gripper may wait before the point until the error seen is small and
+        the gripper at rest [s].
+    tries
+        Approaches that are tried, all but the last of which must come close to the point.
     """
 
     kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)

@@ -31,22 +31,37 @@ STANDARD_GRAVITY = 9.80665
 class Disturbances(Figures):
     """How far figures may be off; 0 everywhere is the robot that the controller knows.
 
-    Attributes:
-        friction: Coulomb friction of each joint, drawn evenly from 0 to this [N m].
-        damping: Viscous friction of each joint, drawn evenly from 0 to this [N m s/rad].
-        encoder_bias: Error of each encoder, evenly within plus and minus this [rad].
-        encoder_noise: Standard deviation of each reading [rad].
-        speed_noise: Standard deviation of each reading of a joint's speed [rad/s].
-        delay: Time from a reading to the torque that it leads to [s].
-        acceleration: Residual acceleration, of this size in a direction drawn for a walk [g].
-        payload: Mass fixed to the middle of the body, evenly from 0 to this [kg].
-        masses: Mass and inertia of each body, by a factor evenly within 1 plus and minus this.
-        stiffness: Stiffness and damping of each grasp, by a factor from one over this to this,
-            evenly by its logarithm; 1 for none.
-        point_position: Displacement of each point, evenly within a ball of this radius [m].
-        point_angle: Turn of each point about an axis drawn for it, evenly from 0 to this [rad].
-        sensor_position: Standard deviation of the sensor's reading of a position [m].
-        sensor_angle: Standard deviation of its reading of an angle [rad].
+    Attributes
+    ----------
+    friction
+        Coulomb friction of each joint, drawn evenly from 0 to this [N m].
+    damping
+        Viscous friction of each joint, drawn evenly from 0 to this [N m s/rad].
+    encoder_bias
+        Error of each encoder, evenly within plus and minus this [rad].
+    encoder_noise
+        Standard deviation of each reading [rad].
+    speed_noise
+        Standard deviation of each reading of a joint's speed [rad/s].
+    delay
+        Time from a reading to the torque that it leads to [s].
+    acceleration
+        Residual acceleration, of this size in a direction drawn for a walk [g].
+    payload
+        Mass fixed to the middle of the body, evenly from 0 to this [kg].
+    masses
+        Mass and inertia of each body, by a factor evenly within 1 plus and minus this.
+    stiffness
+        Stiffness and damping of each grasp, by a factor from one over this to this,
+        evenly by its logarithm; 1 for none.
+    point_position
+        Displacement of each point, evenly within a ball of this radius [m].
+    point_angle
+        Turn of each point about an axis drawn for it, evenly from 0 to this [rad].
+    sensor_position
+        Standard deviation of the sensor's reading of a position [m].
+    sensor_angle
+        Standard deviation of its reading of an angle [rad].
     """
 
     friction: float = 0.0
@@ -91,11 +106,16 @@ class Disturbances(Figures):
 
         Each figure has a stream of its own, so that it is the same whatever the others are.
 
-        Args:
-            seed: Seed; the same one draws the same.
-            parts: Parts of the robot that have a mass, MuJoCo's bodies.
-            limbs: Its limbs, N.
-            points: Points of the map, m.
+        Parameters
+        ----------
+        seed
+            Seed; the same one draws the same.
+        parts
+            Parts of the robot that have a mass, MuJoCo's bodies.
+        limbs
+            Its limbs, N.
+        points
+            Points of the map, m.
         """
         streams = dict(
             zip(
@@ -131,18 +151,30 @@ class Disturbances(Figures):
 class Disturbance:
     """A robot and module with figures of their own.
 
-    Attributes:
-        seed: Seed of its draw, and of the noise of readings.
-        sizes: What it was drawn from.
-        friction: Of each joint, shape (N, 6) [N m].
-        damping: Of each joint, shape (N, 6) [N m s/rad].
-        encoder_bias: Reading less angle, shape (N, 6) [rad].
-        gravity: Residual acceleration, shape (3,) [m/s^2].
-        payload: Mass in the middle of the body [kg].
-        masses: Factor of each body's mass and inertia, in the order of the robot's bodies.
-        stiffness: Factor of each grasp's stiffness and damping, shape (N,).
-        point_offsets: Where points are, less where the map has them, shape (m, 3) [m].
-        point_turns: How points are turned against the map, rotation vectors (m, 3) [rad].
+    Attributes
+    ----------
+    seed
+        Seed of its draw, and of the noise of readings.
+    sizes
+        What it was drawn from.
+    friction
+        Of each joint, shape (N, 6) [N m].
+    damping
+        Of each joint, shape (N, 6) [N m s/rad].
+    encoder_bias
+        Reading less angle, shape (N, 6) [rad].
+    gravity
+        Residual acceleration, shape (3,) [m/s^2].
+    payload
+        Mass in the middle of the body [kg].
+    masses
+        Factor of each body's mass and inertia, in the order of the robot's bodies.
+    stiffness
+        Factor of each grasp's stiffness and damping, shape (N,).
+    point_offsets
+        Where points are, less where the map has them, shape (m, 3) [m].
+    point_turns
+        How points are turned against the map, rotation vectors (m, 3) [rad].
     """
 
     seed: int

@@ -41,20 +41,32 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 class Physics(Figures):
     """Figures of grasps and failures.
 
-    Attributes:
-        timestep: Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
-        grasp_stiffness: Restoring force of a grasp [N/m].
-        grasp_damping: Its damping [N s/m]; nine tenths of critical for 64 kg.
-        grasp_rotational_stiffness: Restoring torque of a grasp [N m/rad].
-        grasp_rotational_damping: Its damping [N m s/rad]; critical for 40 kg m^2, that of the
-            two-limb robot about a grasp.
-        capture_distance: A gripper farther than this from its point cannot grasp it [m].
-        capture_angle: Nor one turned by more than this from it [rad].
-        hold_force: Largest force that a grasp holds [N].
-        hold_torque: Largest torque that a grasp holds [N m].
-        saturation_time: A joint whose torque is at its limit for longer than this has failed [s].
-        limit_margin: A joint farther outside its limits than this has failed [rad]; the
-            manufacturer's controller stops there.
+    Attributes
+    ----------
+    timestep
+        Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
+    grasp_stiffness
+        Restoring force of a grasp [N/m].
+    grasp_damping
+        Its damping [N s/m]; nine tenths of critical for 64 kg.
+    grasp_rotational_stiffness
+        Restoring torque of a grasp [N m/rad].
+    grasp_rotational_damping
+        Its damping [N m s/rad]; critical for 40 kg m^2, that of the
+        two-limb robot about a grasp.
+    capture_distance
+        A gripper farther than this from its point cannot grasp it [m].
+    capture_angle
+        Nor one turned by more than this from it [rad].
+    hold_force
+        Largest force that a grasp holds [N].
+    hold_torque
+        Largest torque that a grasp holds [N m].
+    saturation_time
+        A joint whose torque is at its limit for longer than this has failed [s].
+    limit_margin
+        A joint farther outside its limits than this has failed [rad]; the
+        manufacturer's controller stops there.
     """
 
     timestep: float = 0.002
@@ -96,14 +108,21 @@ def dynamics_spec(
     its force under the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. Sensors
     `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        physics: Figures; by default those of `Physics`.
-        obstacles: Further boxes.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    physics
+        Figures; by default those of `Physics`.
+    obstacles
+        Further boxes.
 
-    Raises:
-        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises
+    ------
+    RobotError
+        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     physics = physics or Physics()
     torque_limits = robot.limb_dynamics.torque_limits

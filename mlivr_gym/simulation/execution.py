@@ -38,19 +38,32 @@ REST = 2.0
 class Execution:
     """A plan that was executed, or as far as it went.
 
-    Attributes:
-        plan: The plan.
-        timing: How fast it was to be carried out.
-        controller: The controller of the joints.
-        physics: Figures of grasps and failures.
-        disturbance: How robot and module differed from what the controller knows.
-        recording: Measurements.
-        peaks: Largest values at any time step.
-        captures: How each limb grasped its point.
-        failure: Why the walk ended before its end, or None.
-        simulated_time: Time that passed in the simulation [s].
-        preparation_time: Time spent on trajectories [s].
-        simulation_time: Time spent on simulation [s].
+    Attributes
+    ----------
+    plan
+        The plan.
+    timing
+        How fast it was to be carried out.
+    controller
+        The controller of the joints.
+    physics
+        Figures of grasps and failures.
+    disturbance
+        How robot and module differed from what the controller knows.
+    recording
+        Measurements.
+    peaks
+        Largest values at any time step.
+    captures
+        How each limb grasped its point.
+    failure
+        Why the walk ended before its end, or None.
+    simulated_time
+        Time that passed in the simulation [s].
+    preparation_time
+        Time spent on trajectories [s].
+    simulation_time
+        Time spent on simulation [s].
     """
 
     plan: Plan
@@ -100,8 +113,10 @@ class Execution:
     def save(self, path: str | Path) -> None:
         """Write the measurements as a NumPy archive `path`, and `summary` as JSON beside it.
 
-        Raises:
-            FileError: If a file cannot be written.
+        Raises
+        ------
+        FileError
+            If a file cannot be written.
         """
         stream = io.BytesIO()
         np.savez_compressed(stream, **self.recording.arrays())  # type: ignore[arg-type]
@@ -122,19 +137,30 @@ def execute(
 ) -> Execution:
     """Execute a plan in MuJoCo.
 
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan.
-        timing: How fast: as `Limits` allow, by default the default ones, or in given `Durations`.
-        physics: Figures of grasps and failures.
-        progress: Called with the number of steps done.
-        simulation: A simulation of the plan's robot, map and obstacles, for another controller or
-            disturbance, or to use it again; its `physics` are used then.
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    timing
+        How fast: as `Limits` allow, by default the default ones, or in given `Durations`.
+    physics
+        Figures of grasps and failures.
+    progress
+        Called with the number of steps done.
+    simulation
+        A simulation of the plan's robot, map and obstacles, for another controller or
+        disturbance, or to use it again; its `physics` are used then.
 
-    Raises:
-        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
-        TimingError: If durations break a limit.
-        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises
+    ------
+    PlanError
+        If the plan has no step, or a step cannot be followed inside the joint limits.
+    TimingError
+        If durations break a limit.
+    RobotError
+        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
 
     Example:
         >>> execution = execute(graph, plan)
@@ -180,9 +206,12 @@ def timed_walk(
 ) -> TimedWalk:
     """A plan with a clock, on a time grid [s].
 
-    Raises:
-        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
-        TimingError: If durations break a limit.
+    Raises
+    ------
+    PlanError
+        If the plan has no step, or a step cannot be followed inside the joint limits.
+    TimingError
+        If durations break a limit.
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")

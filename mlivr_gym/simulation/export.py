@@ -40,15 +40,23 @@ def exported_model(
     switched on, sensors, the keyframe `START`, which MuJoCo loads with `mj_resetDataKeyframe`, and
     the camera `CAMERA`. Names are those of `dynamics.dynamics_spec`.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        configuration: Base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
-        points: Point index that each limb holds.
-        obstacles: Further boxes.
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    configuration
+        Base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
+    points
+        Point index that each limb holds.
+    obstacles
+        Further boxes.
 
-    Raises:
-        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises
+    ------
+    RobotError
+        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     physics = Physics()
     simulation = Simulation(grasp_map, robot, physics, obstacles)

@@ -30,10 +30,14 @@ class FailureWatch:
     ) -> tuple[int, Failure] | None:
         """The first time step, by index, at which something failed, and what; None if nothing did.
 
-        Args:
-            measured: Time steps that follow those of the last call.
-            phase: Their phase.
-            held: Which limbs hold.
+        Parameters
+        ----------
+        measured
+            Time steps that follow those of the last call.
+        phase
+            Their phase.
+        held
+            Which limbs hold.
         """
         recording, finite = measured.recording, measured.finite
         touching = recording.contacts > 0

@@ -27,8 +27,10 @@ class Figures:
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
         """The figures as they are, from plain data, by name (one of `named`), or by default.
 
-        Raises:
-            SettingError: If there is no such name or field, or a field has a faulty value.
+        Raises
+        ------
+        SettingError
+            If there is no such name or field, or a field has a faulty value.
         """
         known = cls.named or None
         return Struct(cls, cls.kinds).given(given, FieldPath(cls.called, SettingError), known)

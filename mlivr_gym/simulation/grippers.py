@@ -28,8 +28,10 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 class Grippers:
     """The grippers of a simulated robot.
 
-    Attributes:
-        points: Point index each limb holds, or `FREE`.
+    Attributes
+    ----------
+    points
+        Point index each limb holds, or `FREE`.
     """
 
     def __init__(
@@ -86,9 +88,12 @@ class Grippers:
     def speeds(self, limb: int, joints: Array) -> tuple[float, float]:
         """How fast a gripper moves [m/s] and turns [rad/s] if those that hold stand still.
 
-        Args:
-            limb: Its limb.
-            joints: Speeds of all joints, shape (6 N,) [rad/s].
+        Parameters
+        ----------
+        limb
+            Its limb.
+        joints
+            Speeds of all joints, shape (6 N,) [rad/s].
         """
         holding = [other for other, point in enumerate(self.points) if point != FREE]
         held, here = np.concatenate([self.jacobian(i) for i in holding]), self.jacobian(limb)

@@ -37,9 +37,12 @@ class Measured(NamedTuple):
 class Instruments:
     """Where a model of `dynamics.dynamics_spec` keeps what is measured, and how it is read.
 
-    Attributes:
-        model: The model.
-        mass: Mass of the robot [kg].
+    Attributes
+    ----------
+    model
+        The model.
+    mass
+        Mass of the robot [kg].
     """
 
     def __init__(self, model: mujoco.MjModel, limbs: int) -> None:
@@ -68,13 +71,20 @@ class Instruments:
     ) -> Measured:
         """What n successive time steps measure.
 
-        Args:
-            states: Full states before each of them, n rows.
-            sensors: Sensor data at each of them, n rows.
-            trajectory: The trajectory that is followed.
-            first: Index of the first of them on its time grid.
-            begun: Time steps that passed before the first of them.
-            step: Index of the step of the walk.
+        Parameters
+        ----------
+        states
+            Full states before each of them, n rows.
+        sensors
+            Sensor data at each of them, n rows.
+        trajectory
+            The trajectory that is followed.
+        first
+            Index of the first of them on its time grid.
+        begun
+            Time steps that passed before the first of them.
+        step
+            Index of the step of the walk.
         """
         count, there = len(states), slice(first, first + len(states))
         times = np.arange(begun, begun + count, dtype=np.float64) * self.model.opt.timestep

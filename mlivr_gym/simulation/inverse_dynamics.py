@@ -43,13 +43,19 @@ def needed(
 
     Where several limbs hold, they share the wrench such that the sum of its squares is least.
 
-    Args:
-        robot: The robot.
-        holding: Limbs that hold, n of them.
-        positions: Base position, base quaternion and joints, shape (k, 7 + 6 N) [m, rad].
-        speeds: Of each motion, linear velocity of the base in the world, angular in the base's
-            axes, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
-        accelerations: Their derivatives, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
+    Parameters
+    ----------
+    robot
+        The robot.
+    holding
+        Limbs that hold, n of them.
+    positions
+        Base position, base quaternion and joints, shape (k, 7 + 6 N) [m, rad].
+    speeds
+        Of each motion, linear velocity of the base in the world, angular in the base's
+        axes, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
+    accelerations
+        Their derivatives, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
     """
     model, count = robot_model(robot), len(positions)
     data = mujoco.MjData(model)

@@ -50,8 +50,10 @@ class Reference(NamedTuple):
 class JointControl:
     """Drives the joints of a simulated robot.
 
-    Attributes:
-        shift: What is added to the references' positions, shape (6 N,) [rad].
+    Attributes
+    ----------
+    shift
+        What is added to the references' positions, shape (6 N,) [rad].
     """
 
     def __init__(
@@ -104,7 +106,9 @@ class JointControl:
     ) -> tuple[Array, Array]:
         """Follow a reference, one time step for each of its times; if wanted, the shift goes out.
 
-        Returns:
+        Returns
+        -------
+        tuple[Array, Array]
             Time, positions and velocities before each time step, and sensor data at it.
         """
         model, data, controller = self._model, self._data, self._controller

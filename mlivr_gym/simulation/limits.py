@@ -18,19 +18,28 @@ PROFILES = ("fastest", "quintic")
 class Limits(Figures):
     """What a step may ask of the robot and of the points it holds.
 
-    Attributes:
-        torque: Share of each joint's largest torque.
-        speed: Share of each joint's largest speed.
-        grasp_force: Force on a grasp [N].
-        grasp_torque: Torque on a grasp [N m].
-        surface_speed: Speed of a gripper on departure and approach [m/s].
-        rise_time: Time in which the acceleration along the path may change from nothing to its
-            largest and back [s]; it bounds the jerk. For the profile `"fastest"`.
-        profile: One of `PROFILES`. On a given path the torques that the dynamics ask for are linear
-            in the second derivative and the squared first derivative of the share of a piece:
-            `"fastest"` follows the limits along the piece, `"quintic"` takes the shortest quintic.
-        step_duration: Duration of every step [s], whose pieces are slowed down alike; None for the
-            shortest.
+    Attributes
+    ----------
+    torque
+        Share of each joint's largest torque.
+    speed
+        Share of each joint's largest speed.
+    grasp_force
+        Force on a grasp [N].
+    grasp_torque
+        Torque on a grasp [N m].
+    surface_speed
+        Speed of a gripper on departure and approach [m/s].
+    rise_time
+        Time in which the acceleration along the path may change from nothing to its
+        largest and back [s]; it bounds the jerk. For the profile `"fastest"`.
+    profile
+        One of `PROFILES`. On a given path the torques that the dynamics ask for are linear
+        in the second derivative and the squared first derivative of the share of a piece:
+        `"fastest"` follows the limits along the piece, `"quintic"` takes the shortest quintic.
+    step_duration
+        Duration of every step [s], whose pieces are slowed down alike; None for the
+        shortest.
     """
 
     torque: float = 0.8

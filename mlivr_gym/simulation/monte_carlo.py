@@ -91,20 +91,32 @@ def execute_many(
     same outcomes, whatever the number of processes. The processes are started afresh: a script that
     uses more than one needs `if __name__ == "__main__":`.
 
-    Args:
-        graph: The stance graph of the plans' robot and map.
-        plans: The plans.
-        setup: How they are carried out; its disturbances are drawn anew each time.
-        samples: How often each plan is carried out.
-        seed: First seed, at least 1.
-        workers: Processes; by default one for each core.
+    Parameters
+    ----------
+    graph
+        The stance graph of the plans' robot and map.
+    plans
+        The plans.
+    setup
+        How they are carried out; its disturbances are drawn anew each time.
+    samples
+        How often each plan is carried out.
+    seed
+        First seed, at least 1.
+    workers
+        Processes; by default one for each core.
 
-    Yields:
+    Yields
+    ------
+    RunOutcome
         Outcomes, as they come, plan by plan.
 
-    Raises:
-        PlanError: If a plan has no step, or cannot be followed.
-        SettingError: If a number is out of range.
+    Raises
+    ------
+    PlanError
+        If a plan has no step, or cannot be followed.
+    SettingError
+        If a number is out of range.
 
     Example:
         >>> outcomes = list(execute_many(graph, [plan], Setup.of("gentle", disturbances="all"), 20))

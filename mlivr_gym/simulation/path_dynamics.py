@@ -63,7 +63,9 @@ class PieceRows(NamedTuple):
     def asked(self, clock: PPoly) -> tuple[Array, Array]:
         """What a clock asks for at `TIMES` times.
 
-        Returns:
+        Returns
+        -------
+        tuple[Array, Array]
             Torques, grasp forces and grasp torques in units of their limits, shape
             (TIMES, 6 N + 2 n), and speeds, shape (TIMES, 6 N + 1).
         """
@@ -105,8 +107,10 @@ class PieceRows(NamedTuple):
 def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: PathSegment, limits: Limits) -> PieceRows:
     """What a piece of a step asks for, in units of the limits.
 
-    Raises:
-        RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises
+    ------
+    RobotError
+        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     shares, count = piece.shares, len(piece.shares)
     holding = tuple(i for i in range(robot.limbs) if i != regrasp.limb)

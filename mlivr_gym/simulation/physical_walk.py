@@ -38,13 +38,20 @@ MEASURES = (
 class PhysicalWalk:
     """Executes steps of a stance graph.
 
-    Attributes:
-        graph: The stance graph.
-        setup: How steps are carried out.
-        state: The present state, one branch a limb.
-        joints: Joint angles of the stance, shape (N, 6) [rad].
-        simulation: The simulation; it is made by `start`.
-        measures: What the last step measured: `failure`, None or a dictionary, and `MEASURES`.
+    Attributes
+    ----------
+    graph
+        The stance graph.
+    setup
+        How steps are carried out.
+    state
+        The present state, one branch a limb.
+    joints
+        Joint angles of the stance, shape (N, 6) [rad].
+    simulation
+        The simulation; it is made by `start`.
+    measures
+        What the last step measured: `failure`, None or a dictionary, and `MEASURES`.
     """
 
     simulation: Simulation
@@ -55,8 +62,10 @@ class PhysicalWalk:
     def __init__(self, graph: StanceGraph, setup: Setup) -> None:
         """Prepare walks; `start` begins one.
 
-        Raises:
-            RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        Raises
+        ------
+        RobotError
+            If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
         self.graph, self.setup = graph, setup
         self._made: tuple[int, int] | None = None
@@ -67,14 +76,20 @@ class PhysicalWalk:
     def start(self, state: State, plan: Plan | None = None, seed: int = 0) -> State:
         """Put the robot at rest into a stance; returns the state with one branch a limb.
 
-        Args:
-            state: Where to start.
-            plan: A plan from this stance; as long as it is followed, its branches, joint angles and
-                swings are used.
-            seed: Seed of the disturbance.
+        Parameters
+        ----------
+        state
+            Where to start.
+        plan
+            A plan from this stance; as long as it is followed, its branches, joint angles and
+            swings are used.
+        seed
+            Seed of the disturbance.
 
-        Raises:
-            PlanError: If the plan has no step or does not fit the graph.
+        Raises
+        ------
+        PlanError
+            If the plan has no step or does not fit the graph.
         """
         graph = self.graph
         if self._made != (graph.version, seed):
@@ -112,7 +127,9 @@ class PhysicalWalk:
     ) -> tuple[State, ExecutedStep | Failure]:
         """Move a limb to a point, by index; `masks` are the branches kept by all limbs after it.
 
-        Returns:
+        Returns
+        -------
+        tuple[State, ExecutedStep | Failure]
             The state after the step, that before it if it failed, and what came of it; a `Failure`
             alone if no swing was found.
         """

@@ -23,14 +23,22 @@ FAILURES = (
 class Failure:
     """Why a walk ended before its end.
 
-    Attributes:
-        kind: One of `FAILURES`.
-        time: When [s].
-        step: Index of the step.
-        phase: One of `regrasp.PHASES`.
-        limb: The limb it concerns, -1 if it concerns none.
-        message: One sentence with the numbers.
-        values: The numbers by name, what was measured and what was allowed, units in the names.
+    Attributes
+    ----------
+    kind
+        One of `FAILURES`.
+    time
+        When [s].
+    step
+        Index of the step.
+    phase
+        One of `regrasp.PHASES`.
+    limb
+        The limb it concerns, -1 if it concerns none.
+    message
+        One sentence with the numbers.
+    values
+        The numbers by name, what was measured and what was allowed, units in the names.
     """
 
     kind: str
@@ -50,14 +58,22 @@ class Failure:
 class Capture:
     """How a limb grasped a point.
 
-    Attributes:
-        time: When [s].
-        step: Index of the step.
-        limb: The limb.
-        point: Id of the point.
-        distance: Distance of the gripper from the point just before [m].
-        angle: Angle between them, half turns apart [rad].
-        tries: Approaches that it took.
+    Attributes
+    ----------
+    time
+        When [s].
+    step
+        Index of the step.
+    limb
+        The limb.
+    point
+        Id of the point.
+    distance
+        Distance of the gripper from the point just before [m].
+    angle
+        Angle between them, half turns apart [rad].
+    tries
+        Approaches that it took.
     """
 
     time: float
@@ -73,23 +89,38 @@ class Capture:
 class Recording:
     """Measurements at k times.
 
-    Attributes:
-        times: Shape (k,) [s].
-        step: Index of the step, shape (k,).
-        phase: Index into `regrasp.PHASES`, shape (k,).
-        joint_positions: Shape (k, N, 6) [rad].
-        joint_torques: Shape (k, N, 6) [N m].
-        base_positions: Shape (k, 3) [m].
-        base_quaternions: Shape (k, 4), w, x, y, z.
-        base_errors: Distance of the base from its trajectory, shape (k,) [m].
-        base_angle_errors: Angle between base and trajectory, shape (k,) [rad].
-        grasp_forces: Force of each grasp on its gripper, in the frame of the grasp, shape (k, N, 3)
-            [N].
-        grasp_torques: Torque of each grasp on its gripper, in the frame of the grasp, shape (k, N,
-            3) [N m].
-        momenta: Linear momentum of the robot, shape (k, 3) [kg m/s].
-        angular_momenta: Angular momentum about the centre of mass, shape (k, 3) [kg m^2/s].
-        contacts: Number of contacts of the robot, shape (k,).
+    Attributes
+    ----------
+    times
+        Shape (k,) [s].
+    step
+        Index of the step, shape (k,).
+    phase
+        Index into `regrasp.PHASES`, shape (k,).
+    joint_positions
+        Shape (k, N, 6) [rad].
+    joint_torques
+        Shape (k, N, 6) [N m].
+    base_positions
+        Shape (k, 3) [m].
+    base_quaternions
+        Shape (k, 4), w, x, y, z.
+    base_errors
+        Distance of the base from its trajectory, shape (k,) [m].
+    base_angle_errors
+        Angle between base and trajectory, shape (k,) [rad].
+    grasp_forces
+        Force of each grasp on its gripper, in the frame of the grasp, shape (k, N, 3)
+        [N].
+    grasp_torques
+        Torque of each grasp on its gripper, in the frame of the grasp, shape (k, N,
+        3) [N m].
+    momenta
+        Linear momentum of the robot, shape (k, 3) [kg m/s].
+    angular_momenta
+        Angular momentum about the centre of mass, shape (k, 3) [kg m^2/s].
+    contacts
+        Number of contacts of the robot, shape (k,).
     """
 
     times: Array
@@ -136,14 +167,22 @@ class Recording:
 class Peaks:
     """Largest values at any time step, also between the samples of a recording.
 
-    Attributes:
-        joint_torque: Of each joint, shape (N, 6) [N m].
-        torque_rms: Root mean square over all joints [N m].
-        grasp_force: Of each grasp, shape (N,) [N].
-        grasp_torque: Of each grasp, shape (N,) [N m].
-        base_error: Distance of the base from its trajectory [m].
-        base_angle_error: Angle of the base from its trajectory [rad].
-        joint_speed: Of any joint [rad/s].
+    Attributes
+    ----------
+    joint_torque
+        Of each joint, shape (N, 6) [N m].
+    torque_rms
+        Root mean square over all joints [N m].
+    grasp_force
+        Of each grasp, shape (N,) [N].
+    grasp_torque
+        Of each grasp, shape (N,) [N m].
+    base_error
+        Distance of the base from its trajectory [m].
+    base_angle_error
+        Angle of the base from its trajectory [rad].
+    joint_speed
+        Of any joint [rad/s].
     """
 
     joint_torque: Array

@@ -64,8 +64,10 @@ def scene_spec(
     `"limb{i}/joint{k}"`, its flange frame is site `"limb{i}/flange"`, its grasp point site
     `"limb{i}/grasp"`. Graspable points are sites `"point/{id}"`.
 
-    Raises:
-        ShapeError: If two boxes have the same id.
+    Raises
+    ------
+    ShapeError
+        If two boxes have the same id.
     """
     boxes = (*grasp_map.boxes, *obstacles)
     unique([box.id for box in boxes], "box", ShapeError)
@@ -124,8 +126,10 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """The model of a scene.
 
-    Raises:
-        SceneError: If MuJoCo refuses it, with its reason.
+    Raises
+    ------
+    SceneError
+        If MuJoCo refuses it, with its reason.
     """
     try:
         return spec.compile()
@@ -140,12 +144,18 @@ def set_configuration(
 ) -> None:
     """Put the robot into a configuration and update the scene.
 
-    Args:
-        model: Compiled from a spec whose only joints are those of `robot_alone`.
-        data: Its data.
-        position: Base position [m], shape (3,).
-        quaternion: Base orientation w, x, y, z, shape (4,).
-        joints: Joint angles [rad], shape (N, 6).
+    Parameters
+    ----------
+    model
+        Compiled from a spec whose only joints are those of `robot_alone`.
+    data
+        Its data.
+    position
+        Base position [m], shape (3,).
+    quaternion
+        Base orientation w, x, y, z, shape (4,).
+    joints
+        Joint angles [rad], shape (N, 6).
     """
     data.qpos[:3], data.qpos[3:7], data.qpos[7:] = position, quaternion, np.ravel(joints)
     mujoco.mj_forward(model, data)

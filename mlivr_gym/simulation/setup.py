@@ -26,11 +26,16 @@ from mlivr_gym.world.grasp_map import GraspMap
 class Setup:
     """How plans are carried out.
 
-    Attributes:
-        timing: How fast: as `Limits` allow, or in given `Durations`.
-        controller: The controller of the joints.
-        physics: Figures of grasps and failures.
-        disturbances: How far robot and module may be from what the controller knows.
+    Attributes
+    ----------
+    timing
+        How fast: as `Limits` allow, or in given `Durations`.
+    controller
+        The controller of the joints.
+    physics
+        Figures of grasps and failures.
+    disturbances
+        How far robot and module may be from what the controller knows.
     """
 
     timing: Limits | Durations = field(default_factory=Limits)
@@ -52,8 +57,10 @@ class Setup:
     ) -> Setup:
         """A setup of parts as they are, as plain data, by name, or by default.
 
-        Raises:
-            SettingError: If a part is faulty; the message names it.
+        Raises
+        ------
+        SettingError
+            If a part is faulty; the message names it.
         """
         return cls(
             Limits.of(limits),
@@ -68,8 +75,10 @@ class Setup:
     ) -> Simulation:
         """A simulation with a disturbance drawn from a seed.
 
-        Raises:
-            RobotError: If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        Raises
+        ------
+        RobotError
+            If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
         parts = robot_model(robot).nbody - 1
         drawn = self.disturbances.draw(seed, parts, robot.limbs, len(grasp_map))

@@ -56,15 +56,23 @@ class ExecutedStep(NamedTuple):
 class Simulation:
     """A robot in a cabin, with its state.
 
-    Attributes:
-        model: The MuJoCo model; the simulation moves its anchors and changes its contact bits as
-            the robot grasps.
-        data: Its data.
-        physics: Figures of grasps and failures.
-        controller: The controller of the joints.
-        disturbance: How robot and module differ from what the controller knows.
-        time: Time since the reset [s].
-        mass: Mass of the robot [kg].
+    Attributes
+    ----------
+    model
+        The MuJoCo model; the simulation moves its anchors and changes its contact bits as
+        the robot grasps.
+    data
+        Its data.
+    physics
+        Figures of grasps and failures.
+    controller
+        The controller of the joints.
+    disturbance
+        How robot and module differ from what the controller knows.
+    time
+        Time since the reset [s].
+    mass
+        Mass of the robot [kg].
     """
 
     @checked(
@@ -115,14 +123,21 @@ class Simulation:
     ) -> None:
         """Put the robot at rest into a stance, whose points lie where the map has them.
 
-        Args:
-            position: Base position [m], shape (3,).
-            quaternion: Base orientation w, x, y, z.
-            joints: Joint angles [rad], shape (N, 6).
-            points: Point index each limb holds, or `FREE`.
+        Parameters
+        ----------
+        position
+            Base position [m], shape (3,).
+        quaternion
+            Base orientation w, x, y, z.
+        joints
+            Joint angles [rad], shape (N, 6).
+        points
+            Point index each limb holds, or `FREE`.
 
-        Raises:
-            SimulationError: If a gripper is not at its point.
+        Raises
+        ------
+        SimulationError
+            If a gripper is not at its point.
         """
         mujoco.mj_resetData(self.model, self.data)
         self._steps, self.time = 0, 0.0
@@ -156,13 +171,18 @@ class Simulation:
     def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
         """Execute a regrasp: release, follow the trajectory, grasp.
 
-        Args:
-            trajectory: One step on the time grid of the simulation, from the stance that the robot
-                holds.
-            step: Index of the step, for the record.
+        Parameters
+        ----------
+        trajectory
+            One step on the time grid of the simulation, from the stance that the robot
+            holds.
+        step
+            Index of the step, for the record.
 
-        Raises:
-            SimulationError: If the trajectory's time grid or first stance is another.
+        Raises
+        ------
+        SimulationError
+            If the trajectory's time grid or first stance is another.
         """
         limb, point = self._moving(trajectory)
         self._step = step
@@ -200,10 +220,14 @@ class Simulation:
     def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
 
-        Args:
-            trajectory: The trajectory that was executed last.
-            duration: How long [s].
-            step: Index of the step, for the record.
+        Parameters
+        ----------
+        trajectory
+            The trajectory that was executed last.
+        duration
+            How long [s].
+        step
+            Index of the step, for the record.
         """
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:

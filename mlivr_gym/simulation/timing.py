@@ -35,14 +35,20 @@ ROUNDING = 1e-6
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
     """A step with clocks for its pieces.
 
-    Args:
-        path: The step.
-        timing: `Limits`, by default the default ones, or `Durations`.
+    Parameters
+    ----------
+    path
+        The step.
+    timing
+        `Limits`, by default the default ones, or `Durations`.
 
-    Raises:
-        TimingError: If durations break the default limits, or the limits' own step duration is
-            shorter than they allow.
-        PlanError: If a limb that holds cannot follow the base.
+    Raises
+    ------
+    TimingError
+        If durations break the default limits, or the limits' own step duration is
+        shorter than they allow.
+    PlanError
+        If a limb that holds cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
     pieces = path_segments(path)
@@ -105,15 +111,23 @@ def plan_trajectory(
 ) -> Trajectory:
     """The trajectory of a whole plan.
 
-    Args:
-        graph: The stance graph of the plan's robot and map.
-        plan: The plan, with at least one step.
-        timing: `Limits`, by default the default ones, or `Durations`.
-        period: Spacing of the time grid [s].
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan, with at least one step.
+    timing
+        `Limits`, by default the default ones, or `Durations`.
+    period
+        Spacing of the time grid [s].
 
-    Raises:
-        PlanError: If the plan has no step, or a step cannot be followed inside the joint limits.
-        TimingError: If durations break a limit.
+    Raises
+    ------
+    PlanError
+        If the plan has no step, or a step cannot be followed inside the joint limits.
+    TimingError
+        If durations break a limit.
 
     Example:
         >>> save_csv(plan_trajectory(graph, plan, period=0.1), "walk.csv")

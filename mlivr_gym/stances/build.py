@@ -27,13 +27,19 @@ def stance_graph(
 ) -> PairGraph | LazyGraph:
     """Stance graph of a robot on a map.
 
-    Args:
-        grasp_map: The map, the path of its JSON file, or plain data; by default the measured JEM.
-        robot: Name, path of a JSON file, plain data, or description.
-        settings: Thresholds and switches; by default the paper's, with steps checked.
+    Parameters
+    ----------
+    grasp_map
+        The map, the path of its JSON file, or plain data; by default the measured JEM.
+    robot
+        Name, path of a JSON file, plain data, or description.
+    settings
+        Thresholds and switches; by default the paper's, with steps checked.
 
-    Raises:
-        MlivrError: If map or robot are faulty, or the robot cannot hold any stance on the map.
+    Raises
+    ------
+    MlivrError
+        If map or robot are faulty, or the robot cannot hold any stance on the map.
 
     Example:
         >>> graph = stance_graph()

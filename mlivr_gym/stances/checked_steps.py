@@ -68,11 +68,16 @@ class CheckedSteps(ChangingWorld):
     ) -> Any:
         """Rows of `Step` between some stances.
 
-        Args:
-            stances: The stances.
-            before: Rows of the stances before the steps, shape (k,).
-            after: Rows of those after them, shape (k,).
-            masks: Branches and flips of each limb before them, shape (k, N).
+        Parameters
+        ----------
+        stances
+            The stances.
+        before
+            Rows of the stances before the steps, shape (k,).
+        after
+            Rows of those after them, shape (k,).
+        masks
+            Branches and flips of each limb before them, shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points
         moves = points[after] != points[before]
@@ -92,12 +97,18 @@ class CheckedSteps(ChangingWorld):
     ) -> Any:
         """Masks of all limbs after steps that may leave states, shape (k, N); 0 where none does.
 
-        Args:
-            states: States before the steps.
-            here: Their postures.
-            before: Index of the state that each step leaves, shape (k,).
-            stances: Point index of each limb after each step, shape (k, N).
-            after: The postures after them.
+        Parameters
+        ----------
+        states
+            States before the steps.
+        here
+            Their postures.
+        before
+            Index of the state that each step leaves, shape (k,).
+        stances
+            Point index of each limb after each step, shape (k, N).
+        after
+            The postures after them.
         """
         if not self.settings.transitions or not len(stances):
             return after.mask.copy()
@@ -110,9 +121,12 @@ class CheckedSteps(ChangingWorld):
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
         """Masks of all limbs after steps, shape (k, N); 0 where there is none.
 
-        Args:
-            steps: Rows of `Step`, shape (k,), between the stances, see `step_rows`.
-            stances: The stances; what can be released at them is remembered there.
+        Parameters
+        ----------
+        steps
+            Rows of `Step`, shape (k,), between the stances, see `step_rows`.
+        stances
+            The stances; what can be released at them is remembered there.
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
@@ -155,10 +169,14 @@ class CheckedSteps(ChangingWorld):
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """The edge that a step is: its base path, its swing and the branches kept.
 
-        Args:
-            state: Stance before the step, and the branch and flip each limb is on, as masks.
-            after: Point index of each limb after it.
-            posture: Postures of the two stances.
+        Parameters
+        ----------
+        state
+            Stance before the step, and the branch and flip each limb is on, as masks.
+        after
+            Point index of each limb after it.
+        posture
+            Postures of the two stances.
         """
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)

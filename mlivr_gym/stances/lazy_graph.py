@@ -39,11 +39,16 @@ class LazyGraph(StanceGraph):
         Where all nodes are known they are those that some node holds. Where they are known only
         such neighbours are looked at.
 
-        Args:
-            progress: Called with the share of the work that is done, where there is any.
-            work_out: Whether they are worked out where they are not known.
+        Parameters
+        ----------
+        progress
+            Called with the share of the work that is done, where there is any.
+        work_out
+            Whether they are worked out where they are not known.
 
-        Returns:
+        Returns
+        -------
+        StanceSets | None
             The sets; None where they are not known, for two or more than four limbs, and if there
             are too many.
         """

@@ -34,8 +34,10 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     Every node a move apart from another has a rest in common with it, so all sets with one of some
     rests tell how many such pairs there are.
 
-    Raises:
-        NodeTableError: If there is no such table.
+    Raises
+    ------
+    NodeTableError
+        If there is no such table.
     """
     sets = sets_of(graph)
     candidates = f"{len(sets):,} sets of points"

@@ -71,8 +71,10 @@ def remember(table: NodeTable, graph: LazyGraph) -> None:
 def write_table(table: NodeTable, graph: LazyGraph, path: str | Path) -> None:
     """Write a table as small as it gets.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     limbs, away = table.limbs, table.base_position - _centroids(graph.grasp_map, table.points)
     masks = [
@@ -105,8 +107,10 @@ def _coded(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
 def read_table(path: str | Path, graph: LazyGraph) -> NodeTable | None:
     """The table in a file; None if it is one of another graph.
 
-    Raises:
-        NodeTableError: If it is none of this format.
+    Raises
+    ------
+    NodeTableError
+        If it is none of this format.
     """
     try:
         with lzma.open(path) as stream:
@@ -183,8 +187,10 @@ def unpacked_path(key: str) -> Path | None:
 def write_unpacked(table: NodeTable, graph: LazyGraph, path: Path) -> None:
     """Write a table as it is read soonest.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     stream = io.BytesIO()
     for one in (np.array(head_of(graph, FORMAT)), *table):

@@ -78,11 +78,16 @@ def edge_ends(
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
     """Members of pairs by their bits, and the bits of the same pairs the other way round.
 
-    Args:
-        table: The nodes.
-        bits: Bits, shape (k,).
+    Parameters
+    ----------
+    table
+        The nodes.
+    bits
+        Bits, shape (k,).
 
-    Returns:
+    Returns
+    -------
+    tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]
         Nodes and limbs of the rows, those of the columns, and bits, all of shape (k,).
     """
     supports = np.searchsorted(table.offset, bits, side="right") - 1
@@ -168,11 +173,16 @@ def count_pairs(table: NodeTable, pair: Pair, last: int) -> int:
 def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None:
     """The pairs of members that share branches, in order, see `next_pair`.
 
-    Args:
-        table: The nodes.
-        pair: What comes before the first.
-        last: The rest at which to end.
-        pairs: Filled with indices of members, shape (p, 2), see `count_pairs`.
+    Parameters
+    ----------
+    table
+        The nodes.
+    pair
+        What comes before the first.
+    last
+        The rest at which to end.
+    pairs
+        Filled with indices of members, shape (p, 2), see `count_pairs`.
     """
     count = 0
     while next_pair(table, pair, last):

@@ -37,12 +37,18 @@ def node_stances(
 ) -> StanceSet:
     """Nodes of a table, the robot turned, as the checks of steps read them.
 
-    Args:
-        grasp_map: The map.
-        robot: The robot.
-        table: The nodes.
-        rows: Which of them, shape (k,).
-        turns: Turns of the robot, shape (k,).
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    table
+        The nodes.
+    rows
+        Which of them, shape (k,).
+    turns
+        Turns of the robot, shape (k,).
     """
     points = permuted_limbs(table.points[rows].astype(np.int64), turns)
     base = Pose.rows(len(rows))

@@ -91,10 +91,14 @@ class NodeTable(NamedTuple):
     def find(self, stances: IntArray) -> tuple[IntArray, IntArray]:
         """Rows of stances, and the turns after which they are those of the table.
 
-        Args:
-            stances: Point indices, shape (k, N).
+        Parameters
+        ----------
+        stances
+            Point indices, shape (k, N).
 
-        Returns:
+        Returns
+        -------
+        tuple[IntArray, IntArray]
             Rows, -1 for what is no node, and turns, each of shape (k,).
         """
         turns = np.zeros(len(stances), dtype=np.int64)
@@ -109,10 +113,14 @@ class NodeTable(NamedTuple):
 def find_rows(points: NDArray[np.uint16], wanted: IntArray, rows: IntArray) -> None:
     """Rows of stances among some that are in the order of their codes, -1 for what is not there.
 
-    Args:
-        points: Point indices, shape (n, N).
-        wanted: The same of what is looked for, shape (k, N).
-        rows: Filled, shape (k,).
+    Parameters
+    ----------
+    points
+        Point indices, shape (n, N).
+    wanted
+        The same of what is looked for, shape (k, N).
+    rows
+        Filled, shape (k,).
     """
     for k in range(len(wanted)):
         low, high = 0, len(points)

@@ -47,14 +47,20 @@ def build(
 ) -> NodeTable:
     """Work out every stance that holds one of the sets of points, in processes.
 
-    Args:
-        graph: The stance graph, without obstacles and occupied points.
-        progress: Called now and then with the share of the work that is done.
-        parts: Where what is done is kept until all is.
+    Parameters
+    ----------
+    graph
+        The stance graph, without obstacles and occupied points.
+    progress
+        Called now and then with the share of the work that is done.
+    parts
+        Where what is done is kept until all is.
 
-    Raises:
-        NodeTableError: If the sets of points are not known, which are those of three or four
-            limbs; if steps are not checked, or there are obstacles or occupied points.
+    Raises
+    ------
+    NodeTableError
+        If the sets of points are not known, which are those of three or four
+        limbs; if steps are not checked, or there are obstacles or occupied points.
     """
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
@@ -76,8 +82,10 @@ def build(
 def sets_of(graph: LazyGraph) -> StanceSets:
     """The sets of points that nodes of a graph hold.
 
-    Raises:
-        NodeTableError: See `build`.
+    Raises
+    ------
+    NodeTableError
+        See `build`.
     """
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
         raise NodeTableError(

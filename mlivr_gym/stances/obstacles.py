@@ -46,9 +46,12 @@ class ChangingWorld(ABC):
         Only what lies within reach of them is worked out again, when it is asked for. Stances keep
         their postures.
 
-        Raises:
-            ShapeError: If a box of that id is there already, on the map or as an obstacle.
-            SettingError: If collisions are not checked.
+        Raises
+        ------
+        ShapeError
+            If a box of that id is there already, on the map or as an obstacle.
+        SettingError
+            If collisions are not checked.
         """
         if boxes and not self.settings.collisions:
             raise SettingError(
@@ -65,8 +68,10 @@ class ChangingWorld(ABC):
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
         """Take boxes out of the world again, by default all.
 
-        Raises:
-            ShapeError: If there is no box of an id.
+        Raises
+        ------
+        ShapeError
+            If there is no box of an id.
         """
         there = [box.id for box in self.obstacles]
         for name in ids or ():
@@ -113,10 +118,14 @@ class ChangingWorld(ABC):
     def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
         """Take the branches that touch an obstacle out of the masks of some stances.
 
-        Args:
-            chosen: Indices of the stances to check.
-            points: Point indices of all stances, shape (k, N).
-            postures: Their postures; the masks are changed in place.
+        Parameters
+        ----------
+        chosen
+            Indices of the stances to check.
+        points
+            Point indices of all stances, shape (k, N).
+        postures
+            Their postures; the masks are changed in place.
         """
         grid = self.obstacle_grid
         if grid is None:

@@ -51,10 +51,14 @@ def fill_rows(
 ) -> None:
     """Check every step of a graph, once.
 
-    Args:
-        graph: The graph.
-        progress: Called with the share of the rows that is done.
-        parts: Where what is done is kept until all is; without obstacles and occupied points alone.
+    Parameters
+    ----------
+    graph
+        The graph.
+    progress
+        Called with the share of the rows that is done.
+    parts
+        Where what is done is kept until all is; without obstacles and occupied points alone.
     """
     if graph.complete:
         return

@@ -96,8 +96,10 @@ def kept_file(graph: StanceGraph) -> Path | None:
 def write_stances(graph: StanceGraph, stances: PairStances, path: Path) -> None:
     """Write a complete table.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     write_whole(path, content_of(graph, stances))
 
@@ -136,8 +138,10 @@ def _bare(rows: Any) -> Any:
 def read_stances(graph: StanceGraph, path: Path) -> PairStances:
     """The complete table in a file.
 
-    Raises:
-        PairTableError: If the file holds none, or that of another graph, format or rules.
+    Raises
+    ------
+    PairTableError
+        If the file holds none, or that of another graph, format or rules.
     """
     try:
         # np.load does not close a file that is no archive.
@@ -157,8 +161,10 @@ def read_stances(graph: StanceGraph, path: Path) -> PairStances:
 def _checked(graph: StanceGraph, found: dict[str, NDArray[Any]]) -> PairStances:
     """A table of arrays from a file, by which compiled code may look things up.
 
-    Raises:
-        ValueError: If something in it is not what it can be; other errors of NumPy too.
+    Raises
+    ------
+    ValueError
+        If something in it is not what it can be; other errors of NumPy too.
     """
     points, n = found["points"].astype(np.int64), len(found["points"])
     branch, mask = (found[name].astype(np.int64) for name in ("branch", "mask"))

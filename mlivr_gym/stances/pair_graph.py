@@ -47,24 +47,38 @@ NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 class PairGraph(StanceGraph):
     """All stances of a two-limb robot that are nodes, and the steps between them.
 
-    Attributes:
-        points: Point indices of each stance, shape (n, 2), in lexical order.
-        base_in_world: Base positions [m], shape (n, 3).
-        base_axes_in_world: Base rotations, the axes in columns, shape (n, 3, 3).
-        w_m: Limb manipulability, shape (n, 2).
-        w_b: Base manipulability, shape (n,).
-        mask: Branches and flips each limb may hold on, shape (n, 2).
-        tried: Which of the base poses tried each has, see `tried_poses`, shape (n,).
-        rows: Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
-        row_start: Where the row of each point begins in `rows`, shape (2, m + 1).
-        considered: Ordered pairs of points that were tried.
-        reachable: How many of them inverse kinematics can hold.
-        removed: How many that meet the thresholds were omitted because they touch something, by
-            what they touch.
-        no_departure: How many that meet the thresholds were omitted because a limb could not depart
-            from its point along the surface normal with `w_m` above `Settings.path_floor` and with
-            every joint in its window. Where steps are checked that floor holds without thresholds
-            too.
+    Attributes
+    ----------
+    points
+        Point indices of each stance, shape (n, 2), in lexical order.
+    base_in_world
+        Base positions [m], shape (n, 3).
+    base_axes_in_world
+        Base rotations, the axes in columns, shape (n, 3, 3).
+    w_m
+        Limb manipulability, shape (n, 2).
+    w_b
+        Base manipulability, shape (n,).
+    mask
+        Branches and flips each limb may hold on, shape (n, 2).
+    tried
+        Which of the base poses tried each has, see `tried_poses`, shape (n,).
+    rows
+        Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
+    row_start
+        Where the row of each point begins in `rows`, shape (2, m + 1).
+    considered
+        Ordered pairs of points that were tried.
+    reachable
+        How many of them inverse kinematics can hold.
+    removed
+        How many that meet the thresholds were omitted because they touch something, by
+        what they touch.
+    no_departure
+        How many that meet the thresholds were omitted because a limb could not depart
+        from its point along the surface normal with `w_m` above `Settings.path_floor` and with
+        every joint in its window. Where steps are checked that floor holds without thresholds
+        too.
     """
 
     has_tables = True
@@ -341,10 +355,14 @@ class PairGraph(StanceGraph):
     def edge_masks(self, held: Any, before: Any, after: IntArray) -> IntArray:
         """Branches that limbs which hold can keep on steps, which are checked, once, shape (k,).
 
-        Args:
-            held: The limb that holds, or that of each step, shape (k,).
-            before: The stance before, or that before each step, shape (k,).
-            after: The stance after each step, shape (k,).
+        Parameters
+        ----------
+        held
+            The limb that holds, or that of each step, shape (k,).
+        before
+            The stance before, or that before each step, shape (k,).
+        after
+            The stance after each step, shape (k,).
         """
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)

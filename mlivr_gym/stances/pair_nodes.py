@@ -17,9 +17,12 @@ def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
 
     A step that is not known is taken to keep all branches that both of its stances have.
 
-    Args:
-        pairs: The stances and steps.
-        tried: Which of the base poses tried each stance has, shape (n,).
+    Parameters
+    ----------
+    pairs
+        The stances and steps.
+    tried
+        Which of the base poses tried each stance has, shape (n,).
     """
     released, folds = pairs.mask, np.zeros_like(pairs.mask)
     if pairs.check:

@@ -44,11 +44,16 @@ def rows_of(points: IntArray, m: int) -> StanceRows:
 def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
     """Parts of a graph that no steps connect, checked or not.
 
-    Args:
-        points: Points of both limbs of each stance, shape (n, 2).
-        m: Number of points of the map.
+    Parameters
+    ----------
+    points
+        Points of both limbs of each stance, shape (n, 2).
+    m
+        Number of points of the map.
 
-    Returns:
+    Returns
+    -------
+    tuple[int, NDArray[np.int32]]
         The number of parts, and the part of each stance, shape (n,).
     """
     pairs = scipy.sparse.coo_array(

@@ -92,13 +92,20 @@ def releasable(table: PairTable, s: int, limb: int) -> int:
 def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArray) -> int:
     """Steps that may leave a state and are not known yet.
 
-    Args:
-        s: Stance.
-        masks: Branches that each limb may be on.
-        table: The table; it is known what can be released at the stance.
-        out: Filled with limb that holds and stance after the step, shape (k, 2).
+    Parameters
+    ----------
+    s
+        Stance.
+    masks
+        Branches that each limb may be on.
+    table
+        The table; it is known what can be released at the stance.
+    out
+        Filled with limb that holds and stance after the step, shape (k, 2).
 
-    Returns:
+    Returns
+    -------
+    int
         Their number.
     """
     count = 0
@@ -128,13 +135,20 @@ def pair_successors(
 ) -> int:
     """Steps that leave stance `s`, by the rule of `transitions.rule`; returns their number k.
 
-    Args:
-        s: Stance.
-        masks: Branches that each limb may be on.
-        table: The table, in which all these steps are known.
-        limb: Limb that moves on each step, written.
-        stance: Stance reached, written.
-        after: Masks after the step, shape (k, 2), written.
+    Parameters
+    ----------
+    s
+        Stance.
+    masks
+        Branches that each limb may be on.
+    table
+        The table, in which all these steps are known.
+    limb
+        Limb that moves on each step, written.
+    stance
+        Stance reached, written.
+    after
+        Masks after the step, shape (k, 2), written.
     """
     count = 0
     for moving in range(2):
@@ -185,12 +199,18 @@ def gather_steps(
 ) -> None:
     """Count the steps that leave each stance, or with `fill` write them where `start` says.
 
-    Args:
-        table: The table, every step known if steps are checked.
-        fill: Whether to write the steps.
-        start: Shape (2 n + 1,); counts are written one place further on.
-        after: Shape (e,), written with `fill`.
-        kept: Shape (e,), written with `fill`.
+    Parameters
+    ----------
+    table
+        The table, every step known if steps are checked.
+    fill
+        Whether to write the steps.
+    start
+        Shape (2 n + 1,); counts are written one place further on.
+    after
+        Shape (e,), written with `fill`.
+    kept
+        Shape (e,), written with `fill`.
     """
     mask, row_start, rows = table.mask, table.row_start, table.rows
     for s in range(len(table.points)):

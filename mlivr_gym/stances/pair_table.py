@@ -17,9 +17,12 @@ from mlivr_gym.transitions.step_check import StepChecks
 class PairEdges:
     """What is known of releases and steps in one state of the world.
 
-    Attributes:
-        stances: The stances, with what can be released there.
-        table: The steps.
+    Attributes
+    ----------
+    stances
+        The stances, with what can be released there.
+    table
+        The steps.
     """
 
     complete: bool
@@ -35,12 +38,18 @@ class PairEdges:
     ) -> None:
         """Know nothing yet of the steps between stances, or all of them.
 
-        Args:
-            checks: How steps are checked.
-            stances: The stances.
-            rows: Their rows.
-            base: Base positions [m], shape (n, 3).
-            edges: All steps, where they are known.
+        Parameters
+        ----------
+        checks
+            How steps are checked.
+        stances
+            The stances.
+        rows
+            Their rows.
+        base
+            Base positions [m], shape (n, 3).
+        edges
+            All steps, where they are known.
         """
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
@@ -69,11 +78,16 @@ class PairEdges:
     ) -> PairEdgesAmongObstacles:
         """The same among obstacles and occupied points.
 
-        Args:
-            mask: Branches and flips each limb may hold on, shape (n, 2).
-            gone: Stances that hold an occupied point, shape (n,).
-            close: Stances that may touch an obstacle on a step from or to them, shape (n,).
-            obstacles: The obstacles, if there are any.
+        Parameters
+        ----------
+        mask
+            Branches and flips each limb may hold on, shape (n, 2).
+        gone
+            Stances that hold an occupied point, shape (n,).
+        close
+            Stances that may touch an obstacle on a step from or to them, shape (n,).
+        obstacles
+            The obstacles, if there are any.
         """
         return PairEdgesAmongObstacles(self, mask, gone, close, obstacles)
 

@@ -28,9 +28,12 @@ Arrays = Sequence[NDArray[Any]]
 def keep_table(path: Path | None, write: Callable[[Path], None]) -> Path | None:
     """Keep a finished table; returns where, None where nothing is kept or, which is told, can be.
 
-    Args:
-        path: Where, None for nowhere.
-        write: Writes it.
+    Parameters
+    ----------
+    path
+        Where, None for nowhere.
+    write
+        Writes it.
     """
     if path is None:
         return None

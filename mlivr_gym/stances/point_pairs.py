@@ -19,8 +19,10 @@ MOST_PAIRS = 2_000_000
 def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     """Pairs of points that are no farther apart than a span [m], each once, shape (k, 2).
 
-    Raises:
-        MapError: If there are more than `MOST_PAIRS`.
+    Raises
+    ------
+    MapError
+        If there are more than `MOST_PAIRS`.
     """
     positions, limit = grasp_map.positions, span + 1e-9
     if len(positions) <= FEW_POINTS:

@@ -34,8 +34,10 @@ class Randomness(Protocol):
 def random_state(graph: StanceGraph, rng: Randomness) -> State:
     """A random stance that at least one step leaves.
 
-    Raises:
-        StanceError: If none is found.
+    Raises
+    ------
+    StanceError
+        If none is found.
     """
     for _ in range(TRIES):
         state = random_stance(graph, rng)

@@ -91,8 +91,10 @@ class StanceGraph(CheckedSteps):
     def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
         """Point indices of a stance given by ids or indices.
 
-        Raises:
-            StanceError: If the number of points, an id, or the points' distance is wrong.
+        Raises
+        ------
+        StanceError
+            If the number of points, an id, or the points' distance is wrong.
         """
         named = STANCE.read(stance, FieldPath("stance", StanceError))
         if len(named) != self.limbs:
@@ -126,8 +128,10 @@ class StanceGraph(CheckedSteps):
     def postures(self, stances: IntArray) -> Postures:
         """Postures of stances, shape (k, N), feasible or not.
 
-        Raises:
-            StanceError: If they are not point indices in rows of N.
+        Raises
+        ------
+        StanceError
+            If they are not point indices in rows of N.
         """
         return self.solver.solve(self.rows_of_points(stances))
 
@@ -153,9 +157,12 @@ class StanceGraph(CheckedSteps):
     def check(self, state: State) -> None:
         """Refuse what is no state on this map.
 
-        Raises:
-            StanceError: If its stance or masks are not numbers of points and branches.
-            SettingError: If it has a pose that is none.
+        Raises
+        ------
+        StanceError
+            If its stance or masks are not numbers of points and branches.
+        SettingError
+            If it has a pose that is none.
         """
         check_state(state, self.limbs, len(self.grasp_map))
         if state.pose is not None:
@@ -212,11 +219,16 @@ class StanceGraph(CheckedSteps):
     ) -> Postures:
         """Postures of stances at given base poses, among present obstacles and occupied points.
 
-        Args:
-            stances: Point index of each limb, shape (k, N).
-            positions: Base positions in the world [m], shape (k, 3).
-            rotations: Base rotations in the world, shape (k, 3, 3).
-            thresholds: Least `w_m` and `w_b` they must meet.
+        Parameters
+        ----------
+        stances
+            Point index of each limb, shape (k, N).
+        positions
+            Base positions in the world [m], shape (k, 3).
+        rotations
+            Base rotations in the world, shape (k, 3, 3).
+        thresholds
+            Least `w_m` and `w_b` they must meet.
         """
         postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
         if self.obstacles:
@@ -228,16 +240,23 @@ class StanceGraph(CheckedSteps):
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """The state of a robot that takes hold of a stance.
 
-        Args:
-            stance: Point id (or index) of each limb.
-            pose: Base pose, if the robot does not stand in the stance's posture: x, y, z [m] and
-                quaternion w, x, y, z. The thresholds do not apply there; the robot must reach its
-                points, touch nothing and be able to depart.
-            joints: Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
+        Parameters
+        ----------
+        stance
+            Point id (or index) of each limb.
+        pose
+            Base pose, if the robot does not stand in the stance's posture: x, y, z [m] and
+            quaternion w, x, y, z. The thresholds do not apply there; the robot must reach its
+            points, touch nothing and be able to depart.
+        joints
+            Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
 
-        Raises:
-            StanceError: If the stance cannot be held; the message says why.
-            SettingError: If pose or joint angles are no such numbers.
+        Raises
+        ------
+        StanceError
+            If the stance cannot be held; the message says why.
+        SettingError
+            If pose or joint angles are no such numbers.
         """
         points = self.indices(stance)
         here = None if pose is None else given_pose(pose)
@@ -254,8 +273,10 @@ class StanceGraph(CheckedSteps):
     def checked_state(self, state: State) -> State:
         """A state that a user gives, as it is.
 
-        Raises:
-            StanceError: If it is no state of this graph; the message says why.
+        Raises
+        ------
+        StanceError
+            If it is no state of this graph; the message says why.
         """
         self.check(state)
         known = self.state(state.stance, state.pose)
@@ -300,7 +321,9 @@ class StanceGraph(CheckedSteps):
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
         """A configuration of a state, each limb on the first branch and flip that its mask allows.
 
-        Returns:
+        Returns
+        -------
+        tuple[Array, Array, Array]
             Base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in their
             windows [rad], shape (N, 6).
         """
@@ -314,10 +337,14 @@ class StanceGraph(CheckedSteps):
     def joints(self, stances: IntArray, postures: Postures, bits: IntArray) -> Array:
         """Joint angles with which limbs hold k stances, in their windows, shape (k, N, 6) [rad].
 
-        Args:
-            stances: Point index of each limb, shape (k, N).
-            postures: Their postures.
-            bits: Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
+        Parameters
+        ----------
+        stances
+            Point index of each limb, shape (k, N).
+        postures
+            Their postures.
+        bits
+            Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
         """
         out, grasps = Angles.rows(*stances.shape), self.solver.grasps[stances]
         held_angles(self.checks.robots, postures.base_rows, grasps, bits, out)
@@ -327,10 +354,14 @@ class StanceGraph(CheckedSteps):
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """The state after a step, or None if no such step leaves the state.
 
-        Args:
-            state: The state before the step.
-            after: Point index of each limb after the step.
-            posture: Postures of the two stances, in this order.
+        Parameters
+        ----------
+        state
+            The state before the step.
+        after
+            Point index of each limb after the step.
+        posture
+            Postures of the two stances, in this order.
         """
         stance = tuple(after)
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
@@ -341,7 +372,9 @@ class StanceGraph(CheckedSteps):
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Feasible neighbouring stances of a stance, steps not yet checked.
 
-        Returns:
+        Returns
+        -------
+        tuple[IntArray, IntArray, Postures]
             Limb that moves, shape (k,), point that it moves to, shape (k,), and the postures after.
         """
 

@@ -51,11 +51,15 @@ Progress = Callable[[float], None]
 class StanceSets:
     """Sets of points that may be held at once.
 
-    Attributes:
-        points: Points of each set, ascending, the sets in the order of their numbers, shape (n, N).
-        rests: What is left of each set when one of its points is let go, by number: sets with such
-            a rest in common are one move apart; shape (n, N).
-        rest_count: Number of rests.
+    Attributes
+    ----------
+    points
+        Points of each set, ascending, the sets in the order of their numbers, shape (n, N).
+    rests
+        What is left of each set when one of its points is let go, by number: sets with such
+        a rest in common are one move apart; shape (n, N).
+    rest_count
+        Number of rests.
     """
 
     points: NDArray[np.uint16]
@@ -100,12 +104,18 @@ class StanceSets:
 
         Obstacles and occupied points do not change them, since they only take stances away.
 
-        Args:
-            graph: The stance graph.
-            progress: Called with the share of the work that is done, where there is any.
-            work_out: Whether they are worked out where they are not known.
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        progress
+            Called with the share of the work that is done, where there is any.
+        work_out
+            Whether they are worked out where they are not known.
 
-        Returns:
+        Returns
+        -------
+        StanceSets | None
             The sets; None where they are not known, for two or more than four limbs, and if there
             are too many.
         """
@@ -176,13 +186,20 @@ def _of_points(points: NDArray[np.uint16]) -> StanceSets:
 def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
     """How many sets of three or four points begin with each: all of them pairwise `together`.
 
-    Args:
-        together: Which points may be held at once, shape (m, m).
-        limbs: Points of a set, 3 or 4.
-        most: Most sets.
-        counts: Filled, shape (m,).
+    Parameters
+    ----------
+    together
+        Which points may be held at once, shape (m, m).
+    limbs
+        Points of a set, 3 or 4.
+    most
+        Most sets.
+    counts
+        Filled, shape (m,).
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether there are no more.
     """
     count, total = len(together), 0

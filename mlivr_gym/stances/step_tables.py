@@ -46,10 +46,14 @@ class StepTables(NamedTuple):
     def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
         """Masks after a step that leaves a state, of limb 0 and of limb 1.
 
-        Args:
-            step: Index of the step.
-            limb: The limb that moves.
-            masks: Those before.
+        Parameters
+        ----------
+        step
+            Index of the step.
+        limb
+            The limb that moves.
+        masks
+            Those before.
         """
         kept = int(kept_on_edge(masks[1 - limb], int(self.kept[step])))
         grasped = int(self.releasable[self.after[step], limb])
@@ -75,12 +79,17 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
 
     Steps that are not known are checked, and kept in the cache folder, see `pair_build`.
 
-    Args:
-        graph: The stance graph.
-        progress: Called with the share of the steps that are checked.
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    progress
+        Called with the share of the steps that are checked.
 
-    Raises:
-        SettingError: If the robot has more than two limbs.
+    Raises
+    ------
+    SettingError
+        If the robot has more than two limbs.
     """
     if not isinstance(graph, PairGraph):
         raise SettingError(
@@ -107,9 +116,12 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
     """The tables of the same map with some points not to be grasped; stances keep their indices.
 
-    Args:
-        tables: The steps on all points.
-        occupied: Which points may not be grasped, shape (m,).
+    Parameters
+    ----------
+    tables
+        The steps on all points.
+    occupied
+        Which points may not be grasped, shape (m,).
     """
     gone: BoolArray = np.any(occupied[tables.points], axis=1)
     steps = np.diff(tables.start)

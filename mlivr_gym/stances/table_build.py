@@ -32,16 +32,24 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
     most. A build that was stopped goes on where it was. What cannot be written is told as a
     warning, and the graph has its table all the same.
 
-    Args:
-        graph: The stance graph, without obstacles and occupied points.
-        progress: Called with the share of the work that is done.
+    Parameters
+    ----------
+    graph
+        The stance graph, without obstacles and occupied points.
+    progress
+        Called with the share of the work that is done.
 
-    Returns:
+    Returns
+    -------
+    Path | None
         Where the table lies; None if it is not kept.
 
-    Raises:
-        SettingError: If there are obstacles or occupied points.
-        NodeTableError: If there is no table of that many limbs or points.
+    Raises
+    ------
+    SettingError
+        If there are obstacles or occupied points.
+    NodeTableError
+        If there is no table of that many limbs or points.
 
     Example:
         >>> from mlivr_gym import stance_graph
@@ -68,8 +76,10 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
 def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
     """What building the table of a graph takes on this machine; None if it is there already.
 
-    Raises:
-        NodeTableError: If there is no table of that many limbs or points.
+    Raises
+    ------
+    NodeTableError
+        If there is no table of that many limbs or points.
     """
     if isinstance(graph, PairGraph):
         return None if built_pairs(graph) else estimate_pairs(graph)
@@ -79,8 +89,10 @@ def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
 def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
     """Write the table of a graph for which it was built to a file to pass on.
 
-    Raises:
-        FileError: If the file cannot be written.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     if isinstance(graph, PairGraph):
         write_stances(graph, graph.kept(), path)

@@ -24,14 +24,22 @@ def steps_of_state(
 ) -> tuple[int, int]:
     """The steps that leave a state.
 
-    Args:
-        s: Stance index.
-        masks: Branches that each limb may be on.
-        tables: `StepTables`.
-        steps: Their indices in the tables, written.
-        kept: Branches that the limb that holds keeps on each, written.
+    Parameters
+    ----------
+    s
+        Stance index.
+    masks
+        Branches that each limb may be on.
+    tables
+        `StepTables`.
+    steps
+        Their indices in the tables, written.
+    kept
+        Branches that the limb that holds keeps on each, written.
 
-    Returns:
+    Returns
+    -------
+    tuple[int, int]
         How many move limb 0, and how many there are.
     """
     first = count = 0
@@ -56,13 +64,20 @@ def legal_actions(
     The steps of random stances lie far apart in tables that exceed the caches. They are fetched for
     some states together, which is twice as fast as one after the other.
 
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        tables: `StepTables`.
-        out: Zeros, shape (k, 2, m); ones are written.
+    Parameters
+    ----------
+    stances
+        Stance indices, shape (k,).
+    masks
+        Branches each limb may be on, shape (k, 2).
+    tables
+        `StepTables`.
+    out
+        Zeros, shape (k, 2, m); ones are written.
 
-    Returns:
+    Returns
+    -------
+    np.uint16
         A number without meaning, for whose sake the compiler cannot leave the fetching out.
     """
     start, to_point, kept, read = tables.start, tables.to_point, tables.kept, np.uint16(0)
@@ -93,14 +108,21 @@ def legal_positions(
 ) -> None:
     """Mark the actions that states allow and write where the base is after each.
 
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        tables: `StepTables`.
-        out: Zeros, shape (k, 2, m); ones are written.
-        position: Shape (k, 2, m, 3); base positions [m] are written for the actions allowed.
-        releasable_after: Zeros, shape (k, 2, m); ones are written where the limb that holds could
-            be released after the action.
+    Parameters
+    ----------
+    stances
+        Stance indices, shape (k,).
+    masks
+        Branches each limb may be on, shape (k, 2).
+    tables
+        `StepTables`.
+    out
+        Zeros, shape (k, 2, m); ones are written.
+    position
+        Shape (k, 2, m, 3); base positions [m] are written for the actions allowed.
+    releasable_after
+        Zeros, shape (k, 2, m); ones are written where the limb that holds could
+        be released after the action.
     """
     for k in range(len(stances)):
         s = stances[k]
@@ -139,14 +161,20 @@ def onward_of_actions(
 ) -> None:
     """How near to the goal each action can lead, if a step that is possible after it comes next.
 
-    Args:
-        stances: Stance indices, shape (k,).
-        masks: Branches each limb may be on, shape (k, 2).
-        tables: `StepTables`.
-        ahead: Goals, and the reach and the arrivals of points.
-        out: Shape (k, 2, m, 2 d + 2), whose first d + 1 hold the reach where there is none;
-            for actions allowed the least reach over the steps after them is written there, that of
-            the step itself first, and then the sums of their arrivals.
+    Parameters
+    ----------
+    stances
+        Stance indices, shape (k,).
+    masks
+        Branches each limb may be on, shape (k, 2).
+    tables
+        `StepTables`.
+    ahead
+        Goals, and the reach and the arrivals of points.
+    out
+        Shape (k, 2, m, 2 d + 2), whose first d + 1 hold the reach where there is none;
+        for actions allowed the least reach over the steps after them is written there, that of
+        the step itself first, and then the sums of their arrivals.
     """
     depth = ahead.of_points.shape[3] // 2
     for k in range(len(stances)):

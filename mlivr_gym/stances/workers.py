@@ -22,10 +22,14 @@ class Workers:
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
         """Start some; of one none: the work is done where it is asked for.
 
-        Args:
-            count: Number of processes.
-            stages: How often they are run.
-            progress: Called with the share of all stages that is done.
+        Parameters
+        ----------
+        count
+            Number of processes.
+        stages
+            How often they are run.
+        progress
+            Called with the share of all stages that is done.
         """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
         self.pool: ProcessPoolExecutor | None = None
@@ -100,8 +104,10 @@ def _start_worker(shares: Any) -> None:
 def tell(worker: int, share: float) -> None:
     """Tell, in a worker, which share of its part of a stage is done.
 
-    Raises:
-        Stopped: If the rest is not wanted any more.
+    Raises
+    ------
+    Stopped
+        If the rest is not wanted any more.
     """
     _shares[worker] = share
     parent = parent_process()

@@ -30,12 +30,18 @@ def line_end(first: Angles, last: Angles, to: Angles) -> float:
     Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it, and the
     shapes on the flange axis turn in place.
 
-    Args:
-        first: Joint angles at the start.
-        last: Joint angles at the end.
-        to: Filled with the angles at the end; it may be `last`.
+    Parameters
+    ----------
+    first
+        Joint angles at the start.
+    last
+        Joint angles at the end.
+    to
+        Filled with the angles at the end; it may be `last`.
 
-    Returns:
+    Returns
+    -------
+    float
         The length of the line, the largest of the turns of joints 1 to 5 [rad].
     """
     length, q0, q1, out = 0.0, first.q, last.q, to.q
@@ -52,15 +58,24 @@ def lifted_angles(
 ) -> bool:
     """Joint angles of a limb that has departed from a grasp, with flip 0.
 
-    Args:
-        limb: The limb.
-        base: Base in the world.
-        grasp: The grasp.
-        branch: Branch label.
-        lift: How far it has departed [m].
-        to: Filled.
+    Parameters
+    ----------
+    limb
+        The limb.
+    base
+        Base in the world.
+    grasp
+        The grasp.
+    branch
+        Branch label.
+    lift
+        How far it has departed [m].
+    to
+        Filled.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether the branch exists there.
     """
     q = to.q
@@ -87,16 +102,26 @@ def lifted_branches(
 
     They are written into `room.q[side]`.
 
-    Args:
-        robot: The robot.
-        limb: The limb.
-        base: Base in the world.
-        grasp: The grasp.
-        mask: Branches and flips.
-        side: 0 before a step, 1 after it.
-        scratch: Scratch.
+    Parameters
+    ----------
+    robot
+        The robot.
+    limb
+        The limb.
+    base
+        Base in the world.
+    grasp
+        The grasp.
+    mask
+        Branches and flips.
+    side
+        0 before a step, 1 after it.
+    scratch
+        Scratch.
 
-    Returns:
+    Returns
+    -------
+    int
         The branches and flips of the mask that exist there.
     """
     found = EMPTY

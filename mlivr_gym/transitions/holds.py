@@ -36,14 +36,22 @@ def hold_apart(
     The limb that moves goes from `scratch.start` to `scratch.end` while the base follows the path
     in `scratch.sweep`.
 
-    Args:
-        parts: `STANDING`, `MOVER` or `BOTH`.
-        step: The step.
-        scene: The stances, the robot and the world.
-        masks: Branches of each limb that holds, changed.
-        scratch: Scratch.
+    Parameters
+    ----------
+    parts
+        `STANDING`, `MOVER` or `BOTH`.
+    step
+        The step.
+    scene
+        The stances, the robot and the world.
+    masks
+        Branches of each limb that holds, changed.
+    scratch
+        Scratch.
 
-    Returns:
+    Returns
+    -------
+    bool
         Whether every limb that holds has one left; if one has none the others are not looked at.
     """
     robot, world = scene.robots[0], scene.world

@@ -144,12 +144,18 @@ def segment_clear(
 ) -> bool:
     """Whether the robot touches nothing along a piece of a swing.
 
-    Args:
-        pieces: The piece, a row of `SwingSegment`, shape (1,).
-        holds: Rows of `SupportRecord`: limbs that hold meanwhile.
-        robots: A row of `RobotModel`, shape (1,).
-        world: What is checked.
-        scratch_rows: A row of `Sweep`, shape (1,).
+    Parameters
+    ----------
+    pieces
+        The piece, a row of `SwingSegment`, shape (1,).
+    holds
+        Rows of `SupportRecord`: limbs that hold meanwhile.
+    robots
+        A row of `RobotModel`, shape (1,).
+    world
+        What is checked.
+    scratch_rows
+        A row of `Sweep`, shape (1,).
     """
     piece, robot, scratch = pieces[0], robots[0], scratch_rows[0]
     scratch.resting.count = 0

@@ -50,13 +50,19 @@ def release_all(
 ) -> None:
     """Work out `StanceSet.released` of some limbs at some stances.
 
-    Args:
-        start: First row of `todo`.
-        stop: One past the last.
-        todo: Stance and limb, shape (k, 2).
-        scene: The stances, the robot and what is checked; where that begins with the obstacles,
-            only the motions of the answers that are there.
-        scratch_rows: A row of scratch, shape (1,).
+    Parameters
+    ----------
+    start
+        First row of `todo`.
+    stop
+        One past the last.
+    todo
+        Stance and limb, shape (k, 2).
+    scene
+        The stances, the robot and what is checked; where that begins with the obstacles,
+        only the motions of the answers that are there.
+    scratch_rows
+        A row of scratch, shape (1,).
     """
     stances, world = scene.stances, scene.world
     for k in range(start, stop):
@@ -87,13 +93,20 @@ def release(
     alone the other one is checked if none with the elbow up can fold. The answer is written into
     `stances.released`; among obstacles only the motions of the answer that is there are checked.
 
-    Args:
-        s: Which stance.
-        limb: Which limb.
-        mask: Branches and flips to check.
-        scene: The stances, the robot and the world.
-        layer: 0 for the map and the robot itself, 1 for obstacles.
-        scratch: Scratch.
+    Parameters
+    ----------
+    s
+        Which stance.
+    limb
+        Which limb.
+    mask
+        Branches and flips to check.
+    scene
+        The stances, the robot and the world.
+    layer
+        0 for the map and the robot itself, 1 for obstacles.
+    scratch
+        Scratch.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     answer, base = stances.released[s, limb], stances.base[s]

@@ -76,8 +76,10 @@ def check_integers(given: Any, count: int, most: int, what: str) -> None:
 
     Compiled code looks things up by them.
 
-    Raises:
-        StanceError: naming what was given and what is taken.
+    Raises
+    ------
+    StanceError
+        naming what was given and what is taken.
     """
     if isinstance(given, (tuple, list, np.ndarray)) and len(given) == count:
         for k in given:

@@ -36,9 +36,12 @@ LEAST_IN_THREADS = 64
 class StepChecks:
     """The check of releases and steps of a robot on a map.
 
-    Attributes:
-        solver: The robot, the map and its boxes, and what stances and steps must meet.
-        robots: The robot as compiled code reads it, a row of `Robot`, shape (1,).
+    Attributes
+    ----------
+    solver
+        The robot, the map and its boxes, and what stances and steps must meet.
+    robots
+        The robot as compiled code reads it, a row of `Robot`, shape (1,).
     """
 
     def __init__(self, solver: PostureSolver) -> None:
@@ -56,10 +59,13 @@ class StepChecks:
     def world(self, obstacles: BoxGrid | None, again: bool = False) -> WorldRecord:
         """What motions are checked against.
 
-        Args:
-            obstacles: Boxes besides those of the map, if there are any.
-            again: Whether the answers on the map are known, and only their motions are checked
-                among the obstacles.
+        Parameters
+        ----------
+        obstacles
+            Boxes besides those of the map, if there are any.
+        again
+            Whether the answers on the map are known, and only their motions are checked
+            among the obstacles.
         """
         solver = self.solver
         stop = 0 if not solver.settings.collisions else 1 if obstacles is None else 2

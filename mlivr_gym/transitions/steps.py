@@ -61,13 +61,19 @@ def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows
 def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
     """Check steps from `start` to `stop`.
 
-    Args:
-        start: First row of `steps`.
-        stop: One past the last.
-        steps: Rows of `StepRecord`, shape (k,); what is found is written into them.
-        scene: The stances before and after them, with what can be released there, and what is
-            checked.
-        scratch_rows: A row of `StepScratch`, shape (1,).
+    Parameters
+    ----------
+    start
+        First row of `steps`.
+    stop
+        One past the last.
+    steps
+        Rows of `StepRecord`, shape (k,); what is found is written into them.
+    scene
+        The stances before and after them, with what can be released there, and what is
+        checked.
+    scratch_rows
+        A row of `StepScratch`, shape (1,).
     """
     for k in range(start, stop):
         check(steps[k], scene, scratch_rows[0])

@@ -232,11 +232,16 @@ def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
 def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
     """Look at places, shape (k, 3) [m], all of them in the picture; returns from where [m].
 
-    Args:
-        page: The page.
-        places: What is to be seen.
-        aspect: Width of the picture over its height.
-        elevation: Angle of the line of sight over the horizon [deg].
+    Parameters
+    ----------
+    page
+        The page.
+    places
+        What is to be seen.
+    aspect
+        Width of the picture over its height.
+    elevation
+        Angle of the line of sight over the horizon [deg].
     """
     x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)

@@ -37,9 +37,12 @@ def write_html(
     Nothing is fetched from elsewhere when it is opened. An execution is played so fast that a step
     takes as long as one of a plan.
 
-    Raises:
-        FileError: If the file cannot be written.
-        SettingError: If even few pictures make a file larger than `LARGEST_FILE`.
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    SettingError
+        If even few pictures make a file larger than `LARGEST_FILE`.
     """
     page = Page("127.0.0.1", 0, "mlivr-gym")
     try:

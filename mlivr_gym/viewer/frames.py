@@ -37,13 +37,20 @@ AT_REST = len(PHASES)
 class Frames:
     """Configurations one after the other, k in all.
 
-    Attributes:
-        times: When each is shown [s], shape (k,).
-        step: Index of the step, or number of the stance at rest, shape (k,).
-        phase: Index into `regrasp.PHASES`, or `AT_REST`, shape (k,).
-        base_positions: Shape (k, 3) [m].
-        base_quaternions: Shape (k, 4), w, x, y, z.
-        joint_positions: Shape (k, N, 6) [rad].
+    Attributes
+    ----------
+    times
+        When each is shown [s], shape (k,).
+    step
+        Index of the step, or number of the stance at rest, shape (k,).
+    phase
+        Index into `regrasp.PHASES`, or `AT_REST`, shape (k,).
+    base_positions
+        Shape (k, 3) [m].
+    base_quaternions
+        Shape (k, 4), w, x, y, z.
+    joint_positions
+        Shape (k, N, 6) [rad].
     """
 
     times: Array
@@ -138,8 +145,10 @@ def recording_frames(recording: Recording) -> Frames:
 def load_recording(path: str | Path, plan: Plan) -> Recording:
     """Read the measurements that `mlivr-gym simulate` has written for a plan.
 
-    Raises:
-        PlanError: If the file cannot be read, or is of another robot or a longer walk.
+    Raises
+    ------
+    PlanError
+        If the file cannot be read, or is of another robot or a longer walk.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:

@@ -66,16 +66,26 @@ class LivePlan:
 
     Each change plans anew. What cannot be asked, and why there is no plan, is told by `message`.
 
-    Attributes:
-        graph: The stance graph, whose obstacles and occupied points change.
-        asked: The query.
-        plan: Its plan; None if there is none.
-        before: The plan of the query before, to be compared with.
-        message: One sentence on the plan, or why there is none.
-        reason: `""`, or why there is none, as in `PlanningResult`.
-        tree: Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-        expanded: States expanded.
-        seconds: Time that the query took [s].
+    Attributes
+    ----------
+    graph
+        The stance graph, whose obstacles and occupied points change.
+    asked
+        The query.
+    plan
+        Its plan; None if there is none.
+    before
+        The plan of the query before, to be compared with.
+    message
+        One sentence on the plan, or why there is none.
+    reason
+        `""`, or why there is none, as in `PlanningResult`.
+    tree
+        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    expanded
+        States expanded.
+    seconds
+        Time that the query took [s].
     """
 
     def __init__(self, graph: StanceGraph, asked: Asked, plan: Plan | None = None) -> None:
@@ -152,8 +162,10 @@ class LivePlan:
     def put_box(self, name: str, centre: Array) -> None:
         """Put a box of this id into the world, or put it elsewhere, by its middle [m].
 
-        Raises:
-            MlivrError: If collisions are not checked, or the map has a box of that id.
+        Raises
+        ------
+        MlivrError
+            If collisions are not checked, or the map has a box of that id.
         """
         kept = [box for box in self.graph.obstacles if box.id == name]
         half = np.array(kept[0].half) if kept else np.full(3, 0.5 * BOX_EDGE)

@@ -37,25 +37,38 @@ END = 1.5
 class Page:
     """A page that is served until it is closed.
 
-    Attributes:
-        server: The server of viser.
-        scene: What it draws.
-        gui: Its panel.
-        address: Where a browser finds it.
-        nodes: What is drawn, by name.
-        items: What stands in the panel, by name.
+    Attributes
+    ----------
+    server
+        The server of viser.
+    scene
+        What it draws.
+    gui
+        Its panel.
+    address
+        Where a browser finds it.
+    nodes
+        What is drawn, by name.
+    items
+        What stands in the panel, by name.
     """
 
     def __init__(self, host: str, port: int, title: str) -> None:
         """Serve an empty page.
 
-        Args:
-            host: Address of the network interface that answers.
-            port: Port; the next free one is taken where it is not.
-            title: Words above the panel, and on the browser's tab.
+        Parameters
+        ----------
+        host
+            Address of the network interface that answers.
+        port
+            Port; the next free one is taken where it is not.
+        title
+            Words above the panel, and on the browser's tab.
 
-        Raises:
-            SettingError: If there is no such interface.
+        Raises
+        ------
+        SettingError
+            If there is no such interface.
         """
         try:
             socket.create_server((host, 0)).close()
@@ -199,11 +212,16 @@ class Page:
     ) -> str:
         """The page as one file that plays without a server.
 
-        Args:
-            frames: What `draw` is called with, one after the other.
-            period: Time between two of them [s].
-            draw: Draws a frame.
-            words: Line that stands above the picture.
+        Parameters
+        ----------
+        frames
+            What `draw` is called with, one after the other.
+        period
+            Time between two of them [s].
+        draw
+            Draws a frame.
+        words
+            Line that stands above the picture.
         """
         draw(frames[0])
         recorder = self.server.get_scene_serializer()

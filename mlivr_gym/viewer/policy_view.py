@@ -25,8 +25,10 @@ class PolicyView:
     def __init__(self, graph: StanceGraph) -> None:
         """Follow `graph`.
 
-        Raises:
-            SettingError: If the extra `agents` is not installed.
+        Raises
+        ------
+        SettingError
+            If the extra `agents` is not installed.
         """
         need(*NEEDED, extra="agents")
         from mlivr_gym.agents.learned import load_policy
@@ -48,13 +50,19 @@ class PolicyView:
     def chances(self, state: State, goal: Array, tolerance: float) -> Array:
         """Probability of each action, 0 where it is masked out, shape (N, m).
 
-        Args:
-            state: The state.
-            goal: Goal position [m].
-            tolerance: Radius of the goal region [m].
+        Parameters
+        ----------
+        state
+            The state.
+        goal
+            Goal position [m].
+        tolerance
+            Radius of the goal region [m].
 
-        Raises:
-            MlivrError: If the environment cannot start there.
+        Raises
+        ------
+        MlivrError
+            If the environment cannot start there.
         """
         import torch
 

@@ -21,9 +21,12 @@ APART, OVER, HIDDEN = "in a module below", "in the same module", "hidden"
 class SecondPlan:
     """Draws a plan below the name `second`.
 
-    Attributes:
-        plan: The plan.
-        frames: What is played of it.
+    Attributes
+    ----------
+    plan
+        The plan.
+    frames
+        What is played of it.
     """
 
     def __init__(self, page: Page, scene: Scene, plan: Plan, frames: Frames) -> None:

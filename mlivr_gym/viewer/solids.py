@@ -84,8 +84,10 @@ class Scene(NamedTuple):
 def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()) -> Scene:
     """The scene of a robot in a cabin, with rods for the joints that the scene leaves out.
 
-    Raises:
-        SceneError: If MuJoCo refuses it.
+    Raises
+    ------
+    SceneError
+        If MuJoCo refuses it.
     """
     model = compiled(scene_spec(grasp_map, robot, obstacles))
     faces = {scene_name(BOX, box.id): box.face for box in (*grasp_map.boxes, *obstacles)}

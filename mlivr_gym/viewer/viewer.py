@@ -53,13 +53,20 @@ PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "
 class Viewer:
     """Shows a live plan on a page.
 
-    Attributes:
-        page: The page.
-        live: Query and plan.
-        frames: What is played.
-        time: What is shown of it [s].
-        playing: Whether it goes on.
-        speed: How many times as fast as its clock.
+    Attributes
+    ----------
+    page
+        The page.
+    live
+        Query and plan.
+    frames
+        What is played.
+    time
+        What is shown of it [s].
+    playing
+        Whether it goes on.
+    speed
+        How many times as fast as its clock.
     """
 
     def __init__(

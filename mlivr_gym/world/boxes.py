@@ -39,13 +39,20 @@ def scene_name(kind: str, name: str) -> str:
 class Box:
     """A solid box.
 
-    Attributes:
-        id: Name.
-        kind: One of `KINDS`.
-        centre: Middle in the world [m].
-        half: Half edges along the box's axes [m].
-        rotation: Rows of the rotation from the box's axes to the world's.
-        face: Cabin face that it belongs to, for pictures.
+    Attributes
+    ----------
+    id
+        Name.
+    kind
+        One of `KINDS`.
+    centre
+        Middle in the world [m].
+    half
+        Half edges along the box's axes [m].
+    rotation
+        Rows of the rotation from the box's axes to the world's.
+    face
+        Cabin face that it belongs to, for pictures.
     """
 
     id: str
@@ -86,8 +93,10 @@ class Box:
         Fields: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if
         wanted.
 
-        Raises:
-            ShapeError: If a field is missing, unknown or faulty.
+        Raises
+        ------
+        ShapeError
+            If a field is missing, unknown or faulty.
         """
         return Boxes(kind).box(data, FieldPath("", ShapeError))
 
@@ -132,8 +141,10 @@ _CORNERS = Fields(
 class Boxes:
     """A list of boxes as plain data, each with an id of its own.
 
-    Attributes:
-        kind: What they are where the data do not say.
+    Attributes
+    ----------
+    kind
+        What they are where the data do not say.
     """
 
     kind: str = "obstacle"
@@ -166,8 +177,10 @@ def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
 
     It holds `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 
-    Raises:
-        ShapeError: If the file cannot be read or an entry is faulty; it names file and entry.
+    Raises
+    ------
+    ShapeError
+        If the file cannot be read or an entry is faulty; it names file and entry.
     """
     data = load(
         path, "obstacles", ShapeError, lambda data: OBSTACLES.read(data, FieldPath("", ShapeError))

@@ -67,17 +67,27 @@ STANCE = Raising(StanceError, Listed(Via(_point)))
 class GraspMap:
     """Graspable points and the surroundings they belong to.
 
-    Attributes:
-        ids: m point ids, for example `"D4a:3"`.
-        positions: Points in the map's frame, which is the world [m], shape (m, 3).
-        rotations: Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail,
-            y, and z the outward surface normal.
-        faces: Name of the face that each point lies on, m of them.
-        cabin: Lower and upper corner of the space a base may be in [m], shape (2, 3).
-        name: Short name of the map.
-        segments: Rails that the points lie on.
-        handrails: Handrails.
-        boxes: What stands round the points: tracks and handrails, racks and walls.
+    Attributes
+    ----------
+    ids
+        m point ids, for example `"D4a:3"`.
+    positions
+        Points in the map's frame, which is the world [m], shape (m, 3).
+    rotations
+        Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail,
+        y, and z the outward surface normal.
+    faces
+        Name of the face that each point lies on, m of them.
+    cabin
+        Lower and upper corner of the space a base may be in [m], shape (2, 3).
+    name
+        Short name of the map.
+    segments
+        Rails that the points lie on.
+    handrails
+        Handrails.
+    boxes
+        What stands round the points: tracks and handrails, racks and walls.
     """
 
     ids: tuple[str, ...]
@@ -134,8 +144,10 @@ class GraspMap:
     def index(self, point: str | int) -> int:
         """Index of a point given by id (or by index, which is checked).
 
-        Raises:
-            UnknownPointError: If there is no such point.
+        Raises
+        ------
+        UnknownPointError
+            If there is no such point.
         """
         if isinstance(point, str):
             if point in self._index:
@@ -162,11 +174,15 @@ class GraspMap:
     ) -> GraspMap:
         """Half of the points by a seeded draw, rounded down: the map of the paper's Case 4.
 
-        Args:
-            seed: Seed of the draw.
-            keep: Ids that stay in any case (the start stance).
-            clear_deck: Range of x [m] in which every deck point is dropped, others in place of
-                them are not, as long as there are enough.
+        Parameters
+        ----------
+        seed
+            Seed of the draw.
+        keep
+            Ids that stay in any case (the start stance).
+        clear_deck
+            Range of x [m] in which every deck point is dropped, others in place of
+            them are not, as long as there are enough.
         """
         last = np.zeros(len(self), dtype=np.int64)
         if clear_deck is not None:
@@ -184,8 +200,10 @@ class GraspMap:
     def check_goal(self, goal: Any) -> Array:
         """Return `goal` as an array of shape (3,) [m].
 
-        Raises:
-            GoalError: If it is not three finite numbers inside the cabin.
+        Raises
+        ------
+        GoalError
+            If it is not three finite numbers inside the cabin.
         """
         array, (low, high) = GOAL.read(goal, FieldPath("goal", GoalError)), self.cabin
         if (array < low).any() or (array > high).any():
@@ -227,9 +245,11 @@ class GraspMap:
     ) -> GraspMap:
         """Read a map from a JSON file; see `from_dict` for its fields.
 
-        Raises:
-            MapError: If the file cannot be read or any entry is faulty; the message names the
-                entry.
+        Raises
+        ------
+        MapError
+            If the file cannot be read or any entry is faulty; the message names the
+            entry.
         """
         given = _given(spacing, clearance)
         return load(path, "map", MapError, lambda data: _built(data, given, Path(path).stem))
@@ -248,15 +268,23 @@ class GraspMap:
         counts with the rail's width; handrails keep points of the same face away. What `to_dict`
         returns is known by its `ids` and taken as it is.
 
-        Args:
-            data: The parsed JSON object.
-            spacing: Overrides the file's spacing [m].
-            clearance: Overrides the file's clearance [m].
-            name: Used when the data names none.
+        Parameters
+        ----------
+        data
+            The parsed JSON object.
+        spacing
+            Overrides the file's spacing [m].
+        clearance
+            Overrides the file's clearance [m].
+        name
+            Used when the data names none.
 
-        Raises:
-            MapError: If the data are faulty; the message names the field.
-            SettingError: If spacing or clearance are.
+        Raises
+        ------
+        MapError
+            If the data are faulty; the message names the field.
+        SettingError
+            If spacing or clearance are.
         """
         given = _given(spacing, clearance)
         return FieldPath("", MapError).build(_built, data, given, name)
@@ -273,8 +301,10 @@ def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
 def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
     """A map as it is, from plain data or a file, or the measured JEM for None.
 
-    Raises:
-        MlivrError: If the file or the data are faulty, or it is nothing of these.
+    Raises
+    ------
+    MlivrError
+        If the file or the data are faulty, or it is nothing of these.
     """
     if given is None:
         return jem_map()
