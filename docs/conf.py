@@ -42,25 +42,26 @@ html_static_path: list[str] = []
 exclude_patterns = ["_build"]
 
 DOCSTRING = re.compile(r"^<!-- docstring ([\w.]+) -->$", re.MULTILINE)
-"""Where a page has the docstring of a class, which is Markdown with Google's sections."""
+"""Where a page shows the docstring of a class, which is Markdown with NumPy's sections."""
 
 SECTION = re.compile(
-    r"^(Attributes|Args|Raises|Example|Returns):\n((?:    .*\n|\n)+)", re.MULTILINE
+    r"^(Attributes|Parameters|Raises|Examples|Returns)\n-+\n((?:(?!## |\w+\n---).*\n)+)",
+    re.MULTILINE,
 )
-ENTRY = re.compile(r"^    (\*{0,2}\w+): ((?:.*\n(?:        .*\n)*))", re.MULTILINE)
+ENTRY = re.compile(r"^(\*{0,2}\w+)(?: : .*)?\n((?:    .*\n|\n)+)", re.MULTILINE)
 
 
 def listed(text: str) -> str:
-    """Sections of a Google docstring as headings with lists."""
+    """Return a docstring whose NumPy sections have become headings with lists."""
 
     def section(match: re.Match[str]) -> str:
-        name = "Arguments" if match[1] == "Args" else match[1]
-        if match[1] == "Example":
-            return f"## Example\n\n```python\n{inspect.cleandoc(match[2])}\n```\n"
+        name = "Arguments" if match[1] == "Parameters" else match[1]
+        if name == "Examples":
+            return f"## Example\n\n```python\n{match[2].strip()}\n```\n\n"
         entries = [
             f"* `{entry[1]}`: {' '.join(entry[2].split())}" for entry in ENTRY.finditer(match[2])
         ]
-        return f"## {name}\n\n" + "\n".join(entries) + "\n"
+        return f"## {name}\n\n" + "\n".join(entries) + "\n\n"
 
     return SECTION.sub(section, text + "\n")
 
