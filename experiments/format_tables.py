@@ -133,8 +133,8 @@ def _listed(kind: Listed[Any]) -> str:
 
 def attributes(made: type) -> dict[str, str]:
     """What a class says of its attributes in its docstring."""
-    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes:\n")[2]
-    found = re.findall(r"^    (\w+): ((?:.*(?:\n        .*)*))", text, re.MULTILINE)
+    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
+    found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
     said = {name: " ".join(meaning.split()) for name, meaning in found}
     for name, meaning in re.findall(
         r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE

@@ -140,41 +140,29 @@ STEPS = {
 """Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
 
 FIRST = {
-    "ready-made": "first plan of an installation",
-    "compiled": "all compiled first",
-    "again": "later plans from the shell",
+    "ready-made": "first plan of an installation, from the shell [s]",
+    "again": "later plans from the shell [s]",
 }
-"""What the README tells of the first path of `start_up.py`."""
+"""Runs of the first path of `start_up.py` that the README shows."""
 
-TOGETHER = ((0, 1), (2, 3), (4,), (5, 6), (7, 8))
-"""Figures of `planning_report.figures` that share a row of the README, which is to stay short."""
+IN_README = (0, 1, 4, 5, 7, 8)
+"""Figures of `planning_report.figures` that the README shows."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
-    """How quick planner and environment are by default, each row with its settings."""
-    settings, before = "two limbs, collisions on", planning_report.BEFORE
-    first = paths["plan"]
-    known = [how for how in FIRST if how in first]
+    """Return the table of the speed of planner and environment with default settings."""
+    before, first = planning_report.BEFORE, paths["plan"]
     rows = [
-        (
-            f"{'; '.join(FIRST[how] for how in known)} [s] | {settings}, ready-made machine code",
-            "; ".join(f"{first[how]['wall']:.3g}" for how in known),
-            "; ".join(before.get(how, NOTHING) for how in known),
-        )
+        (what, f"{first[how]['wall']:.3g}", before.get(how, NOTHING)) for how, what in FIRST.items()
     ]
     figures = list(planning_report.figures(planning))
-    for chosen in TOGETHER:
-        what, measured, _, old = (
-            "; ".join(told) for told in zip(*(figures[k] for k in chosen), strict=True)
-        )
-        rows.append((f"{what} | {settings}, table that ships", measured, old))
-    found = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
+    rows += [(figures[k].what, figures[k].measured, figures[k].before) for k in IN_README]
+    measured = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
     for name, (what, arguments) in STEPS.items():
-        set_so = benchmark_env.settings_of(**arguments)
-        wall = f"{float(f'{found[what, set_so]:.3g}'):,.0f}"
-        shown = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
-        rows.append((f"{shown} | {set_so}", wall, before[name]))
-    return planning_report.table("what | settings | measured | version 0.1.0", rows)
+        wall = measured[what, benchmark_env.settings_of(**arguments)]
+        title = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
+        rows.append((title, f"{float(f'{wall:.3g}'):,.0f}", before[name]))
+    return planning_report.table("default settings | measured | version 0.1.0", rows)
 
 
 def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
@@ -182,9 +170,9 @@ def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
     wall = {name: f"{paths[name]['ready-made']['wall']:.1f}" for name in ("plan", "environment")}
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (
-        "On two cores, nothing cached, the first of them takes "
-        f"{wall['plan']} s without the picture;\nimport, `make`, `reset` and 100 steps of the "
-        f"environment take {wall['environment']} s. In a program a plan to a\nnew goal takes "
+        "On two cores, right after installation, the first command takes "
+        f"{wall['plan']} s without the picture.\nImport, `make`, `reset` and 100 steps of the "
+        f"environment take {wall['environment']} s. In a program, a plan\nto a new goal takes "
         f"{new:.1f} ms (fewest steps, median).\n"
     )
 
