@@ -71,7 +71,7 @@ class Holding(NamedTuple):
         wrist, axis = self.seen(np.append(np.linspace(first, last, SAMPLES), middle))
         d = np.linalg.norm(wrist - wrist[-1], axis=1).max()
         a = np.arccos(np.clip(axis @ axis[-1], -1.0, 1.0)).max()
-        x, y, z = wrist[-1]
+        x, y = wrist[-1, :2]
         rho = np.hypot(x, y)
         u = np.sqrt(rho * rho - arm.d4**2) * (-1.0 if shoulder else 1.0)
         c1, s1 = (u * x - arm.d4 * y) / rho**2, (u * y + arm.d4 * x) / rho**2

@@ -135,6 +135,17 @@ def test_names_use_words_of_one_meaning(path):
     assert not {name for name, found in words.items() if found}
 
 
+def test_each_class_has_a_name_of_its_own():
+    """A name means one thing, whichever file a reader comes from; experiments are scripts."""
+    places = {}
+    for path in sources():
+        module = module_of(path)
+        for node in [] if module.startswith("experiments") else tree_of(path).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(module)
+    assert not {name: modules for name, modules in places.items() if len(modules) > 1}
+
+
 @pytest.mark.parametrize("path", sources(), ids=module_of)
 def test_imports_run_downwards_only(path):
     module = module_of(path)
