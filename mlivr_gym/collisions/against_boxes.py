@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mlivr_gym.collisions.box_grid import BoundingBox, BoxGrid, GridBox
-from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer
+from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, compare_capsule_with_box
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
@@ -49,7 +49,7 @@ def set_behind(behind: Behind, point: Triple, normal: Triple) -> None:
 
 
 @kernel
-def axis_answer(
+def compare_with_grid(
     axis: tuple[Triple, Triple],
     inner: float,
     motion: tuple[float, float],
@@ -64,11 +64,11 @@ def axis_answer(
     """
     frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
-    low, high = reached(axis, outer)
-    if inside(low, high, frame.core) or not overlap(low, high, frame.hull):
+    low, high = segment_bounds(axis, outer)
+    if is_inside(low, high, frame.empty_region) or not overlaps(low, high, frame.hull):
         return CLEAR
     o, edge, cells = frame.origin, frame.edge, frame.cells
-    boxes, start, items, filled = grid.boxes, grid.start, grid.items, grid.filled
+    boxes, start, items, fill_bounds = grid.boxes, grid.start, grid.items, grid.fill_bounds
     i0, i1 = max(int((low[0] - o[0]) / edge), 0), min(int((high[0] - o[0]) / edge), cells[0] - 1)
     j0, j1 = max(int((low[1] - o[1]) / edge), 0), min(int((high[1] - o[1]) / edge), cells[1] - 1)
     k0, k1 = max(int((low[2] - o[2]) / edge), 0), min(int((high[2] - o[2]) / edge), cells[2] - 1)
@@ -77,29 +77,29 @@ def axis_answer(
         for j in range(j0, j1 + 1):
             for k in range(k0, k1 + 1):
                 cell = (i * cells[1] + j) * cells[2] + k
-                if not overlap(low, high, filled[cell]):
+                if not overlaps(low, high, fill_bounds[cell]):
                     continue
                 for entry in range(start[cell], start[cell + 1]):
                     box = boxes[items[entry]]
-                    if not overlap(low, high, box.bounds):
+                    if not overlaps(low, high, box.bounds):
                         continue
                     if at_grasp and lies_behind(box, behind):
                         continue
-                    p = turned(box, minus(a, vector(box.centre)))
-                    d = turned(box, minus(b, a))
-                    found = box_answer(p, d, vector(box.half), inner, (at_a, at_b))
-                    if found == SELF:
+                    p = in_box_axes(box, minus(a, vector(box.centre)))
+                    d = in_box_axes(box, minus(b, a))
+                    result = compare_capsule_with_box(p, d, vector(box.half), inner, (at_a, at_b))
+                    if result == SELF:
                         return int(box.cause)
-                    if found == UNDECIDED:
+                    if result == UNDECIDED:
                         # The other boxes matter only if they are touched here.
                         undecided = True
                         at_a = at_b = 0.0
-                        low, high = reached(axis, inner)
+                        low, high = segment_bounds(axis, inner)
     return UNDECIDED if undecided else CLEAR
 
 
 @kernel
-def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
+def segment_bounds(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
     """Lower and upper corner of what lies within some reach of a segment, across each axis [m]."""
     a, b = axis
     return (
@@ -109,7 +109,7 @@ def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
 
 
 @kernel
-def inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
+def is_inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
     """Whether an upright box lies strictly inside some bounds."""
     a, b = bounds.low, bounds.high
     strictly: bool = low[0] > a[0] and low[1] > a[1] and low[2] > a[2]
@@ -117,7 +117,7 @@ def inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
 
 
 @kernel
-def overlap(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
+def overlaps(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
     """Whether an upright box meets some bounds."""
     a, b = bounds.low, bounds.high
     meets: bool = low[0] <= b[0] and low[1] <= b[1] and low[2] <= b[2]
@@ -125,9 +125,9 @@ def overlap(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
 
 
 @kernel
-def turned(box: GridBox, v: Triple) -> Triple:
+def in_box_axes(box: GridBox, v: Triple) -> Triple:
     """A vector in the axes of a box."""
-    if not box.turned:
+    if not box.is_rotated:
         return v
     x, y, z = columns(box.rotation)
     return dot(x, v), dot(y, v), dot(z, v)
@@ -138,14 +138,14 @@ def lies_behind(box: GridBox, behind: Behind) -> bool:
     """Whether a box lies behind the plane through the point across the normal, within `FLUSH`."""
     normal = vector(behind.normal)
     out = dot(minus(vector(box.centre), vector(behind.point)), normal)
-    u, v, w = turned(box, normal)
+    u, v, w = in_box_axes(box, normal)
     lies: bool = out + dot((abs(u), abs(v), abs(w)), vector(box.half)) <= FLUSH
     return lies
 
 
 @kernel
-def against_boxes(
-    limb: LimbModel, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
+def compare_limb_with_boxes(
+    limb: LimbModel, shapes: Shapes, pending: int, grid: BoxGrid, clearance: float, behind: Behind
 ) -> tuple[int, int]:
     """Capsules of a limb in the world against the boxes of a grid.
 
@@ -153,20 +153,22 @@ def against_boxes(
     """
     undecided = 0
     for c in range(limb.capsule_count):
-        if has(todo, c):
+        if has(pending, c):
             inner = limb.capsules[c].radius + clearance
             motion = shapes.motion[c, 0], shapes.motion[c, 1]
             at_grasp = behind.applies and c >= limb.gripper
-            found = axis_answer(axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp)
-            if found > UNDECIDED:
-                return found, undecided
-            if found == UNDECIDED:
+            result = compare_with_grid(
+                axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp
+            )
+            if result > UNDECIDED:
+                return result, undecided
+            if result == UNDECIDED:
                 undecided |= only(c)
     return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel
-def base_against_boxes(
+def compare_base_with_boxes(
     robot: RobotModel,
     base: Pose,
     motion: tuple[float, float],
@@ -180,14 +182,14 @@ def base_against_boxes(
     """
     travel, swing = motion
     undecided = False
-    for c in range(robot.around_count):
-        capsule = robot.around[c]
+    for c in range(robot.base_capsule_count):
+        capsule = robot.base_capsules[c]
         a, b = capsule_axis(capsule.ends)
         axis = out_of(base, a), out_of(base, b)
         moves = travel + swing * length(a), travel + swing * length(b)
         at_grasp = c < 0
-        found = axis_answer(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
-        if found > UNDECIDED:
-            return found
-        undecided = undecided or found == UNDECIDED
+        result = compare_with_grid(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
+        if result > UNDECIDED:
+            return result
+        undecided = undecided or result == UNDECIDED
     return UNDECIDED if undecided else CLEAR

@@ -12,7 +12,7 @@ from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import Box
 
-CELL = 0.25
+CELL_EDGE = 0.25
 """Edge of a grid cell [m], or more where that would make too many; a matter of speed only."""
 
 MOST_CELLS = 1 << 18
@@ -45,7 +45,7 @@ class GridBox(Record):
     """Half edges along its axes [m]."""
     rotation: Matrix
     """Its axes, in columns."""
-    turned: bool
+    is_rotated: bool
     """Whether they are not those of the world."""
     cause: int
     """What touching it is called, see `distances`."""
@@ -54,7 +54,7 @@ class GridBox(Record):
 class GridFrame(Record):
     """Where the cells of a grid are."""
 
-    core: BoundingBox
+    empty_region: BoundingBox
     """A large room without boxes; an impossible one if there is none."""
     hull: BoundingBox
     """What all boxes reach."""
@@ -77,7 +77,7 @@ class BoxGrid(NamedTuple):
     """Where the boxes of each cell begin in `items`, shape (cells + 1,)."""
     items: IntArray
     """Boxes of each cell, one after the other."""
-    filled: Any
+    fill_bounds: Any
     """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
 
 
@@ -86,12 +86,12 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     rows = GridBox.rows(len(boxes))
     for row, box in zip(rows, boxes, strict=True):
         row["centre"][:], row["half"][:], row["rotation"][:] = box.centre, box.half, box.rotation
-        row["turned"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
+        row["is_rotated"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
         row["cause"] = CAUSES.get(box.kind, CABIN)
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
     rows["bounds"]["low"], rows["bounds"]["high"] = low, high
-    frames = _frames(low, high)
+    frames = _grid_frames(low, high)
     frame = frames[0]
     cells, owners = [], []
     for b in range(len(boxes)):
@@ -107,10 +107,10 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     cell, owner = np.concatenate([nothing, *cells]), np.concatenate([nothing, *owners])
     order = np.argsort(cell, kind="stable")
     start = np.searchsorted(cell[order], np.arange(int(frame["cells"].prod()) + 1))
-    return BoxGrid(frames, rows, start, owner[order], _filled(low, high, cell, owner, frame))
+    return BoxGrid(frames, rows, start, owner[order], _fill_bounds(low, high, cell, owner, frame))
 
 
-def _frames(low: Array, high: Array) -> Any:
+def _grid_frames(low: Array, high: Array) -> Any:
     """Where the cells are for boxes of given corners, shape (n, 3) [m]: a row of `GridFrame`.
 
     The edge is doubled until there are few enough cells, and few enough boxes in them.
@@ -122,8 +122,10 @@ def _frames(low: Array, high: Array) -> Any:
         hull = np.stack([low.min(axis=0), high.max(axis=0)])
         frame["origin"][:] = hull[0]
     frame["hull"]["low"][:], frame["hull"]["high"][:] = hull
-    frame["core"]["low"][:], frame["core"]["high"][:] = _core(low, high, hull)
-    low, high, edge = low - frame["origin"], high - frame["origin"], CELL
+    frame["empty_region"]["low"][:], frame["empty_region"]["high"][:] = _empty_region(
+        low, high, hull
+    )
+    low, high, edge = low - frame["origin"], high - frame["origin"], CELL_EDGE
     while True:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
@@ -133,7 +135,7 @@ def _frames(low: Array, high: Array) -> Any:
         edge *= 2.0
 
 
-def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
+def _fill_bounds(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
     """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
     origin, edge, dims = frame["origin"], frame["edge"], frame["cells"]
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
@@ -148,7 +150,7 @@ def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: Gri
     return out
 
 
-def _core(low: Array, high: Array, hull: Array) -> Array:
+def _empty_region(low: Array, high: Array, hull: Array) -> Array:
     """A large empty box round the middle of the hull [m], shape (2, 3).
 
     An impossible one where the middle is occupied.

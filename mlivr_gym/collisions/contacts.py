@@ -127,16 +127,16 @@ def contacts(
         configuration[1], scalar_first=True
     ).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
-    found = [
-        *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),
-        *_limbs_with_boxes(shapes, boxes, ends, at_grasp, clearance),
-        *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
+    pairs = [
+        *_robot_distances(robot, shapes, (ends - configuration[0]) @ base),
+        *_limb_box_distances(shapes, boxes, ends, at_grasp, clearance),
+        *_base_box_distances(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
-    close = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
+    close = [Contact(*pair) for pair in pairs if pair[2] < clearance or pair[2] <= 0.0]
     return sorted(close, key=lambda contact: contact.distance)
 
 
-def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
+def _robot_distances(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
     radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
     half = triple(shapes.robot["half"])
@@ -147,20 +147,20 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iter
             if shapes.links[c] >= 2:
                 yield name, BODY, segment_box_distance(p, u, half) - radius[c]
                 for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
-                    if shapes.links[c] >= shapes.robot["limbs"][i]["least_link"][m]:
-                        apart = segments_distance(p, u, *_axis(row["ends"]))
-                        yield name, mount, apart - radius[c] - row["radius"]
+                    if shapes.links[c] >= shapes.robot["limbs"][i]["first_link"][m]:
+                        distance = segments_distance(p, u, *_axis(row["ends"]))
+                        yield name, mount, distance - radius[c] - row["radius"]
             for d, j in shapes.pairs.tolist():
                 if d == c:
-                    apart = segments_distance(p, u, *_axis(ends[i, j]))
-                    yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
+                    distance = segments_distance(p, u, *_axis(ends[i, j]))
+                    yield name, f"limb{i}/{names[j]}", distance - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = segments_distance(p, u, *_axis(ends[k, j]))
-                    yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
+                    distance = segments_distance(p, u, *_axis(ends[k, j]))
+                    yield name, f"limb{k}/{names[j]}", distance - radius[c] - radius[j]
 
 
-def _limbs_with_boxes(
+def _limb_box_distances(
     shapes: LimbShapes,
     boxes: Sequence[Box],
     ends: Array,
@@ -171,15 +171,19 @@ def _limbs_with_boxes(
     radius, names = shapes.radii, _names(shapes)
     gripper = int(shapes.limb["gripper"])
     for i, limb in enumerate(ends):
-        around = _around(limb, radius, boxes, clearance)
+        around = _boxes_nearby(limb, radius, boxes, clearance)
         for c, axis in enumerate(limb):
             for box in (boxes[b] for b in around[c]):
-                if c >= gripper and i in at_grasp and _behind(box, *at_grasp[i]):
+                if c >= gripper and i in at_grasp and _lies_behind(box, *at_grasp[i]):
                     continue
-                yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
+                yield (
+                    f"limb{i}/{names[c]}",
+                    scene_name(BOX, box.id),
+                    _box_distance(axis, box) - radius[c],
+                )
 
 
-def _base_with_boxes(
+def _base_box_distances(
     robot: RobotSpec,
     shapes: LimbShapes,
     boxes: Sequence[Box],
@@ -191,17 +195,19 @@ def _base_with_boxes(
     half, names = shapes.robot["half"], _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
-        if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
+        if _box_distance(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
             # Two boxes are nearest, or first overlap, at an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
-            yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
+            yield BODY, scene_name(BOX, box.id), min(_box_distance(*pair) for pair in edges)
     axes, radius = position + shapes.mounts["ends"] @ rotation.T, shapes.mounts["radius"]
-    for m, around in enumerate(_around(axes, radius, boxes, clearance)):
+    for m, around in enumerate(_boxes_nearby(axes, radius, boxes, clearance)):
         for box in (boxes[b] for b in around):
-            yield names[m], scene_name(BOX, box.id), _to_box(axes[m], box) - radius[m]
+            yield names[m], scene_name(BOX, box.id), _box_distance(axes[m], box) - radius[m]
 
 
-def _around(axes: Array, radius: Array, boxes: Sequence[Box], clearance: float) -> list[list[int]]:
+def _boxes_nearby(
+    axes: Array, radius: Array, boxes: Sequence[Box], clearance: float
+) -> list[list[int]]:
     """Indices of the boxes that each capsule may touch, or come closer to than the clearance.
 
     They are told by the ball round it; `axes` are the ends of the capsules, shape (c, 2, 3) [m],
@@ -211,13 +217,13 @@ def _around(axes: Array, radius: Array, boxes: Sequence[Box], clearance: float) 
         return [[] for _ in axes]
     from_centres = axes.mean(axis=1)[:, None] - np.array([box.centre for box in boxes])
     inside = np.einsum("cbi,bij->cbj", from_centres, np.array([box.rotation for box in boxes]))
-    beside = np.maximum(np.abs(inside) - np.array([box.half for box in boxes]), 0.0)
+    outside = np.maximum(np.abs(inside) - np.array([box.half for box in boxes]), 0.0)
     reach = radius + 0.5 * np.linalg.norm(axes[:, 1] - axes[:, 0], axis=1) + max(0.0, clearance)
-    close = np.linalg.norm(beside, axis=2) <= reach[:, None] + 1e-9
+    close = np.linalg.norm(outside, axis=2) <= reach[:, None] + 1e-9
     return [np.flatnonzero(row).tolist() for row in close]
 
 
-def _to_box(axis: Array, box: Box) -> float:
+def _box_distance(axis: Array, box: Box) -> float:
     """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
     start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
     return float(segment_box_distance(tuple(start), tuple(end - start), box.half))
@@ -254,6 +260,6 @@ def _names(shapes: LimbShapes) -> list[str]:
     return [f"{name}/{shapes.names[:c].count(name)}" for c, name in enumerate(shapes.names)]
 
 
-def _behind(box: Box, point: Array, normal: Array) -> bool:
+def _lies_behind(box: Box, point: Array, normal: Array) -> bool:
     reach = np.abs(np.array(box.rotation).T @ normal) @ np.array(box.half)
     return float((np.array(box.centre) - point) @ normal + reach) <= FLUSH

@@ -20,12 +20,12 @@ CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
 SEGMENT, BOX = (cast(int, k) for k in np.arange(2))
 """Shapes that an axis is compared with."""
 
-ROUNDS = 8
+MOST_PLACES = 8
 """Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
 
 
 @kernel
-def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
+def segment_distance_squared(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
     """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
 
     The closest points of the lines, clamped to each segment in turn (Ericson, Real-Time Collision
@@ -59,7 +59,7 @@ def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
 
 
 @kernel
-def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
+def box_distance_on_line(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
     """Squared distance [m^2] of `p + t d` from a box about the origin, half its derivative by `t`.
 
     The box has half edges `half` [m].
@@ -74,7 +74,7 @@ def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float
 
 
 @kernel
-def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
+def segment_box_distance_squared(p: Triple, d: Triple, half: Triple) -> float:
     """Squared distance [m^2] of a segment, from `p` to `p + d`, from a box about the origin.
 
     The squared distance along the segment is convex, and its derivative linear between the six
@@ -82,7 +82,10 @@ def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
     derivative changes sign; there it is solved exactly.
     """
     low, high = 0.0, 1.0
-    at_low, at_high = box_from(0.0, p, d, half)[1], box_from(1.0, p, d, half)[1]
+    at_low, at_high = (
+        box_distance_on_line(0.0, p, d, half)[1],
+        box_distance_on_line(1.0, p, d, half)[1],
+    )
     if at_low >= 0.0:
         t = 0.0
     elif at_high <= 0.0:
@@ -93,17 +96,19 @@ def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
                 for side in (-1.0, 1.0):
                     at = (side * half[k] - p[k]) / d[k]
                     if low < at < high:
-                        slope = box_from(at, p, d, half)[1]
+                        slope = box_distance_on_line(at, p, d, half)[1]
                         if slope < 0.0:
                             low, at_low = at, slope
                         else:
                             high, at_high = at, slope
         t = low if at_high == at_low else low - at_low * (high - low) / (at_high - at_low)
-    return box_from(t, p, d, half)[0]
+    return box_distance_on_line(t, p, d, half)[0]
 
 
 @kernel
-def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[float, float]:
+def segment_distance_on_line(
+    t: float, p: Triple, d: Triple, q: Triple, v: Triple
+) -> tuple[float, float]:
     """Squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
 
     The segment goes from `q` to `q + v`.
@@ -116,7 +121,7 @@ def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[
 
 
 @kernel
-def stays_away(
+def keeps_distance(
     kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
     """Whether no point of an axis is closer to a shape than a length that changes linearly.
@@ -148,27 +153,37 @@ def stays_away(
         True if it is shown; false also where `ROUNDS` places do not decide.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p
-    square, slope = box_from(a, p, d, shape) if kind == BOX else segment_from(a, p, d, shape, along)
+    square, slope = (
+        box_distance_on_line(a, p, d, shape)
+        if kind == BOX
+        else segment_distance_on_line(a, p, d, shape, along)
+    )
     if square <= at_p * at_p:
         return False
     root = np.sqrt(square)
     low, down = root - at_p, slope / root - bend
     if down >= 0.0:
         return True
-    square, slope = box_from(b, p, d, shape) if kind == BOX else segment_from(b, p, d, shape, along)
+    square, slope = (
+        box_distance_on_line(b, p, d, shape)
+        if kind == BOX
+        else segment_distance_on_line(b, p, d, shape, along)
+    )
     if square <= at_d * at_d:
         return False
     root = np.sqrt(square)
     high, up = root - at_d, slope / root - bend
     if up <= 0.0:
         return True
-    for _ in range(ROUNDS):
+    for _ in range(MOST_PLACES):
         t = (low - high + up * b - down * a) / (up - down)
         if low + down * (t - a) >= 0.0:
             return True
         length = at_p + t * bend
         square, slope = (
-            box_from(t, p, d, shape) if kind == BOX else segment_from(t, p, d, shape, along)
+            box_distance_on_line(t, p, d, shape)
+            if kind == BOX
+            else segment_distance_on_line(t, p, d, shape, along)
         )
         if square <= length * length:
             return False
@@ -184,7 +199,7 @@ def stays_away(
 
 
 @kernel
-def segments_answer(
+def compare_capsules(
     p: Triple,
     u: Triple,
     q: Triple,
@@ -199,28 +214,32 @@ def segments_answer(
     the first may at `p` and at the other end, in between linearly. `CLEAR`, `UNDECIDED` or `SELF`.
     """
     at_p, at_u = moves
-    square = segments_apart(p, u, q, v)
+    square = segment_distance_squared(p, u, q, v)
     if square < inner * inner:
         return SELF
     outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
     # The end that moves far need not be the one that is close to the other axis.
-    if at_p != at_u and stays_away(SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u):
+    if at_p != at_u and keeps_distance(
+        SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u
+    ):
         return CLEAR
     return UNDECIDED
 
 
 @kernel
-def box_answer(p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]) -> int:
+def compare_capsule_with_box(
+    p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]
+) -> int:
     """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
     Arguments as in `segments_answer`.
     """
     at_p, at_d = moves
-    if stays_away(BOX, half, half, p, d, inner + at_p, inner + at_d):
+    if keeps_distance(BOX, half, half, p, d, inner + at_p, inner + at_d):
         return CLEAR
-    square = segment_box_apart(p, d, half)
+    square = segment_box_distance_squared(p, d, half)
     if square < inner * inner:
         return SELF
     outer = inner + max(at_p, at_d)
@@ -230,12 +249,12 @@ def box_answer(p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[fl
 @entry
 def segments_distance(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
     """Distance [m] of two segments, see `segments_apart`."""
-    distance: float = np.sqrt(segments_apart(p, u, q, v))
+    distance: float = np.sqrt(segment_distance_squared(p, u, q, v))
     return distance
 
 
 @entry
 def segment_box_distance(p: Triple, d: Triple, half: Triple) -> float:
     """Distance [m] of a segment from a box about the origin, see `segment_box_apart`."""
-    distance: float = np.sqrt(segment_box_apart(p, d, half))
+    distance: float = np.sqrt(segment_box_distance_squared(p, d, half))
     return distance

@@ -20,7 +20,7 @@ MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
 MOST_MOUNTS = MOST_CAPSULES * MOST_LIMBS
 """Most capsules that are fixed to the body."""
 
-NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
+OFFSET_PAIRS = {(3, 5): 2, (4, 6): 1}
 """Links two joints apart, and the axis of the first along which the second stays on one side.
 
 Axis 1 is y, axis 2 is z. The forearm moves in a plane across joint 4, off which the wrist point
@@ -37,9 +37,9 @@ class LimbCapsule(Record):
     """Ends of its axis in the link's frame [m]."""
     radius: float
     """Radius [m]."""
-    anchor: Annotated[IntArray, (2,), np.int64]
+    anchors: Annotated[IntArray, (2,), np.int64]
     """What the motion of each end is bounded from: limb base, elbow, forearm end or wrist point."""
-    arm: Annotated[Array, (2,)]
+    anchor_distances: Annotated[Array, (2,)]
     """Distance of each end from its anchor [m]."""
 
 
@@ -70,7 +70,7 @@ class LimbModel(MountedArm):
     hand: int
     """First of the capsules that lie on the flange axis to the end: at a grasp they are where they
     are, whatever the posture."""
-    least_link: Annotated[IntArray, (MOST_MOUNTS,), np.int64]
+    first_link: Annotated[IntArray, (MOST_MOUNTS,), np.int64]
     """The first link that can meet each of the robot's mounts."""
 
 
@@ -97,9 +97,9 @@ class RobotModel(Record):
     """Number of capsules that are fixed to the body."""
     mounts: Annotated[Rows[BodyCapsule], (MOST_MOUNTS,)]
     """These capsules."""
-    around_count: int
+    base_capsule_count: int
     """Number of capsules that together contain all that moves with the base."""
-    around: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
+    base_capsules: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
     """These, for comparison with boxes: four round the body, see `round_cube`, and the mounts."""
 
 
@@ -178,14 +178,16 @@ class LimbShapes:
                 row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
                 row["ends"][:] = capsule.start, capsule.end
                 for e, end in enumerate(row["ends"]):
-                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), end)
+                    row["anchors"][e], row["anchor_distances"][e] = _anchor(
+                        spec, int(row["link"]), end
+                    )
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
-        round_ends, round_radius = round_cube(float(robot["half"][0]))
+        round_ends, round_radius = cube_capsules(float(robot["half"][0]))
         for k in range(4):
-            robot["around"][k]["ends"][:] = round_ends[k]
-            robot["around"][k]["radius"] = round_radius[k]
+            robot["base_capsules"][k]["ends"][:] = round_ends[k]
+            robot["base_capsules"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
@@ -193,12 +195,12 @@ class LimbShapes:
                 row = robot["mounts"][count]
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
-                robot["around"][4 + count] = row
+                robot["base_capsules"][4 + count] = row
                 same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
                 for other in range(spec.limbs):
-                    robot["limbs"][other]["least_link"][count] = same if other == limb else 2
+                    robot["limbs"][other]["first_link"][count] = same if other == limb else 2
                 count += 1
-        robot["mount_count"], robot["around_count"] = count, 4 + count
+        robot["mount_count"], robot["base_capsule_count"] = count, 4 + count
 
     def never(self, limb: int) -> list[tuple[str, str]]:
         """Pairs of a limb's links, the body among them, that are not compared.
@@ -207,7 +209,7 @@ class LimbShapes:
         """
         names = (BODY, *LINKS)
         compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
-        least = self.robot["limbs"][limb]["least_link"][: self.robot["mount_count"]]
+        least = self.robot["limbs"][limb]["first_link"][: self.robot["mount_count"]]
         meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
         compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}
@@ -220,7 +222,7 @@ class LimbShapes:
         return len(self.names)
 
 
-def round_cube(half: float) -> tuple[Array, Array]:
+def cube_capsules(half: float) -> tuple[Array, Array]:
     """Four capsules that together contain a cube of half edge `half` [m].
 
     Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out
@@ -242,7 +244,7 @@ def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
     if row is None or not row.checked:
         return row is None
     limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))
-    if NEVER_NEARER[links] == 2:
+    if OFFSET_PAIRS[links] == 2:
         reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
         gap = limb.d4 - max(first.start[2], first.end[2]) - reach
     else:

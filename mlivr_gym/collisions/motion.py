@@ -8,14 +8,14 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import Behind
-from mlivr_gym.collisions.placement import Ends, Placed, Shapes
+from mlivr_gym.collisions.placement import IntervalAngles, Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS
 
-DEPTH = 9
+MOST_HALVINGS = 9
 """Halvings after which an interval counts as blocked."""
 
 SWINGS, HOLDS, DEPARTS = 0, 1, 2
@@ -86,13 +86,13 @@ class Interval(Record):
     """Capsules to compare with the body."""
     limbs: int
     """Limbs at rest, or capsules to compare with the second limb."""
-    first: Ends
+    first: IntervalAngles
     """The first limb at both ends."""
-    second: Ends
+    second: IntervalAngles
     """The second limb at both ends."""
 
 
-class Resting(Record):
+class RestingLimbs(Record):
     """Places of limbs at rest."""
 
     count: int
@@ -111,10 +111,10 @@ class Sweep(Record):
     second: Placed
     base: Pose
     lifted: Pose
-    intervals: Annotated[Rows[Interval], (DEPTH + 3,)]
-    first_ahead: Joints
+    intervals: Annotated[Rows[Interval], (MOST_HALVINGS + 3,)]
+    first_at_end: Joints
     """Joint angles of the first limb at the end of the last piece [rad]."""
-    second_ahead: Joints
+    second_at_end: Joints
     """Joint angles of the second limb there [rad]."""
     behind: Behind
-    resting: Resting
+    resting: RestingLimbs

@@ -47,7 +47,7 @@ class Shapes(Record):
     """How far each end moves at most [m]."""
 
 
-class Ends(Record):
+class IntervalAngles(Record):
     """Joint angles at both ends of an interval."""
 
     first: Joints
@@ -61,13 +61,13 @@ class Placed(Record):
 
     q: Joints
     """Joint angles in the middle [rad]."""
-    minus: Joints
+    to_first: Joints
     """Their changes from there to the first end [rad]."""
-    plus: Joints
+    to_last: Joints
     """Their changes to the second [rad]."""
     turns: Turns
     """How far they turn at most meanwhile [rad]."""
-    proved: bool
+    is_bounded: bool
     """Whether that is known."""
     frames: Annotated[Array, (7, 4, 3)]
     """Links in the limb base frame, see `arm.link_frames`."""
@@ -75,11 +75,11 @@ class Placed(Record):
     """Its capsules in the body frame."""
     in_world: Shapes
     """Its capsules in the world."""
-    shift: Annotated[Array, (5, 4)]
+    anchor_travel: Annotated[Array, (5, 4)]
     """How far each anchor moves at most, seen from each of the links 0 to 4 [m]."""
-    spin: Annotated[Array, (5, 7)]
+    link_turn: Annotated[Array, (5, 7)]
     """How far each link turns at most, seen from each of those [rad]."""
-    share: float
+    fraction: float
     """Share of `shift` and `spin` that counts."""
 
 
@@ -134,7 +134,7 @@ def place_by_angles(limb: LimbModel, placed: Placed) -> None:
 
 
 @kernel
-def to_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
+def place_in_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
     """Capsule ends in the world by those in the body frame."""
     for c in range(limb.capsule_count):
         a, b = axis_of(in_body.ends, c)
@@ -142,17 +142,17 @@ def to_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> 
 
 
 @kernel
-def changes(ends: Ends, placed: Placed) -> None:
+def set_changes(ends: IntervalAngles, placed: Placed) -> None:
     """Changes of joint angles from the middle to both ends, each less than half a turn."""
     for joint in range(6):
-        placed.minus[joint] = wrap(ends.first[joint] - placed.q[joint])
-        placed.plus[joint] = wrap(ends.last[joint] - placed.q[joint])
+        placed.to_first[joint] = wrap(ends.first[joint] - placed.q[joint])
+        placed.to_last[joint] = wrap(ends.last[joint] - placed.q[joint])
 
 
 @kernel
-def joint_motion(arm: Arm, placed: Placed) -> None:
+def bound_links(arm: Arm, placed: Placed) -> None:
     """Bounds of the motion of anchors and links by the turns of the joints."""
-    turns, shift, spin = placed.turns, placed.shift, placed.spin
+    turns, shift, spin = placed.turns, placed.anchor_travel, placed.link_turn
     reach = np.sqrt(arm.d4**2 + arm.d5**2)
     for row in range(5):
         for link in range(7):
@@ -171,28 +171,32 @@ def joint_motion(arm: Arm, placed: Placed) -> None:
 
 
 @kernel
-def seen_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[float, float]:
+def motion_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[float, float]:
     """How far both ends of a capsule move at most, seen from link `row` [m].
 
     Their anchors move by `shift`, and their link turns by `spin` about them.
     """
-    shift, spin, arm = placed.shift, placed.spin[row, capsule.link], capsule.arm
+    shift, spin, arm = (
+        placed.anchor_travel,
+        placed.link_turn[row, capsule.link],
+        capsule.anchor_distances,
+    )
     return (
-        placed.share * (shift[row, capsule.anchor[0]] + arm[0] * spin),
-        placed.share * (shift[row, capsule.anchor[1]] + arm[1] * spin),
+        placed.fraction * (shift[row, capsule.anchors[0]] + arm[0] * spin),
+        placed.fraction * (shift[row, capsule.anchors[1]] + arm[1] * spin),
     )
 
 
 @kernel
-def capsule_motion(limb: LimbModel, placed: Placed) -> None:
+def bound_capsules(limb: LimbModel, placed: Placed) -> None:
     """How far each capsule end moves at most in the body frame."""
     motion = placed.in_body.motion
     for c in range(limb.capsule_count):
-        motion[c, 0], motion[c, 1] = seen_from_link(0, limb.capsules[c], placed)
+        motion[c, 0], motion[c, 1] = motion_from_link(0, limb.capsules[c], placed)
 
 
 @kernel
-def moved_by_base(limb: LimbModel, travel: float, swing: float, placed: Placed) -> None:
+def bound_in_world(limb: LimbModel, travel: float, swing: float, placed: Placed) -> None:
     """How far each capsule end moves at most in the world if the base moves [m] and turns [rad]."""
     moved, out = placed.in_body.motion, placed.in_world.motion
     for c in range(limb.capsule_count):
@@ -202,7 +206,7 @@ def moved_by_base(limb: LimbModel, travel: float, swing: float, placed: Placed) 
 
 
 @kernel
-def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
+def bound_from_grasp(limb: LimbModel, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
     arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
     wrist_2 = turns.q6
@@ -213,7 +217,7 @@ def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         for e in range(2):
-            anchor = capsule.anchor[e]
+            anchor = capsule.anchors[e]
             start, turned = elbow, upper
             if capsule.link == 6:
                 start, turned = 0.0, 0.0
@@ -225,7 +229,7 @@ def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
                 start, turned = end if anchor == FOREARM_END else elbow, fore
             elif capsule.link == 1 or anchor == BASE:
                 continue
-            motion[c, e] = min(motion[c, e], start + capsule.arm[e] * turned)
+            motion[c, e] = min(motion[c, e], start + capsule.anchor_distances[e] * turned)
 
 
 @entry

@@ -108,11 +108,11 @@ def masks_of_joints(
         best, bit, worst = np.inf, 0, 0
         for b in range(16):
             if not np.isnan(solutions[b & 7]).any():
-                away = joints[limb] - solutions[b & 7]
-                away[5] -= np.pi * (b >> 3)
-                away = np.abs(np.angle(np.exp(1j * away)))
-                if away.max() < best:
-                    best, bit, worst = float(away.max()), b, int(away.argmax())
+                error = joints[limb] - solutions[b & 7]
+                error[5] -= np.pi * (b >> 3)
+                error = np.abs(np.angle(np.exp(1j * error)))
+                if error.max() < best:
+                    best, bit, worst = float(error.max()), b, int(error.argmax())
         if best > JOINT_TOLERANCE:
             raise StanceError(
                 f"start_joints of limb {limb} do not hold {name!r} at this base pose: joint "

@@ -90,7 +90,7 @@ class ReachScratch(Record):
     terms: Annotated[Array, (4, 4)]
 
 
-class _World(NamedTuple):
+class _ReachWorld(NamedTuple):
     """What all sets share."""
 
     robot: RobotModel
@@ -133,7 +133,7 @@ def farthest_flange(limb: Limb, characteristic_length: float, w_m: float) -> flo
 def reach_queries(
     robot: RobotSpec,
     w_m: float,
-    tries: Sequence[Array],
+    heights_and_rolls: Sequence[Array],
     target: Array | None = None,
     tolerance: float = np.inf,
 ) -> Any:
@@ -153,7 +153,7 @@ def reach_queries(
         How near to it [m].
     """
     out = ReachQuery.rows(1)
-    set_candidates(out["rule"][0], tries)
+    set_candidates(out["rule"][0], heights_and_rolls)
     out["rule"]["thresholds"]["w_m"] = w_m
     limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
@@ -190,7 +190,7 @@ def sets_in_reach(
     """
     scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
-    shared = _World(robots[0], grasps, queries[0], orders)
+    shared = _ReachWorld(robots[0], grasps, queries[0], orders)
     for s in range(start, stop):
         for i in range(sets.shape[1]):
             scratch.points[i] = sets[s, i]
@@ -198,51 +198,53 @@ def sets_in_reach(
 
 
 @kernel
-def _set_in_reach(world: _World, scratch: ReachScratch) -> bool:
+def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
     """Whether the set in the room is in reach."""
     query, rule, count = world.query, world.query.rule, world.orders.shape[1]
-    _middle(world, scratch)
+    _set_centroid(world, scratch)
     centre, normal = vector(scratch.centre), vector(scratch.normal)
     opposed = length(normal) < OPPOSED * (1.0 + SLACK)
     upright = length(normal) >= OPPOSED * (1.0 - SLACK)
     highest = rule.heights[rule.height_count - 1]
     if opposed:
-        highest = max(highest, rule.wide_heights[rule.wide_height_count - 1])
+        highest = max(highest, rule.opposed_heights[rule.opposed_height_count - 1])
     if length(minus(vector(query.target), centre)) > query.tolerance + highest:
         return False
     nearest = np.inf
     for k in range(count):
-        nearest = min(nearest, _away(k, centre, world, scratch))
+        nearest = min(nearest, _centroid_distance(k, centre, world, scratch))
     if upright:
-        scratch.frame_count, level = UNKNOWN, True
+        scratch.frame_count, with_zero_roll = UNKNOWN, True
         for k in range(count):
-            if _away(k, centre, world, scratch) > nearest + SLACK:
+            if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
-            line = _line(k, centre, world, scratch)
-            if _rolled(line, _unit(normal), level, False, world, scratch):
+            line = _roll_axis(k, centre, world, scratch)
+            if _is_reached_about(line, _normalised(normal), with_zero_roll, False, world, scratch):
                 return True
-            level = False
+            with_zero_roll = False
     if opposed:
         for k in range(count):
-            if _away(k, centre, world, scratch) > nearest + SLACK:
+            if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
             scratch.frame_count = UNKNOWN
             line, rail = (
-                _line(k, centre, world, scratch),
+                _roll_axis(k, centre, world, scratch),
                 vector(world.grasps[scratch.points[k]].rail),
             )
-            out = _unit(_across(rail, line))
-            if length(_across(rail, line)) ** 2 < SLACK:
-                out = _unit(
-                    _across(cross(vector(world.grasps[scratch.points[k]].normal), rail), line)
+            out = _normalised(_perpendicular(rail, line))
+            if length(_perpendicular(rail, line)) ** 2 < SLACK:
+                out = _normalised(
+                    _perpendicular(
+                        cross(vector(world.grasps[scratch.points[k]].normal), rail), line
+                    )
                 )
-            if _rolled(line, out, True, True, world, scratch):
+            if _is_reached_about(line, out, True, True, world, scratch):
                 return True
     return False
 
 
 @kernel
-def _middle(world: _World, scratch: ReachScratch) -> None:
+def _set_centroid(world: _ReachWorld, scratch: ReachScratch) -> None:
     """Centroid and mean normal of the points in the room."""
     count = world.orders.shape[1]
     for axis in range(3):
@@ -254,33 +256,33 @@ def _middle(world: _World, scratch: ReachScratch) -> None:
 
 
 @kernel
-def _away(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> float:
+def _centroid_distance(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> float:
     """Distance of point `k` from the centroid [m]."""
     return length(minus(vector(world.grasps[scratch.points[k]].point), centre))
 
 
 @kernel
-def _line(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> Triple:
+def _roll_axis(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> Triple:
     """The line from the centroid to the grasp of point `k`, about which the body rolls."""
     grasp = world.grasps[scratch.points[k]]
     line = minus(vector(grasp.point), centre)
-    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _unit(line)
+    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _normalised(line)
 
 
 @kernel
-def _unit(v: Triple) -> Triple:
+def _normalised(v: Triple) -> Triple:
     """A vector by its length."""
     return along((0.0, 0.0, 0.0), 1.0 / length(v), v)
 
 
 @kernel
-def _across(v: Triple, axis: Triple) -> Triple:
+def _perpendicular(v: Triple, axis: Triple) -> Triple:
     """Part of a vector at right angles to a unit axis."""
     return along(v, -dot(v, axis), axis)
 
 
 @kernel
-def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
+def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     """Unrolled body axes for all orders of the points, both senses where they fit equally well.
 
     Returns
@@ -288,10 +290,10 @@ def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
     bool
         Whether these are all; not if the points of an order lie in no direction from the centroid.
     """
-    e1 = _across((1.0, 0.0, 0.0), out)
+    e1 = _perpendicular((1.0, 0.0, 0.0), out)
     if length(e1) < 0.5:
-        e1 = _across((0.0, 1.0, 0.0), out)
-    e1 = _unit(e1)
+        e1 = _perpendicular((0.0, 1.0, 0.0), out)
+    e1 = _normalised(e1)
     e2, count = cross(out, e1), world.orders.shape[1]
     scratch.frame_count = 0
     for order in range(len(world.orders)):
@@ -329,8 +331,13 @@ def _set_frame(x: Triple, z: Triple, order: int, scratch: ReachScratch) -> None:
 
 
 @kernel
-def _rolled(
-    line: Triple, out: Triple, level: bool, opposed: bool, world: _World, scratch: ReachScratch
+def _is_reached_about(
+    line: Triple,
+    out: Triple,
+    with_zero_roll: bool,
+    opposed: bool,
+    world: _ReachWorld,
+    scratch: ReachScratch,
 ) -> bool:
     """Whether the set is in reach from a base pose rolled about a line.
 
@@ -350,35 +357,35 @@ def _rolled(
         The set; its unrolled body axes are worked out if they are needed.
     """
     query, rule, base = world.query, world.query.rule, scratch.base
-    roll_count = rule.wide_roll_count if opposed else rule.roll_count
-    height_count = rule.wide_height_count if opposed else rule.height_count
+    roll_count = rule.opposed_roll_count if opposed else rule.roll_count
+    height_count = rule.opposed_height_count if opposed else rule.height_count
     target, centre = vector(query.target), vector(scratch.centre)
     for r in range(roll_count):
-        roll = rule.wide_rolls[r] if opposed else rule.rolls[r]
-        if roll == 0.0 and not level:
+        roll = rule.opposed_rolls[r] if opposed else rule.rolls[r]
+        if roll == 0.0 and not with_zero_roll:
             continue
         cosine, sine = np.cos(roll), np.sin(roll)
         up = turn(line, cosine, sine, out)
         for h in range(height_count):
-            height = rule.wide_heights[h] if opposed else rule.heights[h]
+            height = rule.opposed_heights[h] if opposed else rule.heights[h]
             position = along(centre, height, up)
             if length(minus(target, position)) > query.tolerance + SLACK:
                 continue
-            if not _none_too_far(position, world, scratch):
+            if not _is_within_bound(position, world, scratch):
                 continue
             if scratch.frame_count == UNKNOWN and not _set_frames(out, world, scratch):
                 return True
             for axis in range(3):
                 base.position[axis] = position[axis]
             for f in range(scratch.frame_count):
-                _turn_frame(line, cosine, sine, scratch.frames[f], base)
-                if _all_reach(scratch.order[f], world, scratch):
+                _roll_frame(line, cosine, sine, scratch.frames[f], base)
+                if _all_limbs_reach(scratch.order[f], world, scratch):
                     return True
     return False
 
 
 @kernel
-def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pose) -> None:
+def _roll_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pose) -> None:
     """Turn unrolled body axes about a line, into a base pose."""
     x, y, z = columns(frame.rotation)
     axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
@@ -388,7 +395,7 @@ def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pos
 
 
 @kernel
-def _none_too_far(position: Triple, world: _World, scratch: ReachScratch) -> bool:
+def _is_within_bound(position: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     """Whether no flange is farther from the base than a limb reaches."""
     for i in range(world.orders.shape[1]):
         flange = vector(world.grasps[scratch.points[i]].flange.position)
@@ -398,7 +405,7 @@ def _none_too_far(position: Triple, world: _World, scratch: ReachScratch) -> boo
 
 
 @kernel
-def _all_reach(order: int, world: _World, scratch: ReachScratch) -> bool:
+def _all_limbs_reach(order: int, world: _ReachWorld, scratch: ReachScratch) -> bool:
     """Whether each limb reaches its point with the `w_m` asked for."""
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):

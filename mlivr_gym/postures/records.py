@@ -47,15 +47,15 @@ class PostureRule(Record):
     """Limb manipulability that counts as margin 1."""
     scale_b: float
     """Base manipulability that counts as margin 1."""
-    nodes_margin: float
+    node_margin: float
     """A margin below that of every node."""
     nodes_only: bool
     """Whether of stances that are no nodes nothing need be told: most are then soon rejected."""
-    first_avoid: bool
+    best_touches: bool
     """Whether the best posture of all is known to touch something."""
-    check: bool
+    check_branches: bool
     """Whether branches are checked; if not, every node has all of them."""
-    collide: bool
+    check_contacts: bool
     """Whether postures must touch nothing."""
     height_count: int
     """Number of heights tried."""
@@ -65,20 +65,20 @@ class PostureRule(Record):
     """Number of rolls tried."""
     rolls: Annotated[Array, (MOST_POSES,)]
     """Rolls tried [rad]."""
-    wide_height_count: int
+    opposed_height_count: int
     """Number of heights tried between opposite walls."""
-    wide_heights: Annotated[Array, (MOST_POSES,)]
+    opposed_heights: Annotated[Array, (MOST_POSES,)]
     """These heights [m]."""
-    wide_roll_count: int
+    opposed_roll_count: int
     """Number of rolls tried there."""
-    wide_rolls: Annotated[Array, (MOST_POSES,)]
+    opposed_rolls: Annotated[Array, (MOST_POSES,)]
     """These rolls [rad]."""
 
 
-def set_candidates(rule: PostureRule, tries: Sequence[Array]) -> None:
+def set_candidates(rule: PostureRule, heights_and_rolls: Sequence[Array]) -> None:
     """Put what is tried into a rule: heights and rolls, and those between opposite walls."""
-    names = ("height", "roll", "wide_height", "wide_roll")
-    for name, values in zip(names, tries, strict=True):
+    names = ("height", "roll", "opposed_height", "opposed_roll")
+    for name, values in zip(names, heights_and_rolls, strict=True):
         rule[f"{name}_count"] = len(values)
         rule[f"{name}s"][: len(values)] = values
 
@@ -118,9 +118,9 @@ class CandidatePose(Record):
     """The base, in the frame of the stance's grasps."""
     limbs: Annotated[Rows[LimbReach], (MOST_LIMBS,)]
     """How each limb reaches its grasp."""
-    bound: float
+    margin_bound: float
     """Upper bound of the margin: the least over the limbs of the best class."""
-    waiting: float
+    open_bound: float
     """The same as long as it is to be looked at, then 0."""
 
 
@@ -134,7 +134,7 @@ class PostureSearch(NamedTuple):
     """The boxes."""
     clearance: float
     """Least distance [m]; 0 where only what penetrates counts."""
-    poses: int
+    candidate_count: int
     """Number of base poses tried."""
 
 
@@ -143,7 +143,7 @@ class Posture(Record):
 
     base: Pose
     """The base, in the frame of the stance's grasps."""
-    tried: int
+    pose_number: int
     """Which of the base poses tried it is; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
     """Limb manipulability; 0 where the stance cannot be held."""
@@ -160,7 +160,7 @@ class Posture(Record):
 class PostureScratch(Record):
     """Room for the selection of one posture."""
 
-    tried: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
+    candidates: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
     """Base poses that are tried."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
@@ -169,13 +169,13 @@ class PostureScratch(Record):
     """Sum of `K^-1` of each limb and those after it, on the branches `trial`."""
     roots: Annotated[Array, (MOST_LIMBS,)]
     """Lower bounds of the sixth roots of the determinants that the limbs before each add."""
-    trial: Limbs
+    combination: Limbs
     """Branch of each limb that is looked at."""
     option_count: Limbs
     """Number of branches of each limb that are combined."""
     options: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
     """These branches."""
-    digits: Limbs
+    option_index: Limbs
     """Which of them is looked at."""
     status: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
     """What a limb touches on a branch, other limbs apart, -1 where unknown."""

@@ -17,7 +17,7 @@ from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
-from mlivr_gym.postures.branches import combined, hold_masks
+from mlivr_gym.postures.branches import combined_w_b, set_hold_masks
 from mlivr_gym.postures.records import (
     CandidatePose,
     HeldStance,
@@ -26,12 +26,16 @@ from mlivr_gym.postures.records import (
     PostureScratch,
     PostureSearch,
 )
-from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
+from mlivr_gym.postures.rule import best_posture, prepare_candidate, touches_nothing
 
 
 @kernel
-def reach(
-    robot: RobotModel, held: HeldStance, floor: float, tried: CandidatePose, scratch: PostureScratch
+def evaluate_reach(
+    robot: RobotModel,
+    held: HeldStance,
+    floor: float,
+    candidate: CandidatePose,
+    scratch: PostureScratch,
 ) -> float:
     """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
 
@@ -43,17 +47,17 @@ def reach(
     least = np.inf
     terms = scratch.holding.proof.terms
     for i in range(robot.limb_count):
-        limb, reached = robot.limbs[i], tried.limbs[i]
+        limb, limb_reach = robot.limbs[i], candidate.limbs[i]
         unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
-        seen, _ = flange_seen(limb, tried.base, held.grasps[i].flange)
+        seen, _ = flange_seen(limb, candidate.base, held.grasps[i].flange)
         branch_terms(limb.arm, seen, terms)
         best = 0.0
         for k in range(3):
-            reached.p[k], reached.z[k] = seen.p[k], seen.z[k]
+            limb_reach.p[k], limb_reach.z[k] = seen.p[k], seen.z[k]
         for c in range(CLASSES):
             square = terms[c, 3]
-            reached.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
-            best = max(best, reached.w[c])
+            limb_reach.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
+            best = max(best, limb_reach.w[c])
         if best < floor:
             return 0.0
         least = min(least, best)
@@ -61,34 +65,38 @@ def reach(
 
 
 @entry
-def reach_all(robots: Any, held: Any, tried: Any, scratch_rows: Any) -> None:
+def reach_all(robots: Any, held: Any, candidate: Any, scratch_rows: Any) -> None:
     """`reach` of K stances, each at one base pose.
 
     Rows of `RobotModel`, shape (1,), `HeldStance` and `CandidatePose`, shape (K,), and
     `PostureScratch`, shape (1,).
     """
     for k in range(len(held)):
-        tried[k].bound = reach(robots[0], held[k], 0.0, tried[k], scratch_rows[0])
+        candidate[k].margin_bound = evaluate_reach(
+            robots[0], held[k], 0.0, candidate[k], scratch_rows[0]
+        )
 
 
 @entry
-def base_along(robots: Any, tried: Any, branches: IntArray, scratch_rows: Any, w_b: Array) -> None:
+def base_along(
+    robots: Any, candidate: Any, branches: IntArray, scratch_rows: Any, w_b: Array
+) -> None:
     """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
     robot, scratch = robots[0], scratch_rows[0]
     count = robot.limb_count
-    for k in range(len(tried)):
+    for k in range(len(candidate)):
         for i in range(count):
-            reached, b = tried[k].limbs[i], branches[k, i]
-            scratch.trial[i] = b
+            limb_reach, b = candidate[k].limbs[i], branches[k, i]
+            scratch.combination[i] = b
             limb_information(
                 robot.limbs[i],
-                FlangeAxis(vector(reached.p), vector(reached.z)),
+                FlangeAxis(vector(limb_reach.p), vector(limb_reach.z)),
                 b,
                 robot.characteristic_length,
                 scratch.inversion,
                 scratch.information[i, b],
             )
-        w_b[k] = combined(count, scratch)
+        w_b[k] = combined_w_b(count, scratch)
 
 
 @entry
@@ -140,7 +148,7 @@ def _solve(
     scratch: PostureScratch,
 ) -> None:
     """The best posture of one stance, see `solve_postures`."""
-    count = _try_poses(held, robot, rule, scratch)
+    count = _evaluate_candidates(held, robot, rule, scratch)
     limits = rule.thresholds
     # First the best posture that does not penetrate the robot itself; only if that comes too close
     # to something, the best of those that keep the clearance.
@@ -148,47 +156,49 @@ def _solve(
     loose = PostureSearch(robot, held, rule, grid, 0.0, count)
     strict = PostureSearch(robot, held, rule, grid, limits.clearance, count)
     for avoid in range(2):
-        if (avoid == 0 and rule.first_avoid) or (
-            avoid == 1 and not (rule.first_avoid or touches != CLEAR)
+        if (avoid == 0 and rule.best_touches) or (
+            avoid == 1 and not (rule.best_touches or touches != CLEAR)
         ):
             continue
         search, lowest = (strict if avoid else loose), 0.0
         if avoid or rule.nodes_only:
-            lowest = rule.nodes_margin
+            lowest = rule.node_margin
         out.cause = touches
-        found = best_posture(search, lowest, avoid == 0, scratch, out.branch)
-        chosen = found.pose
-        node = _take(robot, rule, scratch, found.pose, found.w_b, out)
+        best = best_posture(search, lowest, avoid == 0, scratch, out.branch)
+        chosen = best.pose
+        node = _store(robot, rule, scratch, best.pose, best.w_b, out)
         if avoid == 0:
-            if not node and found.seen > rule.nodes_margin:
+            if not node and best.largest_margin > rule.node_margin:
                 out.cause = SELF
-            if node and rule.collide and not _clear(strict, chosen, out, scratch):
+            if node and rule.check_contacts and not _keeps_clearance(strict, chosen, out, scratch):
                 touches = SELF
         elif node:
             out.cause = CLEAR
-    if node and rule.check:
-        search = strict if rule.collide else loose
-        enter(search, chosen, np.inf, chosen < 0, scratch)
-        tried = scratch.tried[chosen]
-        hold_masks(search, tried, scratch, out)
+    if node and rule.check_branches:
+        search = strict if rule.check_contacts else loose
+        prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
+        candidate = scratch.candidates[chosen]
+        set_hold_masks(search, candidate, scratch, out)
     elif node:
         for i in range(robot.limb_count):
             out.mask[i] = ALL
 
 
 @kernel
-def _try_poses(
+def _evaluate_candidates(
     held: HeldStance, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
 ) -> int:
     """Set up the base poses of a stance; returns their number."""
-    floor = rule.nodes_margin * rule.scale_m if rule.nodes_only else 0.0
+    floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
     count = rule.roll_count * rule.height_count
     if held.opposed:
-        count = rule.wide_roll_count * rule.wide_height_count
+        count = rule.opposed_roll_count * rule.opposed_height_count
     for c in range(count):
-        tried = scratch.tried[c]
-        _set_pose(held, rule, c, tried.base)
-        tried.bound = reach(robot, held, floor, tried, scratch) / rule.scale_m
+        candidate = scratch.candidates[c]
+        _set_pose(held, rule, c, candidate.base)
+        candidate.margin_bound = (
+            evaluate_reach(robot, held, floor, candidate, scratch) / rule.scale_m
+        )
     return count
 
 
@@ -197,7 +207,11 @@ def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
     """Base pose `c` of a stance, from the centroid of its grasps, into `base`."""
     rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
     if held.opposed:
-        rolls, heights, height_count = rule.wide_rolls, rule.wide_heights, rule.wide_height_count
+        rolls, heights, height_count = (
+            rule.opposed_rolls,
+            rule.opposed_heights,
+            rule.opposed_height_count,
+        )
     line = vector(held.line)
     x, y, z = columns(held.frame)
     roll, height = rolls[c // height_count], heights[c % height_count]
@@ -229,13 +243,13 @@ def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
     for k in range(len(numbers)):
         count = rule.roll_count * rule.height_count
         if stances[k].opposed:
-            count = rule.wide_roll_count * rule.wide_height_count
+            count = rule.opposed_roll_count * rule.opposed_height_count
         if numbers[k] < count:
             _set_pose(stances[k], rule, numbers[k], out[k])
 
 
 @kernel
-def _take(
+def _store(
     robot: RobotModel,
     rule: PostureRule,
     scratch: PostureScratch,
@@ -245,14 +259,14 @@ def _take(
 ) -> bool:
     """Make base pose `chosen` the posture; whether it meets the thresholds. -1: there is none."""
     node = chosen >= 0 and w_b >= rule.thresholds.w_b
-    out.w_b, out.tried = w_b, chosen
+    out.w_b, out.pose_number = w_b, chosen
     for i in range(robot.limb_count):
         out.w_m[i] = 0.0
         if chosen >= 0:
-            out.w_m[i] = scratch.tried[chosen].limbs[i].w[class_of(out.branch[i])]
+            out.w_m[i] = scratch.candidates[chosen].limbs[i].w[class_of(out.branch[i])]
         node = node and out.w_m[i] >= rule.thresholds.w_m
     if chosen >= 0:
-        base = scratch.tried[chosen].base
+        base = scratch.candidates[chosen].base
         for k in range(3):
             out.base.position[k] = base.position[k]
             for col in range(3):
@@ -261,9 +275,11 @@ def _take(
 
 
 @part
-def _clear(search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch) -> bool:
+def _keeps_clearance(
+    search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch
+) -> bool:
     """Whether a posture touches nothing, boxes apart."""
-    enter(search, chosen, np.inf, chosen < 0, scratch)
+    prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
     for i in range(search.robot.limb_count):
-        scratch.trial[i] = out.branch[i]
+        scratch.combination[i] = out.branch[i]
     return touches_nothing(search, chosen, scratch)

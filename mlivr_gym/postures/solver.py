@@ -37,11 +37,11 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import (
-    PosturesHeld,
+    CheckedPostures,
     QueryScratch,
     Surroundings,
-    clear_of_boxes,
-    hands_clear,
+    check_hands,
+    remove_touching_branches,
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
@@ -62,7 +62,12 @@ from mlivr_gym.postures.records import (
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
-from mlivr_gym.postures.tried_poses import Candidates, bases_of, held_in_world, rounded_in_world
+from mlivr_gym.postures.tried_poses import (
+    Candidates,
+    bases_of_ordered,
+    held_in_world,
+    rounded_in_world,
+)
 from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -126,7 +131,7 @@ class PostureSolver:
     def hands_touch(self, grid: BoxGrid) -> IntArray:
         """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
         out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
+        check_hands(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
         return out
 
     def clear_of_boxes(
@@ -147,7 +152,7 @@ class PostureSolver:
         others
             Whether branches other than those of the postures count.
         """
-        held = PosturesHeld(
+        held = CheckedPostures(
             np.ascontiguousarray(stances),
             postures.base_rows,
             postures.branch,
@@ -158,7 +163,7 @@ class PostureSolver:
         robots, around = self.shapes.rows, self.surroundings(grid)
         in_parallel(
             len(chosen),
-            clear_of_boxes,
+            remove_touching_branches,
             chosen,
             held,
             robots,
@@ -224,7 +229,7 @@ class PostureSolver:
         postures.mask[again] = 0
         again, new = again[better], new.take(better)
         # Equal but for rounding: a base pose has the same figures wherever it is worked out.
-        bases = bases_of(self.grasp_map, self.robot, stances[again], new.tried)
+        bases = bases_of_ordered(self.grasp_map, self.robot, stances[again], new.tried)
         new = replace(new, base_position=bases[0], base_rotation=bases[1])
         for name in FIELDS:
             getattr(postures, name)[again] = getattr(new, name)
@@ -377,8 +382,8 @@ class PostureSolver:
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales
         margin = min(a / b for a, b in zip(thresholds, self._scales, strict=True))
-        rule["nodes_margin"], rule["first_avoid"] = margin * (1.0 - 3.0 * TIE), avoid
-        rule["check"], rule["collide"] = settings.transitions, collisions
+        rule["node_margin"], rule["best_touches"] = margin * (1.0 - 3.0 * TIE), avoid
+        rule["check_branches"], rule["check_contacts"] = settings.transitions, collisions
         rule["nodes_only"] = nodes_only
         out = Posture.rows(k)
         robots, least = self.shapes.rows, LEAST_IN_THREADS if count == 2 else MANY_LIMBS_IN_THREADS
@@ -393,6 +398,6 @@ class PostureSolver:
             out["w_b"].copy(),
             out["branch"][:, :count].copy(),
             out["mask"][:, :count].copy(),
-            out["tried"].copy(),
+            out["pose_number"].copy(),
             out["cause"].copy(),
         )

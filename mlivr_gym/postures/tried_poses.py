@@ -97,7 +97,7 @@ def rounded_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
     return Grasps(grasps, normals, rails, grasp_map.positions[first] + rotate(frames, centroids))
 
 
-def bases_of(
+def bases_of_ordered(
     grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray
 ) -> tuple[Array, Array]:
     """Base poses by their numbers of stances with whose limb 0 the rule begins, see `bases_at`."""
@@ -132,5 +132,7 @@ def bases_at(
         Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
     """
     turns = first_limbs(grasp_map, stances)
-    positions, rotations = bases_of(grasp_map, robot, permuted_limbs(stances, turns), numbers)
+    positions, rotations = bases_of_ordered(
+        grasp_map, robot, permuted_limbs(stances, turns), numbers
+    )
     return positions, turned_frames(rotations, -turns, robot.limbs)

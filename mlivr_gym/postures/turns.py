@@ -73,7 +73,7 @@ def first_limbs(grasp_map: GraspMap, stances: IntArray) -> IntArray:
     if len(tied):
         some = positions[tied]
         apart = _rounded(np.roll(some, -1, axis=1) - some)
-        limbs[tied] = _least_turn(away[tied], apart, *np.moveaxis(some, 2, 0))
+        limbs[tied] = _smallest_relabelling(away[tied], apart, *np.moveaxis(some, 2, 0))
     return limbs
 
 
@@ -83,7 +83,7 @@ def _rounded(vectors: Array) -> Array:
     return lengths
 
 
-def _least_turn(*values: Array) -> IntArray:
+def _smallest_relabelling(*values: Array) -> IntArray:
     """Turns that make the values of the limbs, some after the others, least; each (k, N)."""
     count, limbs = values[0].shape
     alive = np.ones((count, limbs), dtype=np.bool_)

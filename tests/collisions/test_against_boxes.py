@@ -9,7 +9,13 @@ from compiled import called
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.against_boxes import FLUSH, Behind, axis_answer, lies_behind, set_behind
+from mlivr_gym.collisions.against_boxes import (
+    FLUSH,
+    Behind,
+    compare_with_grid,
+    lies_behind,
+    set_behind,
+)
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED
 
@@ -72,7 +78,7 @@ def test_a_capsule_meets_boxes_exactly_as_far_as_coal_says(upright, at_grasp):
 
         def answer(inner, motion, axis=(start, end), world=(grid, grasp)):
             ends = tuple(map(tuple, axis))
-            return called(axis_answer)(ends, inner, motion, *world, at_grasp)
+            return called(compare_with_grid)(ends, inner, motion, *world, at_grasp)
 
         near = 1e-5
         assert answer(away - near, (0.0, 0.0)) == CLEAR

@@ -9,7 +9,11 @@ from coal_ruler import mujoco_pairs
 from compiled import called
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.against_robot import (
+    compare_limb_with_body,
+    compare_limb_with_itself,
+    compare_limbs,
+)
 from mlivr_gym.collisions.allowed_collisions import (
     ALLOWED_COLLISIONS,
     ANY,
@@ -97,8 +101,8 @@ def compared_by_kernels(robot):
     def against_own(ends, row=shapes.robot):
         """A limb against itself, the body and the mounts."""
         limb, here = row["limbs"][0], at(ends)
-        itself, _ = called(against_itself)(limb, here, still, EVERY, 0.0)
-        return max(itself, called(against_body)(row, limb, here, EVERY, 0.0)[0])
+        itself, _ = called(compare_limb_with_itself)(limb, here, still, EVERY, 0.0)
+        return max(itself, called(compare_limb_with_body)(row, limb, here, EVERY, 0.0)[0])
 
     assert against_own(lonely) == CLEAR
     found = set()
@@ -125,7 +129,7 @@ def compared_by_kernels(robot):
             away = lonely + 1000.0
             away[d] = lonely[c]
             limbs = shapes.limb, at(lonely), shapes.robot["limbs"][1], at(away)
-            if called(against_limb)(*limbs, EVERY, 0.0)[0] == SELF:
+            if called(compare_limbs)(*limbs, EVERY, 0.0)[0] == SELF:
                 found.add((*sorted((name, other)), OTHER))
     return found
 

@@ -3,15 +3,15 @@ import pytest
 from compiled import called
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.against_boxes import Behind, axis_answer
-from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, box_grid
+from mlivr_gym.collisions.against_boxes import Behind, compare_with_grid
+from mlivr_gym.collisions.box_grid import CELL_EDGE, MOST_CELLS, MOST_ENTRIES, box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED, segment_box_distance
 
 
 def answer(grid, start, end, radius, motion=(0.0, 0.0)):
     """What the grid finds of a capsule whose ends may move."""
     axis = tuple(start), tuple(end)
-    return called(axis_answer)(axis, radius, motion, grid, Behind.row(), False)
+    return called(compare_with_grid)(axis, radius, motion, grid, Behind.row(), False)
 
 
 def touched(grid, start, end, radius):
@@ -90,11 +90,11 @@ def test_a_capsule_may_reach_far_out_of_the_grid(axis, sign):
 def test_the_grid_stays_small_however_far_boxes_reach(boxes):
     grid = box_grid(boxes)
     frame = grid.frames[0]
-    assert frame["edge"] > CELL
+    assert frame["edge"] > CELL_EDGE
     assert frame["cells"].prod() <= MOST_CELLS
     assert len(grid.items) <= MOST_ENTRIES
-    assert len(grid.filled) == len(grid.start) - 1 == frame["cells"].prod()
+    assert len(grid.fill_bounds) == len(grid.start) - 1 == frame["cells"].prod()
 
 
 def test_the_cells_of_a_module_keep_their_size(jem):
-    assert box_grid(jem.boxes).frames[0]["edge"] == CELL
+    assert box_grid(jem.boxes).frames[0]["edge"] == CELL_EDGE

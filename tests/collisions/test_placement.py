@@ -12,11 +12,11 @@ from mlivr_gym import GraspMap, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placement import (
     Placed,
-    capsule_motion,
-    joint_motion,
-    moved_by_base,
-    seen_from_grasp,
-    seen_from_link,
+    bound_capsules,
+    bound_from_grasp,
+    bound_in_world,
+    bound_links,
+    motion_from_link,
 )
 from mlivr_gym.kinematics.turns import Turns
 from mlivr_gym.robot.capsules import LINKS
@@ -90,14 +90,14 @@ def bounds(minus, plus):
     NaN for ends on that link or before.
     """
     placed = Placed.row()
-    placed["turns"], placed["share"] = turns_of(minus, plus), 1.0
-    called(joint_motion)(SHAPES.limb["arm"], placed)
+    placed["turns"], placed["fraction"] = turns_of(minus, plus), 1.0
+    called(bound_links)(SHAPES.limb["arm"], placed)
     out = np.full((5, len(LINK), 2), np.nan)
     for row in range(5):
         for c in np.flatnonzero(row < LINK):
-            out[row, c] = called(seen_from_link)(row, SHAPES.limb["capsules"][c], placed)
-    placed["share"] = 0.5
-    called(capsule_motion)(SHAPES.limb, placed)
+            out[row, c] = called(motion_from_link)(row, SHAPES.limb["capsules"][c], placed)
+    placed["fraction"] = 0.5
+    called(bound_capsules)(SHAPES.limb, placed)
     np.testing.assert_allclose(placed["in_body"]["motion"][: len(LINK)], 0.5 * out[0], rtol=1e-12)
     return out
 
@@ -107,7 +107,7 @@ def from_grasp(minus, plus):
     placed = Placed.row()
     placed["turns"] = turns_of(minus, plus)
     placed["in_world"]["motion"] = np.inf
-    called(seen_from_grasp)(SHAPES.limb, placed)
+    called(bound_from_grasp)(SHAPES.limb, placed)
     return placed["in_world"]["motion"][: len(LINK)]
 
 
@@ -151,7 +151,7 @@ def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, 
     rng = np.random.default_rng(seed)
     placed = Placed.row()
     placed["in_body"]["ends"], placed["in_body"]["motion"] = (place, -place), moved
-    called(moved_by_base)(SHAPES.limb, travel, swing, placed)
+    called(bound_in_world)(SHAPES.limb, travel, swing, placed)
     out = placed["in_world"]["motion"][: len(SHAPES)]
     across = np.cross(place, rng.normal(size=3))
     farthest = 0.0
