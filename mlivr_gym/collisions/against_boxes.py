@@ -1,12 +1,13 @@
-"""Capsules against the boxes of a grid (compiled).
+"""Comparison of capsules with the boxes of a grid (compiled).
 
-Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
-radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below
-`inner` the answer is the cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+Every comparison checks the distance between two axes, or between an axis and a box, against two
+lengths: `inner`, the radii plus the clearance, and `outer`, which adds how far the shapes may move
+over an interval. Below `inner` the result is the cause of the collision, from `outer` on it is
+`CLEAR`, and between them it is `UNDECIDED`.
 
-What is clear over an interval need not be compared again on its parts: queries of many capsules
-take the set of those to compare, see `bit_sets`, and return those that stay undecided beside the
-answer.
+Capsules that are clear over an interval need not be compared again on its halves. Functions for
+many capsules therefore take a set of capsules to compare, see `bit_sets`, and return, after the
+result, the set of those that are undecided.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 FLUSH = 2e-3
-"""A box counts as behind a grasp if it stands out of the surface no more than this [m]."""
+"""A box lies behind a grasp if it protrudes from the surface by no more than this [m]."""
 
 
 class Behind(Record):
-    """What a gripper at a grasp may come close to: the boxes that do not stand out there."""
+    """The grasp at which a gripper is, where it may touch the boxes behind the surface."""
 
     applies: bool
     """Whether the gripper is at a grasp."""
     point: Vector
-    """The grasp in the world [m]."""
+    """Grasped point in the world [m]."""
     normal: Vector
-    """Outward surface normal there."""
+    """Outward surface normal at that point."""
 
 
 @kernel
 def set_behind(behind: Behind, point: Triple, normal: Triple) -> None:
-    """Let a gripper be at a grasp, with the outward normal of the surface there."""
+    """Set the grasp at which a gripper is: its point and outward surface normal."""
     behind.applies = True
     for k in range(3):
         behind.point[k], behind.normal[k] = point[k], normal[k]
@@ -57,10 +58,27 @@ def compare_with_grid(
     behind: Behind,
     at_grasp: bool,
 ) -> int:
-    """A capsule against the boxes of a grid; those `behind` do not count if it is at a grasp.
+    """Compare a capsule with the boxes of a grid.
 
-    Both ends of its axis are in the world [m], `inner` is radius and clearance [m], `motion` how
-    far it may move at both ends [m], in between linearly.
+    Parameters
+    ----------
+    axis
+        Both ends of its axis in the world [m].
+    inner
+        Radius plus clearance [m].
+    motion
+        How far both ends may move [m], linear in between.
+    grid
+        The boxes.
+    behind
+        Grasp whose boxes behind the surface are omitted.
+    at_grasp
+        Whether to omit them.
+
+    Returns
+    -------
+    int
+        `CLEAR`, `UNDECIDED`, or the cause of a collision.
     """
     frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
@@ -91,7 +109,7 @@ def compare_with_grid(
                     if result == SELF:
                         return int(box.cause)
                     if result == UNDECIDED:
-                        # The other boxes matter only if they are touched here.
+                        # From now on only boxes closer than `inner` at the midpoint matter.
                         undecided = True
                         at_a = at_b = 0.0
                         low, high = segment_bounds(axis, inner)
@@ -100,7 +118,7 @@ def compare_with_grid(
 
 @kernel
 def segment_bounds(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
-    """Lower and upper corner of what lies within some reach of a segment, across each axis [m]."""
+    """Return the lower and upper corner of the box that encloses a segment with a margin [m]."""
     a, b = axis
     return (
         (min(a[0], b[0]) - reach, min(a[1], b[1]) - reach, min(a[2], b[2]) - reach),
@@ -110,7 +128,7 @@ def segment_bounds(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, T
 
 @kernel
 def is_inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
-    """Whether an upright box lies strictly inside some bounds."""
+    """Return whether an axis-aligned box lies strictly inside a bounding box."""
     a, b = bounds.low, bounds.high
     strictly: bool = low[0] > a[0] and low[1] > a[1] and low[2] > a[2]
     return strictly and high[0] < b[0] and high[1] < b[1] and high[2] < b[2]
@@ -118,7 +136,7 @@ def is_inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
 
 @kernel
 def overlaps(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
-    """Whether an upright box meets some bounds."""
+    """Return whether an axis-aligned box intersects a bounding box."""
     a, b = bounds.low, bounds.high
     meets: bool = low[0] <= b[0] and low[1] <= b[1] and low[2] <= b[2]
     return meets and high[0] >= a[0] and high[1] >= a[1] and high[2] >= a[2]
@@ -126,7 +144,7 @@ def overlaps(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
 
 @kernel
 def in_box_axes(box: GridBox, v: Triple) -> Triple:
-    """A vector in the axes of a box."""
+    """Return a vector in the axes of a box."""
     if not box.is_rotated:
         return v
     x, y, z = columns(box.rotation)
@@ -135,7 +153,7 @@ def in_box_axes(box: GridBox, v: Triple) -> Triple:
 
 @kernel
 def lies_behind(box: GridBox, behind: Behind) -> bool:
-    """Whether a box lies behind the plane through the point across the normal, within `FLUSH`."""
+    """Return whether a box protrudes by at most `FLUSH` from the surface at a grasp."""
     normal = vector(behind.normal)
     out = dot(minus(vector(box.centre), vector(behind.point)), normal)
     u, v, w = in_box_axes(box, normal)
@@ -147,9 +165,10 @@ def lies_behind(box: GridBox, behind: Behind) -> bool:
 def compare_limb_with_boxes(
     limb: LimbModel, shapes: Shapes, pending: int, grid: BoxGrid, clearance: float, behind: Behind
 ) -> tuple[int, int]:
-    """Capsules of a limb in the world against the boxes of a grid.
+    """Compare the capsules of a limb in the world with the boxes of a grid.
 
-    Those `behind` do not count for the gripper. An answer, and those of `todo` that are undecided.
+    The boxes behind the surface are omitted for the gripper. Returns a result, and the undecided
+    capsules of the set `pending`.
     """
     undecided = 0
     for c in range(limb.capsule_count):
@@ -176,9 +195,22 @@ def compare_base_with_boxes(
     clearance: float,
     nothing: Behind,
 ) -> int:
-    """The body and the mounts of all limbs against the boxes, at and about a base pose.
+    """Compare the body and the mounts of all limbs with boxes, at and around a base pose.
 
-    `motion` is how far the base may travel from there [m] and turn [rad], `nothing` no grasp.
+    Parameters
+    ----------
+    robot
+        The robot.
+    base
+        The base pose.
+    motion
+        How far the base may travel [m] and rotate [rad] from there.
+    grid
+        The boxes.
+    clearance
+        Clearance [m].
+    nothing
+        A record that is not read, since the base is at no grasp.
     """
     travel, swing = motion
     undecided = False

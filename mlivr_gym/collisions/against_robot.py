@@ -1,4 +1,7 @@
-"""A limb against itself, the body and other limbs (compiled); answers as in `against_boxes`."""
+"""Comparison of a limb with itself, the body and other limbs (compiled).
+
+Results and sets are those of `against_boxes`.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +30,10 @@ if TYPE_CHECKING:
 def has_separating_plane(
     first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float
 ) -> bool:
-    """Whether some plane across an axis of the frame keeps two segments farther apart than `outer`.
+    """Return whether a plane normal to a coordinate axis separates two segments.
 
-    Both ends of the first and of the second are given [m].
+    Their distance from each other is then greater than `outer`. The segments are given by their
+    ends [m].
     """
     (p, p_end), (q, q_end) = first, second
     for k in range(3):
@@ -49,7 +53,7 @@ def compare_capsule_pair(
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules by the ends of their axes; for the rest see `segments_answer`."""
+    """Compare two capsules given by the ends of their axes; see `compare_capsules`."""
     if has_separating_plane(first, second, inner + more + max(moves[0], moves[1])):
         return CLEAR
     (p, p_end), (q, q_end) = first, second
@@ -60,7 +64,7 @@ def compare_capsule_pair(
 def compare_limb_with_itself(
     limb: LimbModel, shapes: Shapes, placed: Placed, pending: int, clearance: float
 ) -> tuple[int, int]:
-    """The capsules of a limb against each other: an answer, and the pairs that are undecided."""
+    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
     undecided, ends = 0, shapes.ends
     for k in range(limb.pair_count):
         if not has(pending, k):
@@ -81,9 +85,9 @@ def compare_limb_with_itself(
 def compare_limb_with_body(
     robot: RobotModel, limb: LimbModel, shapes: Shapes, pending: int, clearance: float
 ) -> tuple[int, int]:
-    """A limb in the body frame against the body's box and the capsules fixed to the body.
+    """Compare a limb in the body frame with the body's box and the capsules fixed to the body.
 
-    An answer, and the capsules that are undecided.
+    Returns a result and the undecided capsules.
     """
     undecided, half = 0, vector(robot.half)
     for c in range(limb.capsule_count):
@@ -111,7 +115,7 @@ def compare_limb_with_body(
 def have_separating_plane(
     first: LimbModel, shapes: Shapes, second: LimbModel, others: Shapes, clearance: float
 ) -> bool:
-    """Whether some plane across an axis of the frame keeps two limbs apart."""
+    """Return whether a plane normal to a coordinate axis separates two limbs by the clearance."""
     ends, other = shapes.ends, others.ends
     for k in range(3):
         low = other_low = np.inf
@@ -139,7 +143,7 @@ def compare_limbs(
     pending: int,
     clearance: float,
 ) -> tuple[int, int]:
-    """Two limbs in one frame: an answer, and those of the first's capsules that are undecided."""
+    """Compare two limbs in one frame; return a result and the undecided capsules of the first."""
     undecided = 0
     if have_separating_plane(first, shapes, second, others, clearance):
         return CLEAR, undecided

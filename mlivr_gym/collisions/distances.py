@@ -1,6 +1,7 @@
-"""Distances between axes of capsules, and between an axis and a box (compiled).
+"""Distances between capsule axes, and between a capsule axis and a box (compiled).
 
-The checks compare them with two lengths, see `against_boxes`.
+A check compares such a distance with an inner length, the radii plus the clearance, and with an
+outer length, which adds how far the shapes may move; see `against_boxes` for the results.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
-"""Answers of a query: the last four are causes of a collision."""
+"""Results of a comparison. The last four are collisions and name their cause."""
 
 SEGMENT, BOX = (cast(int, k) for k in np.arange(2))
-"""Shapes that an axis is compared with."""
+"""Kinds of shape with which a capsule axis is compared."""
 
 MOST_PLACES = 8
-"""Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
+"""Maximum number of inner places of an axis that `keeps_distance` evaluates."""
 
 
 @kernel
 def segment_distance_squared(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
-    """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
+    """Return the squared distance between two segments [m^2].
 
-    The closest points of the lines, clamped to each segment in turn (Ericson, Real-Time Collision
-    Detection, 5.1.9).
+    The segments run from `p` to `p + u` and from `q` to `q + v` [m]. The closest points of their
+    lines are clamped to each segment in turn (Ericson, Real-Time Collision Detection, 5.1.9).
     """
     ux, uy, uz = u
     vx, vy, vz = v
@@ -60,9 +61,9 @@ def segment_distance_squared(p: Triple, u: Triple, q: Triple, v: Triple) -> floa
 
 @kernel
 def box_distance_on_line(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
-    """Squared distance [m^2] of `p + t d` from a box about the origin, half its derivative by `t`.
+    """Return the squared distance [m^2] of `p + t d` from a box, and half its derivative by `t`.
 
-    The box has half edges `half` [m].
+    The box is axis-aligned, centred at the origin, and has the half edges `half` [m].
     """
     square = slope = 0.0
     for k in range(3):
@@ -75,11 +76,12 @@ def box_distance_on_line(t: float, p: Triple, d: Triple, half: Triple) -> tuple[
 
 @kernel
 def segment_box_distance_squared(p: Triple, d: Triple, half: Triple) -> float:
-    """Squared distance [m^2] of a segment, from `p` to `p + d`, from a box about the origin.
+    """Return the squared distance between a segment and a box centred at the origin [m^2].
 
-    The squared distance along the segment is convex, and its derivative linear between the six
-    places where the segment crosses a face's plane. Those places narrow the interval in which the
-    derivative changes sign; there it is solved exactly.
+    The segment runs from `p` to `p + d`. Along it the squared distance is convex, and its
+    derivative is linear between the six places where the segment crosses the plane of a face. Those
+    places narrow the interval in which the derivative changes its sign; there its zero is computed
+    exactly.
     """
     low, high = 0.0, 1.0
     at_low, at_high = (
@@ -109,9 +111,9 @@ def segment_box_distance_squared(p: Triple, d: Triple, half: Triple) -> float:
 def segment_distance_on_line(
     t: float, p: Triple, d: Triple, q: Triple, v: Triple
 ) -> tuple[float, float]:
-    """Squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
+    """Return the squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
 
-    The segment goes from `q` to `q + v`.
+    The segment runs from `q` to `q + v` [m].
     """
     x, y, z = p[0] + t * d[0] - q[0], p[1] + t * d[1] - q[1], p[2] + t * d[2] - q[2]
     vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -124,33 +126,34 @@ def segment_distance_on_line(
 def keeps_distance(
     kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
-    """Whether no point of an axis is closer to a shape than a length that changes linearly.
+    """Return whether an axis provably keeps a required distance from a shape.
 
-    The distance from a convex shape is convex along a line, and so is what it exceeds the length
-    by: it lies above its tangents, and where those from both sides meet above zero it is nowhere
-    below.
+    The required distance varies linearly along the axis. The distance from a convex shape is convex
+    along a line, and so is its excess over the required distance. The excess therefore lies above
+    its tangents: if the tangents from both sides intersect above zero, it is positive everywhere
+    between.
 
     Parameters
     ----------
     kind
-        `BOX`, about the origin, or `SEGMENT`.
+        `BOX` for a box centred at the origin, or `SEGMENT`.
     shape
         Half edges of the box, or one end of the segment [m].
     along
-        From there to the other end [m]; of no account for a box.
+        Vector from that end to the other end of the segment [m]; unused for a box.
     p
         One end of the axis [m].
     d
-        From there to the other [m].
+        Vector from that end to the other end of the axis [m].
     at_p
-        The length at `p` [m], above 0.
+        Required distance at `p` [m], greater than 0.
     at_d
-        The length at the other end.
+        Required distance at the other end [m].
 
     Returns
     -------
     bool
-        True if it is shown; false also where `ROUNDS` places do not decide.
+        False if the axis comes closer, or if `MOST_PLACES` places do not decide it.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p
     square, slope = (
@@ -208,10 +211,21 @@ def compare_capsules(
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
+    """Compare two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
 
-    `inner` is radii and clearance [m], `more` how far the second may move [m], and `moves` how far
-    the first may at `p` and at the other end, in between linearly. `CLEAR`, `UNDECIDED` or `SELF`.
+    Parameters
+    ----------
+    inner
+        Sum of the radii and the clearance [m].
+    more
+        How far the second capsule may move [m].
+    moves
+        How far the first capsule may move at `p` and at its other end [m], linear in between.
+
+    Returns
+    -------
+    int
+        `CLEAR`, `UNDECIDED` or `SELF`.
     """
     at_p, at_u = moves
     square = segment_distance_squared(p, u, q, v)
@@ -220,7 +234,7 @@ def compare_capsules(
     outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
-    # The end that moves far need not be the one that is close to the other axis.
+    # The end that moves farther need not be the one closer to the other axis.
     if at_p != at_u and keeps_distance(
         SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u
     ):
@@ -232,9 +246,9 @@ def compare_capsules(
 def compare_capsule_with_box(
     p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]
 ) -> int:
-    """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
+    """Compare a capsule with a box centred at the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
-    Arguments as in `segments_answer`.
+    The arguments are those of `compare_capsules`.
     """
     at_p, at_d = moves
     if keeps_distance(BOX, half, half, p, d, inner + at_p, inner + at_d):
@@ -248,13 +262,16 @@ def compare_capsule_with_box(
 
 @entry
 def segments_distance(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
-    """Distance [m] of two segments, see `segments_apart`."""
+    """Return the distance between two segments [m], see `segment_distance_squared`."""
     distance: float = np.sqrt(segment_distance_squared(p, u, q, v))
     return distance
 
 
 @entry
 def segment_box_distance(p: Triple, d: Triple, half: Triple) -> float:
-    """Distance [m] of a segment from a box about the origin, see `segment_box_apart`."""
+    """Return the distance between a segment and a box centred at the origin [m].
+
+    See `segment_box_distance_squared`.
+    """
     distance: float = np.sqrt(segment_box_distance_squared(p, d, half))
     return distance

@@ -1,4 +1,4 @@
-"""Checks of postures against boxes (compiled)."""
+"""Checks of stationary postures against boxes (compiled)."""
 
 from __future__ import annotations
 
@@ -26,48 +26,62 @@ from mlivr_gym.kinematics.poses import along, vector
 
 
 class Surroundings(NamedTuple):
-    """Points and boxes in the world."""
+    """The graspable points and boxes in the world."""
 
     grasps: Any
-    """Rows of `Grasp`, shape (m,)."""
+    """Graspable points, records of `Grasp`, shape (m,)."""
     grid: BoxGrid
     """The boxes."""
     clearance: float
-    """Least distance [m]."""
+    """Clearance that shapes must keep [m]."""
 
 
 class CheckedPostures(NamedTuple):
-    """Postures of k stances."""
+    """Postures of k stances that are checked against boxes."""
 
     points: IntArray
     """Point of each limb, shape (k, N)."""
     base: Any
-    """Bases in the world, rows of `Pose`, shape (k,)."""
+    """Base poses in the world, records of `Pose`, shape (k,)."""
     branch: IntArray
     """Branch of each limb in the posture, shape (k, N)."""
     mask: IntArray
-    """Branches and flips of each limb, shape (k, N), changed."""
+    """Mask of branches and flips of each limb, shape (k, N); updated."""
     cause: IntArray
-    """Shape (k,), filled with the cause where a branch of the posture touches a box."""
+    """Cause of a collision on a branch of the posture, shape (k,); updated."""
     all_branches: BoolArray
-    """Whether branches other than that of the posture count, shape (1,)."""
+    """Whether the branches of the mask are checked, not only those of the posture; shape (1,)."""
 
 
 class QueryScratch(Record):
-    """Room for a query."""
+    """Scratch for a check."""
 
     placed: Placed
+    """The limb that is checked."""
     axes: JointAxes
+    """Joint axes of a branch."""
     behind: Behind
+    """The grasp at which the gripper is."""
 
 
 @entry
 def check_hands(
     robots: Any, surroundings: Surroundings, scratch_rows: Any, causes: IntArray
 ) -> None:
-    """What the capsules on the flange axis touch at each of m points, whatever the posture.
+    """Check at each of m points whether the capsules on the flange axis touch a box.
 
-    A row of `RobotModel` and one of `QueryScratch`, shape (1,); `answers`, shape (m,), are filled.
+    At a grasp these capsules do not depend on the posture.
+
+    Parameters
+    ----------
+    robots
+        A record of `RobotModel`, shape (1,).
+    surroundings
+        Points and boxes.
+    scratch_rows
+        A record of `QueryScratch`, shape (1,).
+    causes
+        Filled with the cause of the collision, or `CLEAR`; shape (m,).
     """
     robot, scratch = robots[0], scratch_rows[0]
     limb = robot.limbs[0]
@@ -78,7 +92,7 @@ def check_hands(
         for c in range(limb.hand, limb.capsule_count):
             capsule = limb.capsules[c]
             a, b = capsule_axis(capsule.ends)
-            # Along the flange axis, seen from the flange: on wrist 2 that is its y axis.
+            # Coordinates along the flange axis from the flange; on wrist 2 it is the y axis.
             at_a, at_b = a[2], b[2]
             if capsule.link != 6:
                 at_a, at_b = a[1] - limb.arm.d6, b[1] - limb.arm.d6
@@ -106,9 +120,9 @@ def remove_touching_branches(
     surroundings: Surroundings,
     scratch_rows: Any,
 ) -> None:
-    """Take the branches that touch a box out of the masks of postures `chosen[start:stop]`.
+    """Remove the branches that touch a box from the masks of the postures `chosen[start:stop]`.
 
-    A row of `RobotModel` and one of `QueryScratch`, shape (1,).
+    `robots` is a record of `RobotModel` and `scratch_rows` a record of `QueryScratch`, shape (1,).
     """
     robot, scratch, remove = robots[0], scratch_rows[0], postures.all_branches[0]
     for n in range(start, stop):
@@ -151,7 +165,7 @@ def _check_branch(
     surroundings: Surroundings,
     scratch: QueryScratch,
 ) -> int:
-    """What limb `i` on branch `b` touches in posture `k`, hand apart."""
+    """Compare limb `i` on branch `b` of posture `k` with the boxes, except for its hand."""
     limb, placed, grasp = robot.limbs[i], scratch.placed, surroundings.grasps[postures.points[k, i]]
     base = postures.base[k]
     seen, _ = flange_seen(limb, base, grasp.flange)

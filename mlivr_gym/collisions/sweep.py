@@ -1,22 +1,22 @@
-"""Checks of whole motions: one driver for all of them (compiled).
+"""Swept collision checks of all kinds of motion (compiled).
 
-**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place
-and compared with everything they can meet, see `against_boxes`. If every distance exceeds radii and
-clearance by more than the shapes can move from the middle to either end, see `placing`, nothing
-comes closer than the clearance anywhere on the interval, however thin it is: no step can skip a
-shape. If a distance is below radii and clearance the motion is blocked; otherwise the interval is
-halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only
-what was not clear on the whole is compared again.
+**Conservative advancement.** A motion is divided into intervals. At the midpoint of an interval the
+shapes are placed and compared with everything that they can meet, see `against_boxes`. If every
+distance exceeds the radii and the clearance by more than the shapes can move from the midpoint to
+either end, see `placement`, they keep the clearance on the whole interval; no shape is too thin to
+be seen. If a distance is below the radii and the clearance, the motion is blocked. Otherwise the
+interval is bisected, down to `2^-MOST_HALVINGS` of the motion, where an undecided interval counts
+as blocked. On each half only the comparisons that were not clear are repeated.
 
 **Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint
-space, or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself
-and the body, with limbs at rest, and with one other limb that swings or holds meanwhile.
+space, or holds its grasp; the base stands still or follows a path. The limb is compared with boxes,
+itself, the body, limbs at rest, and one other limb that swings or holds at the same time.
 
-**Corners.** Instead of a line, joint angles x of a swing and the base parameter may round a corner
-C between start A and end B: `x(s) = C + (A - C) f(1 - s) + (B - C) f(s)`, `f(s) = s^3 (2 - s)`, the
-B-spline that joins lines smoothly to the second derivative. Since `f'(s) + f'(1 - s) = 2`, its
-derivative lies between `2 (C - A)` and `2 (B - C)`, and what bounds the motion on lines along these
-bounds that on the curve: how far a link turns between two postures depends on them alone.
+**Rounded corners.** Instead of a line, the joint angles x of a swing and the base path parameter
+may round a corner C between a start A and an end B: `x(s) = C + (A - C) f(1 - s) + (B - C) f(s)`,
+`f(s) = s^3 (2 - s)`, the B-spline that joins the two lines with continuous second derivatives.
+Since `f'(s) + f'(1 - s) = 2`, the derivative lies between `2 (C - A)` and `2 (B - C)`. How far a
+link rotates depends on the derivative alone, so bounds for the two lines also hold for the curve.
 """
 
 from __future__ import annotations
@@ -63,18 +63,18 @@ from mlivr_gym.kinematics.poses import along, columns, vector
 from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns, more_turns
 
 MOST_FIRST_INTERVALS = 512
-"""Most intervals of the first division."""
+"""Maximum number of intervals in the initial division of a motion."""
 
 FIRST_TRAVEL = 0.6, 0.3
-"""Travel that an interval of the first division covers [m], of a swing and of a limb that holds.
-
-A matter of speed only.
-"""
+"""Travel of a swing, and of a limb that holds, per initial interval [m]; affects the speed only."""
 
 
 @kernel
 def set_joints(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: Joints) -> bool:
-    """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
+    """Set `q` to the joint angles of a limb at a fraction `s` of a motion.
+
+    Returns whether the limb can reach that configuration.
+    """
     motion = scratch.motion
     if limb.kind == SWINGS:
         for k in range(6):
@@ -94,7 +94,7 @@ def set_joints(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q:
 
 @kernel
 def _interpolate(rounded: bool, start: float, corner: float, end: float, s: float) -> float:
-    """Where a coordinate is at a share `s` of its way in a line or round a corner."""
+    """Return a coordinate at a fraction `s` of its motion along a line or round a corner."""
     if not rounded:
         return start + s * (end - start)
     rest = 1.0 - s
@@ -104,13 +104,13 @@ def _interpolate(rounded: bool, start: float, corner: float, end: float, s: floa
 
 @kernel
 def _base_parameter(motion: SweptMotion, s: float) -> float:
-    """Where the base is on its path at a share `s` of a motion."""
+    """Return the base path parameter at a fraction `s` of a motion."""
     return _interpolate(motion.rounded, motion.begin, motion.corner, motion.finish, s)
 
 
 @kernel
 def _base_rate(motion: SweptMotion) -> float:
-    """How fast the base goes along its path at most, by the share of the motion."""
+    """Return the largest change of the base path parameter per fraction of the motion."""
     if not motion.rounded:
         return abs(motion.finish - motion.begin)
     corner = motion.corner
@@ -119,12 +119,13 @@ def _base_rate(motion: SweptMotion) -> float:
 
 @kernel
 def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) -> int:
-    """Whether the first limb of a motion keeps clear of what it is compared with.
+    """Check whether the first limb of a motion keeps the clearance from all it is compared with.
 
     Returns
     -------
     int
-        `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
+        `CLEAR`; `UNDECIDED` if it comes too close to decide within the depth, or if a configuration
+        cannot be reached; else the cause of the collision.
     """
     motion, intervals = scratch.motion, scratch.intervals
     span = _base_rate(motion)
@@ -162,7 +163,7 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
 
 @part
 def _first_division(robot: RobotModel, travel: float, scratch: Sweep) -> int:
-    """Number of intervals of the first division."""
+    """Return the number of intervals in the initial division of a motion."""
     motion = scratch.motion
     if motion.first.kind == DEPARTS:
         return 1
@@ -176,7 +177,7 @@ def _first_division(robot: RobotModel, travel: float, scratch: Sweep) -> int:
 
 @kernel
 def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Placed) -> None:
-    """Bounds for the whole of a swing, of which an interval has its share."""
+    """Bound the motion of a limb over a whole swing; an interval takes its share of the bounds."""
     if limb.kind == SWINGS:
         for k in range(6):
             placed.to_last[k] = limb.end[k] - limb.start[k]
@@ -191,7 +192,10 @@ def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Pl
 
 @part
 def _set_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) -> bool:
-    """Put a piece of the first division on the stack; whether the limbs can be at its end."""
+    """Set the lowest interval of the stack to an initial interval, with everything to be compared.
+
+    Returns whether the limbs can reach its end.
+    """
     motion, interval = scratch.motion, scratch.intervals[0]
     interval.half = 0.5 / pieces
     interval.middle = (2 * piece + 1) * interval.half
@@ -224,9 +228,10 @@ def _place_limb(
     placed: Placed,
     ends: IntervalAngles,
 ) -> bool:
-    """Put a limb in place in the middle of an interval; whether it can be there.
+    """Place a limb at the midpoint of an interval; return whether it can reach that configuration.
 
-    Where `placed.proved` is false it is not known how far it moves, and it is not put in place.
+    If `placed.is_bounded` is then false, its motion has no proved bound and its shapes are not
+    placed.
     """
     if not set_joints(robot, limb, interval.middle, scratch, placed.q):
         return False
@@ -251,7 +256,7 @@ def _place_limb(
 def _flange_motion(
     robot: RobotModel, limb: LimbMotion, interval: Interval, scratch: Sweep
 ) -> FlangeMotion:
-    """How a flange moves in the limb base frame from the middle of an interval to either end."""
+    """Bound a flange's motion in the limb base frame from an interval's midpoint to either end."""
     if limb.kind == DEPARTS:
         return FlangeMotion(interval.half * robot.lift, 0.0, 0.0)
     motion = scratch.motion
@@ -275,9 +280,9 @@ def _compare(
     interval: Interval,
     scratch: Sweep,
 ) -> int:
-    """Compare what is left of an interval; what is decided is left out of its sets.
+    """Make the comparisons that remain for an interval, and remove those that are clear.
 
-    `speed` is how far the base travels [m] and turns [rad] on the whole motion.
+    `speed` is how far the base travels [m] and rotates [rad] over the whole motion.
     """
     motion, first = scratch.motion, scratch.first
     limb = robot.limbs[motion.first.limb]
@@ -328,7 +333,7 @@ def _compare_with_boxes(
     interval: Interval,
     scratch: Sweep,
 ) -> int:
-    """Compare the first limb, and a base that moves while it swings, with boxes."""
+    """Compare the first limb, and the base if it moves during a swing, with boxes."""
     motion, first, limb = scratch.motion, scratch.first, robot.limbs[scratch.motion.first.limb]
     travel, swing = speed[0] * interval.half, speed[1] * interval.half
     pose_on_path(motion.path, _base_parameter(motion, interval.middle), scratch.base)
@@ -337,7 +342,7 @@ def _compare_with_boxes(
     pending, on_base = interval.boxes, only(limb.capsule_count)
     if motion.first.kind == HOLDS:
         bound_from_grasp(limb, first)
-        # The hand stands still in the world and was compared when the point was chosen.
+        # The hand stands still in the world; `check_hands` compared it.
         pending &= below(limb.hand)
     result, undecided = compare_limb_with_boxes(
         limb, first.in_world, pending, grid, clearance, scratch.behind
@@ -358,7 +363,7 @@ def _compare_with_boxes(
 def _compare_with_resting(
     robot: RobotModel, limb: LimbModel, pending: int, clearance: float, scratch: Sweep
 ) -> tuple[int, int]:
-    """Compare the first limb with limbs at rest; an answer, and those that are undecided."""
+    """Compare the first limb with limbs at rest; return a result and those that are undecided."""
     undecided, resting = 0, scratch.resting
     for k in range(resting.count):
         if has(pending, k):
@@ -375,7 +380,7 @@ def _compare_with_resting(
 
 @part
 def _halve(top: int, scratch: Sweep) -> None:
-    """Put both halves of interval `top`, where the limbs are now, in its place and the next."""
+    """Replace interval `top` by its two halves, with the limbs at its midpoint as placed now."""
     first, second = scratch.intervals[top], scratch.intervals[top + 1]
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
@@ -388,7 +393,7 @@ def _halve(top: int, scratch: Sweep) -> None:
 
 @kernel
 def _split_angles(first: IntervalAngles, second: IntervalAngles, placed: Placed) -> None:
-    """Joint angles at the ends of two halves, those of the whole in `first`."""
+    """Set the joint angles at the ends of both halves, from those of the whole in `first`."""
     for k in range(6):
         second.first[k], second.last[k] = placed.q[k], first.last[k]
         first.last[k] = placed.q[k]

@@ -20,7 +20,7 @@ from mlivr_gym.collisions.allowed_collisions import (
     BOXES,
     OTHER,
     SAME,
-    is_allowed,
+    allowed_pair,
 )
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
@@ -171,6 +171,6 @@ def test_every_row_has_a_reason_and_a_place():
     rows = [(frozenset((row.first, row.second)), row.whose) for row in ALLOWED_COLLISIONS]
     assert len(set(rows)) == len(rows)
     assert all(row.reason for row in ALLOWED_COLLISIONS)
-    assert is_allowed("forearm", "upper_arm") == is_allowed("upper_arm", "forearm")
-    assert is_allowed("forearm", "upper_arm", OTHER) is None
-    assert is_allowed("shoulder", "base", OTHER) is not None
+    assert allowed_pair("forearm", "upper_arm") == allowed_pair("upper_arm", "forearm")
+    assert allowed_pair("forearm", "upper_arm", OTHER) is None
+    assert allowed_pair("shoulder", "base", OTHER) is not None

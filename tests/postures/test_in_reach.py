@@ -11,7 +11,8 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.postures.in_reach import farthest_flange, orders_of
+from mlivr_gym.postures.flange_bound import farthest_flange
+from mlivr_gym.postures.in_reach import orders_of
 from mlivr_gym.robot.limb import Limb
 
 
