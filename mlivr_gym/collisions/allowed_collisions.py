@@ -38,7 +38,7 @@ class AllowedPair(NamedTuple):
 ALLOWED_COLLISIONS: tuple[AllowedPair, ...] = (
     *(AllowedPair(link, link, SAME, FIXED) for link in LINKS),
     AllowedPair(BODY, "base", ANY, FIXED),
-    AllowedPair("base", "base", OTHER, "fixed to the body, both"),
+    AllowedPair("base", "base", OTHER, "both fixed to the body"),
     AllowedPair("wrist_3", "gripper", SAME, FIXED),
     AllowedPair(BODY, "shoulder", ANY, "joined by joint 1: the body is one link with the bases"),
     AllowedPair("base", "shoulder", ANY, "joined by joint 1: the bases of all limbs are one link"),
@@ -48,11 +48,11 @@ ALLOWED_COLLISIONS: tuple[AllowedPair, ...] = (
     AllowedPair("wrist_1", "wrist_2", SAME, "joined by joint 5"),
     AllowedPair("wrist_2", "wrist_3", SAME, "joined by joint 6"),
     AllowedPair("wrist_2", "gripper", SAME, "joined by joint 6: the gripper is fixed to wrist 3"),
-    AllowedPair("base", "upper_arm", SAME, "the upper arm moves in a plane beside joint 1", True),
-    AllowedPair("forearm", "wrist_2", SAME, "the wrist point lies beside the forearm, by d4", True),
-    AllowedPair("wrist_1", "wrist_3", SAME, "the flange axis lies beside wrist 1, by d5", True),
-    AllowedPair("wrist_1", "gripper", SAME, "the flange axis lies beside wrist 1, by d5", True),
-    AllowedPair("gripper", "behind the surface that it grasps", BOXES, "it takes hold there"),
+    AllowedPair("base", "upper_arm", SAME, "the upper arm moves in a plane off joint 1", True),
+    AllowedPair("forearm", "wrist_2", SAME, "the wrist point lies off the forearm, by d4", True),
+    AllowedPair("wrist_1", "wrist_3", SAME, "the flange axis lies off wrist 1, by d5", True),
+    AllowedPair("wrist_1", "gripper", SAME, "the flange axis lies off wrist 1, by d5", True),
+    AllowedPair("gripper", "behind the surface that it grasps", BOXES, "the gripper grasps there"),
 )  # fmt: skip
 """All pairs that are never compared.
 

@@ -50,7 +50,7 @@ class CheckedPostures(NamedTuple):
     cause: IntArray
     """Cause of a collision on a branch of the posture, shape (k,); updated."""
     all_branches: BoolArray
-    """Whether the branches of the mask are checked, not only those of the posture; shape (1,)."""
+    """Whether all branches are checked and removed from the masks, shape (1,)."""
 
 
 class QueryScratch(Record):

@@ -130,15 +130,15 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
     motion, intervals = scratch.motion, scratch.intervals
     span = _base_rate(motion)
     travel, swing = motion.path.speed * span, motion.path.angle * span
-    pieces = _first_division(robot, travel + swing, scratch)
+    count = _first_division(robot, travel + swing, scratch)
     shortest = 0.5**MOST_HALVINGS if motion.first.kind == DEPARTS else 0.5 ** (MOST_HALVINGS + 1)
     if not (
         set_joints(robot, motion.first, 0.0, scratch, scratch.first_at_end)
         and set_joints(robot, motion.second, 0.0, scratch, scratch.second_at_end)
     ):
         return UNDECIDED
-    for piece in range(pieces):
-        if not _set_interval(robot, piece, pieces, scratch):
+    for number in range(count):
+        if not _set_interval(robot, number, count, scratch):
             return UNDECIDED
         top = 1
         while top > 0:
@@ -191,14 +191,14 @@ def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Pl
 
 
 @part
-def _set_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) -> bool:
+def _set_interval(robot: RobotModel, number: int, count: int, scratch: Sweep) -> bool:
     """Set the lowest interval of the stack to an initial interval, with everything to be compared.
 
     Returns whether the limbs can reach its end.
     """
     motion, interval = scratch.motion, scratch.intervals[0]
-    interval.half = 0.5 / pieces
-    interval.middle = (2 * piece + 1) * interval.half
+    interval.half = 0.5 / count
+    interval.middle = (2 * number + 1) * interval.half
     interval.boxes = EVERY if motion.boxes else 0
     interval.itself = interval.body = EVERY if motion.body else 0
     interval.limbs = EVERY if motion.resting or motion.meeting else 0
@@ -207,8 +207,8 @@ def _set_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) ->
             scratch.first_at_end[k],
             scratch.second_at_end[k],
         )
-    at = (piece + 1) / pieces
-    there = set_joints(robot, motion.first, at, scratch, scratch.first_at_end) and set_joints(
+    at = (number + 1) / count
+    reachable = set_joints(robot, motion.first, at, scratch, scratch.first_at_end) and set_joints(
         robot, motion.second, at, scratch, scratch.second_at_end
     )
     for k in range(6):
@@ -216,7 +216,7 @@ def _set_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) ->
             scratch.first_at_end[k],
             scratch.second_at_end[k],
         )
-    return there
+    return reachable
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Body axes of a stance before it rolls about the line of its grasps."""
+"""Body axes of a stance at roll zero, from which the candidate base poses are made."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from mlivr_gym.kinematics.batches import dots, mean_of_limbs, unit
 from mlivr_gym.postures.rule import TIE
 
 OPPOSED = 0.2
-"""Mean normals shorter than this belong to stances between opposite walls."""
+"""A mean surface normal shorter than this marks a stance between opposite walls."""
 
 
 def base_frames(
     grasps: Array, normals: Array, rails: Array
 ) -> tuple[Array, Array, Array, BoolArray]:
-    """Unrolled body axes of stances, in the frame in which the grasps are given.
+    """Compute the body axes of stances at roll zero, in the frame in which the grasps are given.
 
-    Two limbs: x along the line through the grasps, z along the mean normal's part across that line.
-    More limbs: z along the mean normal, or against it where that order of the mounts fits better; x
-    by the Procrustes fit.
+    With two limbs, x lies along the line through the grasps, and z along the part of the mean
+    normal perpendicular to that line. With more limbs, z lies along the mean normal, or against it
+    if the order of the mounts fits better that way, and x follows from the Procrustes fit of the
+    mounts to the grasps.
 
     Parameters
     ----------
     grasps
-        Held points from their centroid [m], shape (k, N, 3).
+        Held points relative to their centroid [m], shape (k, N, 3).
     normals
         Surface normals, shape (k, N, 3).
     rails
@@ -33,8 +34,8 @@ def base_frames(
     Returns
     -------
     tuple[Array, Array, Array, BoolArray]
-        Body axes as columns, shape (k, 3, 3); outward directions (k, 3); roll axes (k, 3); and
-        whether the held walls are opposed (k,).
+        Body axes as columns, shape (k, 3, 3); outward directions, shape (k, 3); roll axes, shape
+        (k, 3); and whether the held walls are opposite, shape (k,).
     """
     count = grasps.shape[1]
     line = grasps[:, 0].copy()
@@ -63,13 +64,13 @@ def base_frames(
 
 
 def _fit_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
-    """The Procrustes fit of the mounts' azimuths to the grasps, seen in axes across the body's z.
+    """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
     Returns
     -------
     tuple[tuple[Array, Array], BoolArray]
-        Cosine and sine of the yaw, each (k,), and whether the order of the mounts fits better the
-        other way round, shape (k,).
+        Cosine and sine of the yaw, shape (k,) each, and whether the reversed order of the mounts
+        fits better, shape (k,).
     """
     limbs = grasps.shape[1]
     angles = 2.0 * np.pi * np.arange(limbs) / limbs
@@ -90,6 +91,6 @@ def _fit_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], 
 
 
 def _perpendicular(vectors: Array, axes: Array) -> Array:
-    """Parts of `vectors` at right angles to the unit `axes`, both (k, 3)."""
+    """Return the parts of vectors that are perpendicular to unit axes, both of shape (k, 3)."""
     across: Array = vectors - axes * dots(vectors, axes)[:, None]
     return across

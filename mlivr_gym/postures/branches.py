@@ -1,6 +1,7 @@
-"""The branches of one posture (compiled).
+"""Evaluation of the inverse-kinematics branches at one base pose (compiled).
 
-What they touch, `w_b` of a combination of them, and on which of them a limb may hold.
+This file computes what a limb touches on a branch, `w_b` and the clearance of a combination of
+branches, and the masks of the branches on which each limb may hold.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
 
 @kernel
 def combined_w_b(count: int, scratch: PostureScratch) -> float:
-    """`w_b` of the branches `trial` of the first `count` limbs."""
+    """Return `w_b` of the first `count` limbs on the branches in `scratch.combination`."""
     work = scratch.work
     for row in range(6):
         for col in range(row + 1):
@@ -67,7 +68,7 @@ def combined_w_b(count: int, scratch: PostureScratch) -> float:
 
 @kernel
 def forget_checks(count: int, scratch: PostureScratch) -> None:
-    """Mark what branches touch as unknown."""
+    """Mark all stored collision results and gaps of branches as unknown."""
     for i in range(count):
         for b in range(BRANCHES):
             scratch.status[i, b] = -1
@@ -81,25 +82,25 @@ def forget_checks(count: int, scratch: PostureScratch) -> None:
 def limb_status(
     search: PostureSearch, candidate: CandidatePose, i: int, b: int, scratch: PostureScratch
 ) -> int:
-    """What limb `i` on branch `b` touches at `scratch.base`, other limbs apart.
+    """Return what limb `i` on branch `b` touches at `scratch.base`, other limbs excluded.
 
     Parameters
     ----------
     search
-        The stance, the robot and what it must keep clear of.
-    tried
-        How the limbs reach the grasps.
+        The stance, the robot and its surroundings.
+    candidate
+        Flange poses of the limbs at the base pose.
     i
-        Limb.
+        Index of the limb.
     b
         Branch.
     scratch
-        Where answers are kept, and scratch.
+        Scratch, in which results are stored.
 
     Returns
     -------
     int
-        An answer, looked up or worked out.
+        A result of `collisions.distances`, looked up or computed.
     """
     if scratch.status[i, b] >= 0:
         return int(scratch.status[i, b])
@@ -116,7 +117,7 @@ def limb_status(
         if result == CLEAR:
             place_in_world(limb, scratch.base, shapes, scratch.in_world)
             allow_surface(search.held, i, scratch)
-            # The hand was compared when the point was chosen.
+            # The hand does not depend on the posture: `queries.check_hands` compares it.
             pending = below(limb.hand)
             result, _ = compare_limb_with_boxes(
                 limb, scratch.in_world, pending, search.grid, clearance, scratch.behind
@@ -127,7 +128,7 @@ def limb_status(
 
 @kernel
 def allow_surface(held: HeldStance, i: int, scratch: PostureScratch) -> None:
-    """What the gripper of limb `i` may come close to at a stance."""
+    """Let the gripper of limb `i` touch the boxes behind the surface at its grasp."""
     grasp = held.grasps[i]
     point = along(vector(held.centre), 1.0, vector(grasp.point))
     set_behind(scratch.behind, point, vector(grasp.normal))
@@ -137,12 +138,9 @@ def allow_surface(held: HeldStance, i: int, scratch: PostureScratch) -> None:
 def pair_status(
     search: PostureSearch, i: int, b: int, j: int, c: int, scratch: PostureScratch
 ) -> int:
-    """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place.
+    """Return the result of comparing limb `i` on branch `b` with limb `j` on branch `c`.
 
-    Returns
-    -------
-    int
-        An answer, looked up or worked out.
+    Both must have been placed by `limb_status`. The result is looked up or computed.
     """
     if scratch.pairs[i, b, j, c] < 0:
         first, second = search.robot.limbs[i], search.robot.limbs[j]
@@ -154,7 +152,7 @@ def pair_status(
 
 @part
 def limbs_keep_apart(search: PostureSearch, scratch: PostureScratch) -> bool:
-    """Whether limbs in place on the branches `trial` keep clear of each other."""
+    """Return whether the limbs keep the clearance from each other in `scratch.combination`."""
     for i in range(search.robot.limb_count):
         for j in range(i):
             b, c = scratch.combination[i], scratch.combination[j]
@@ -165,9 +163,10 @@ def limbs_keep_apart(search: PostureSearch, scratch: PostureScratch) -> bool:
 
 @kernel
 def _limb_self_gap(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: float) -> float:
-    """Least distance of a limb's links from each other, the body and what is fixed to that [m].
+    """Return the smallest distance of a limb's links from each other and from the body [m].
 
-    Any number below `least` stands for one below it. Shapes are given in the body frame.
+    The body includes the capsules fixed to it; `shapes` are in the body frame. If the distance is
+    below `least`, any number below `least` may be returned.
     """
     gap, ends = np.inf, shapes.ends
     for k in range(limb.pair_count):
@@ -195,7 +194,7 @@ def _limb_self_gap(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: fl
 def _capsule_gap(
     first: tuple[Triple, Triple], second: tuple[Triple, Triple], radii: float, gap: float
 ) -> float:
-    """Distance of two capsules [m], or `gap` where it is seen to be no less."""
+    """Return the distance between two capsules [m], or `gap` if it is known not to be smaller."""
     if has_separating_plane(first, second, gap + radii):
         return gap
     (p, p_end), (q, q_end) = first, second
@@ -207,10 +206,10 @@ def _capsule_gap(
 
 @kernel
 def self_clearance(robot: RobotModel, least: float, scratch: PostureScratch) -> float:
-    """Least distance of two shapes of the robot that are compared, on the branches `trial` [m].
+    """Return the smallest distance between two shapes of the robot in `scratch.combination` [m].
 
-    Negative where they overlap; `contacts.contacts` is the plain definition. Any number below
-    `least` [m] stands for one below it.
+    It is negative where they penetrate; `contacts.contacts` is the plain definition. If the
+    distance is below `least` [m], any number below `least` may be returned.
     """
     gap = np.inf
     for i in range(robot.limb_count):
@@ -234,7 +233,10 @@ def self_clearance(robot: RobotModel, least: float, scratch: PostureScratch) -> 
 def _limb_pair_gap(
     limb: LimbModel, shapes: Shapes, other: LimbModel, others: Shapes, least: float
 ) -> float:
-    """Least distance of the shapes of two limbs [m]; any number below `least` for one below it."""
+    """Return the smallest distance between two limbs [m].
+
+    If it is below `least`, any number below `least` may be returned.
+    """
     gap = np.inf
     for a in range(limb.capsule_count):
         axis = axis_of(shapes.ends, a)
@@ -250,12 +252,13 @@ def _limb_pair_gap(
 def set_hold_masks(
     search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch, out: Posture
 ) -> None:
-    """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
+    """Set `out.mask` to the branches and flips on which each limb may hold at a posture.
 
-    A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal
-    on it with `w_m` above the floor and every joint in its window, if it touches nothing, and if
-    every combination with the other limbs' branches meets the threshold of `w_b` and keeps them
-    apart. The set grows from the branches of the posture in a fixed order.
+    A branch of a limb belongs to its mask if `w_m` meets the threshold, if the limb can depart
+    along the surface normal on it with `w_m` above the floor and every joint in its window, if it
+    touches nothing, and if every combination with branches of the other limbs meets the threshold
+    of `w_b` and keeps the limbs apart. The masks thus form a product set; it grows from the
+    branches of the posture in a fixed order.
     """
     robot, held, limits = search.robot, search.held, search.rule.thresholds
     l_c = robot.characteristic_length
@@ -296,9 +299,10 @@ def set_hold_masks(
 
 @kernel
 def _grow_product(search: PostureSearch, posture: Posture, scratch: PostureScratch) -> None:
-    """Product set reached from the branches of a posture by adding branches one at a time.
+    """Grow the product set of branches from those of a posture, one branch at a time.
 
-    Every combination reaches `w_b` and is clear. `scratch.kept` says which branches are in it.
+    Every combination in it meets the threshold of `w_b` and keeps the limbs apart. `scratch.kept`
+    marks its branches.
     """
     robot = search.robot
     for i in range(robot.limb_count):
@@ -314,7 +318,7 @@ def _grow_product(search: PostureSearch, posture: Posture, scratch: PostureScrat
 
 @part
 def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
-    """Whether branch `b` of limb `i` goes with every combination of the others' branches kept."""
+    """Return whether branch `b` of limb `i` fits all combinations of the others' branches kept."""
     robot, w_b = search.robot, search.rule.thresholds.w_b
     for j in range(robot.limb_count):
         scratch.option_count[j] = 0
@@ -334,7 +338,7 @@ def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) ->
 
 @kernel
 def first_combination(count: int, scratch: PostureScratch) -> bool:
-    """Set `trial` to the first combination of `options`; whether there is any."""
+    """Set `scratch.combination` to the first one of the options; return whether there is one."""
     for i in range(count):
         if scratch.option_count[i] == 0:
             return False
@@ -344,7 +348,7 @@ def first_combination(count: int, scratch: PostureScratch) -> bool:
 
 @kernel
 def next_combination(count: int, scratch: PostureScratch) -> bool:
-    """Set `trial` to the next combination, limb 0 running fastest; whether there is any."""
+    """Set `scratch.combination` to the next one, limb 0 first; return whether there is one."""
     for i in range(count):
         scratch.option_index[i] += 1
         if scratch.option_index[i] < scratch.option_count[i]:

@@ -1,14 +1,14 @@
-"""Sets of points that can be held at once as far as reach and `w_m` tell (compiled).
+"""Necessary reach condition for sets of graspable points to be held at once (compiled).
 
-Of a stance only which points are held is looked at, not which limb holds which. A set is in reach
-if from one of the base poses that the solver tries, for some order of the limbs, every limb reaches
-its point with the `w_m` that a stance needs. That is true of every node, whatever stands around it,
-so what is not in reach is none.
+Only the points of a stance matter here, not which limb holds which. A set is in reach if, from one
+of the candidate base poses and for some assignment of the points to the limbs, every limb reaches
+its point with the threshold of `w_m`. Every node satisfies this whatever its surroundings, so a set
+out of reach contains the points of no node.
 
-The robot looks the same after a turn by one limb and after a half turn about the line about which
-it rolls, so orders of the points about the body count once that differ by where they begin and by
-which way round they run. That line is the one to the point nearest to the centroid, see `turns`; of
-points that are equally near any may be meant.
+The robot looks the same after a cyclic relabelling of its limbs, and after a half turn about its
+roll axis. Orders of the points around the body therefore count once if they differ only in their
+first point or their sense. The roll axis passes through the point closest to the centroid, see
+`turns`; of points at equal distances each is evaluated.
 """
 
 from __future__ import annotations
@@ -44,50 +44,51 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
 
 SLACK = 1e-6
-"""Share by which `w_m` may fall short, and by which directions count as equal: postures are worked
-out on rounded figures."""
+"""Relative tolerance of `w_m` and of equal directions, since postures use rounded coordinates."""
 
 MOST_FRAMES = 24
-"""Most unrolled body axes of a set: both senses of the orders of five limbs."""
+"""Maximum number of body axes of a set: both senses of the orders of five limbs."""
 
 UNKNOWN = -1
-"""Number of body axes that were not worked out yet."""
+"""Value of `ReachScratch.frame_count` while the body axes are not computed."""
+
 
 class ReachQuery(Record):
-    """What a set of points is asked."""
+    """The reach condition that sets of points must meet."""
 
     rule: PostureRule
-    """Which base poses are tried, and the `w_m` that a stance needs."""
+    """Candidate base poses, and the threshold of `w_m`."""
     farthest: float
-    """A bound of the distance of a flange from the base origin at that `w_m` [m]."""
+    """Upper bound of the distance of a flange from the base origin at that threshold [m]."""
     target: Vector
-    """Where the base is to be [m]."""
+    """Requested base position [m]."""
     tolerance: float
-    """How near to it [m]; infinite for anywhere."""
+    """Maximum distance of the base from it [m]; infinite for any position."""
 
 
 class ReachScratch(Record):
-    """Room for one set."""
+    """Scratch for one set."""
 
     points: Annotated[IntArray, (8,), np.int64]
-    """Its points."""
+    """Points of the set."""
     centre: Vector
     """Their centroid [m]."""
     normal: Vector
-    """Their mean normal."""
+    """Their mean surface normal."""
     frame_count: int
-    """Number of unrolled body axes, `UNKNOWN` until they are needed."""
+    """Number of body axes at roll zero; `UNKNOWN` until they are computed."""
     frames: Annotated[Rows[Pose], (MOST_FRAMES,)]
-    """These axes."""
+    """These body axes."""
     order: Annotated[IntArray, (MOST_FRAMES,), np.int64]
-    """Order of the points that each belongs to."""
+    """Index of the order of the points for which each was computed."""
     base: Pose
-    """A base pose that is tried."""
+    """Candidate base pose."""
     terms: Annotated[Array, (4, 4)]
+    """Terms of the inverse kinematics of each class of branches."""
 
 
 class _ReachWorld(NamedTuple):
-    """What all sets share."""
+    """What all sets share: robot, graspable points, query, and orders of the points."""
 
     robot: RobotModel
     grasps: Rows[Grasp]
@@ -96,7 +97,10 @@ class _ReachWorld(NamedTuple):
 
 
 def orders_of(limbs: int) -> IntArray:
-    """Orders of N points about the body, first point and sense apart, shape (k, N)."""
+    """Return the orders of N points around the body, shape (k, N).
+
+    Orders that differ only in their first point or their sense are listed once.
+    """
     rest = [one for one in permutations(range(1, limbs)) if limbs < 3 or one[0] < one[-1]]
     return np.array([(0, *one) for one in rest], dtype=np.int64)
 
@@ -108,20 +112,20 @@ def reach_queries(
     target: Array | None = None,
     tolerance: float = np.inf,
 ) -> Any:
-    """A row of `ReachQuery`, shape (1,).
+    """Return the reach condition of a robot as a record of `ReachQuery`, shape (1,).
 
     Parameters
     ----------
     robot
         The robot.
     w_m
-        Least limb manipulability.
-    tries
-        What is tried, see `records.set_candidates`.
+        Threshold of limb manipulability.
+    heights_and_rolls
+        Heights and rolls of the candidates, see `records.set_candidates`.
     target
-        Where the base is to be [m], shape (3,); None for anywhere.
+        Requested base position [m], shape (3,); None for any.
     tolerance
-        How near to it [m].
+        Maximum distance of the base from it [m].
     """
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], heights_and_rolls)
@@ -141,23 +145,23 @@ def sets_in_reach(
     out: BoolArray,
     scratch_rows: Rows[ReachScratch],
 ) -> None:
-    """Which sets from `start` to `stop` are in reach.
+    """Find which sets from `start` to `stop` are in reach.
 
     Parameters
     ----------
     start
         First set.
     stop
-        One past the last.
+        One past the last set.
     sets
-        Points of each, shape (k, N).
+        Points of each set, shape (k, N).
     world
-        A row of `RobotModel`, the map's points as rows of `Grasp`, a row of `ReachQuery`,
-        the orders of the points that are tried, see `orders_of`.
+        A record of `RobotModel`, the map's points as records of `Grasp`, a record of `ReachQuery`,
+        and the orders of the points from `orders_of`.
     out
-        Filled, shape (k,).
+        Filled with the results, shape (k,).
     scratch_rows
-        A row of `ReachScratch`, shape (1,).
+        A record of `ReachScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
@@ -170,7 +174,7 @@ def sets_in_reach(
 
 @kernel
 def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
-    """Whether the set in the room is in reach."""
+    """Return whether the set of points in the scratch is in reach."""
     query, rule, count = world.query, world.query.rule, world.orders.shape[1]
     _set_centroid(world, scratch)
     centre, normal = vector(scratch.centre), vector(scratch.normal)
@@ -216,7 +220,7 @@ def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
 
 @kernel
 def _set_centroid(world: _ReachWorld, scratch: ReachScratch) -> None:
-    """Centroid and mean normal of the points in the room."""
+    """Compute the centroid and mean normal of the points in the scratch."""
     count = world.orders.shape[1]
     for axis in range(3):
         scratch.centre[axis], scratch.normal[axis] = 0.0, 0.0
@@ -228,13 +232,13 @@ def _set_centroid(world: _ReachWorld, scratch: ReachScratch) -> None:
 
 @kernel
 def _centroid_distance(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> float:
-    """Distance of point `k` from the centroid [m]."""
+    """Return the distance of point `k` from the centroid [m]."""
     return length(minus(vector(world.grasps[scratch.points[k]].point), centre))
 
 
 @kernel
 def _roll_axis(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> Triple:
-    """The line from the centroid to the grasp of point `k`, about which the body rolls."""
+    """Return the unit vector from the centroid to point `k`, about which the body rolls."""
     grasp = world.grasps[scratch.points[k]]
     line = minus(vector(grasp.point), centre)
     return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _normalised(line)
@@ -242,24 +246,26 @@ def _roll_axis(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch
 
 @kernel
 def _normalised(v: Triple) -> Triple:
-    """A vector by its length."""
+    """Return a vector divided by its length."""
     return along((0.0, 0.0, 0.0), 1.0 / length(v), v)
 
 
 @kernel
 def _perpendicular(v: Triple, axis: Triple) -> Triple:
-    """Part of a vector at right angles to a unit axis."""
+    """Return the part of a vector that is perpendicular to a unit axis."""
     return along(v, -dot(v, axis), axis)
 
 
 @kernel
 def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
-    """Unrolled body axes for all orders of the points, both senses where they fit equally well.
+    """Compute the body axes at roll zero for all orders of the points.
+
+    Where both senses of an order fit equally well, both are included.
 
     Returns
     -------
     bool
-        Whether these are all; not if the points of an order lie in no direction from the centroid.
+        False if the points of an order do not determine the yaw.
     """
     e1 = _perpendicular((1.0, 0.0, 0.0), out)
     if length(e1) < 0.5:
@@ -268,7 +274,7 @@ def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     e2, count = cross(out, e1), world.orders.shape[1]
     scratch.frame_count = 0
     for order in range(len(world.orders)):
-        # The fit of the mounts' azimuths to the grasps, and that of the robot turned over.
+        # Procrustes fits of the mounts' azimuths to the grasps, for both senses of the body z axis.
         along_x, along_y, over_x, over_y = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             point = world.grasps[scratch.points[world.orders[order, i]]].point
@@ -293,7 +299,7 @@ def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
 
 @kernel
 def _set_frame(x: Triple, z: Triple, order: int, scratch: ReachScratch) -> None:
-    """One more of the unrolled body axes."""
+    """Append body axes to those of the set."""
     y, rotation = cross(z, x), scratch.frames[scratch.frame_count].rotation
     for axis in range(3):
         rotation[axis, 0], rotation[axis, 1], rotation[axis, 2] = x[axis], y[axis], z[axis]
@@ -310,7 +316,7 @@ def _is_reached_about(
     world: _ReachWorld,
     scratch: ReachScratch,
 ) -> bool:
-    """Whether the set is in reach from a base pose rolled about a line.
+    """Return whether the set is in reach from a base pose rolled about a line.
 
     Parameters
     ----------
@@ -318,14 +324,14 @@ def _is_reached_about(
         Roll axis.
     out
         Outward direction before the roll.
-    level
-        Whether a roll of zero counts, which is the same about every line.
+    with_zero_roll
+        Whether to include roll zero, which is the same about every line.
     opposed
-        Whether rolls and heights are those between opposite walls.
+        Whether to use the rolls and heights between opposite walls.
     world
         What all sets share.
     scratch
-        The set; its unrolled body axes are worked out if they are needed.
+        The set; its body axes are computed if they are needed.
     """
     query, rule, base = world.query, world.query.rule, scratch.base
     roll_count = rule.opposed_roll_count if opposed else rule.roll_count
@@ -357,7 +363,7 @@ def _is_reached_about(
 
 @kernel
 def _roll_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pose) -> None:
-    """Turn unrolled body axes about a line, into a base pose."""
+    """Roll body axes about a line into the rotation of a base pose."""
     x, y, z = columns(frame.rotation)
     axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
     for axis in range(3):
@@ -367,7 +373,7 @@ def _roll_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pos
 
 @kernel
 def _is_within_bound(position: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
-    """Whether no flange is farther from the base than a limb reaches."""
+    """Return whether no flange is farther from the base than any limb can reach."""
     for i in range(world.orders.shape[1]):
         flange = vector(world.grasps[scratch.points[i]].flange.position)
         if length(minus(flange, position)) > world.query.farthest + SLACK:
@@ -377,7 +383,7 @@ def _is_within_bound(position: Triple, world: _ReachWorld, scratch: ReachScratch
 
 @kernel
 def _all_limbs_reach(order: int, world: _ReachWorld, scratch: ReachScratch) -> bool:
-    """Whether each limb reaches its point with the `w_m` asked for."""
+    """Return whether every limb reaches its point with the threshold of `w_m`."""
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):
         limb, point = robot.limbs[i], scratch.points[world.orders[order, i]]

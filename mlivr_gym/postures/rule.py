@@ -1,4 +1,8 @@
-"""The rule by which one of a stance's candidates becomes its posture (compiled); see `solver`."""
+"""The rule that chooses a stance's posture among its candidates (compiled).
+
+`solver` states the rule. Branch and bound evaluates it: a combination of branches is skipped where
+an upper bound of its margin, or a stored collision, shows that it cannot be chosen.
+"""
 
 from __future__ import annotations
 
@@ -23,44 +27,44 @@ from mlivr_gym.postures.branches import (
 from mlivr_gym.postures.records import CandidatePose, Limbs, PostureScratch, PostureSearch
 
 TIE = 1e-9
-"""Margins that differ by this share or less count as equal."""
+"""Relative difference up to which margins count as equal."""
 
 SLACK = 1e-9
-"""Share by which bounds may fall short: they are worked out in another order."""
+"""Relative tolerance of bounds, which are summed in a different order."""
 
 CLEARANCE_TIE = 1e-9
-"""Clearances of the robot to itself that differ by this or less count as equal [m]."""
+"""Difference up to which clearances of the robot from itself count as equal [m]."""
 
 
 class ChosenPosture(NamedTuple):
-    """What it finds."""
+    """Result of the rule."""
 
     pose: int
-    """Which base pose, or -1 if there is none."""
+    """Index of the base pose, or -1 if none is chosen."""
     w_b: float
     """Its base manipulability."""
-    largest: float
-    """The largest margin that was seen."""
+    largest_margin: float
+    """Largest margin of all candidates evaluated."""
 
 
 @kernel
 def prepare_candidate(
     search: PostureSearch, c: int, floor: float, check_contacts: bool, scratch: PostureScratch
 ) -> bool:
-    """Prepare base pose `c` of a stance.
+    """Prepare the evaluation of candidate base pose `c` of a stance.
 
-    What its branches touch is not known any more; `K^-1` of those above a margin is worked out, and
-    these are combined.
+    Stored collision results are cleared. The options of each limb become its branches above a
+    margin, and their `K^-1` is computed.
 
     Parameters
     ----------
     search
-        What is searched.
+        Inputs of the search.
     c
-        Index of the base pose.
+        Index of the candidate.
     floor
-        Margin that branches must exceed.
-    look
+        Margin that the branches must exceed.
+    check_contacts
         Whether the body must touch no box.
     scratch
         Scratch.
@@ -68,7 +72,7 @@ def prepare_candidate(
     Returns
     -------
     bool
-        Whether the base pose may be looked at.
+        Whether the candidate passes.
     """
     robot, held, rule, candidate = search.robot, search.held, search.rule, scratch.candidates[c]
     count = robot.limb_count
@@ -106,7 +110,7 @@ def prepare_candidate(
 
 @kernel
 def _bound_roots(candidate: CandidatePose, count: int, scratch: PostureScratch) -> None:
-    """Lower bounds of the sixth roots of the determinants that limbs add, into `scratch.roots`."""
+    """Set `scratch.roots`, lower bounds of the sixth roots of the determinants that limbs add."""
     total = 0.0
     for i in range(count):
         scratch.roots[i], best = total, 0.0
@@ -117,11 +121,11 @@ def _bound_roots(candidate: CandidatePose, count: int, scratch: PostureScratch) 
 
 @kernel
 def _may_reach_margin(search: PostureSearch, i: int, least: float, scratch: PostureScratch) -> bool:
-    """Whether `w_b` may reach a margin with the branches `trial` of limb `i` and those after it.
+    """Return whether `w_b` may reach a margin with the branches of limb `i` and the limbs after it.
 
-    Sixth roots of determinants of sums are no less than the sums of the roots (Minkowski), and
-    `K^-1` of one limb has the determinant `w_m^-2`. Of one limb alone that says little, and of all
-    `w_b` itself is formed.
+    The sixth root of the determinant of a sum is at least the sum of the sixth roots (Minkowski),
+    and `K^-1` of one limb has the determinant `w_m^-2`. The bound is not evaluated for the last
+    limb alone, where it is weak, nor for all limbs, where `w_b` itself is computed.
     """
     last = search.robot.limb_count - 1
     if i == 0:
@@ -136,7 +140,7 @@ def _may_reach_margin(search: PostureSearch, i: int, least: float, scratch: Post
     if i == last:
         return True
     w_b = inverse_root_determinant(work)
-    if w_b == 0.0:  # too near a singularity to tell
+    if w_b == 0.0:  # too close to a singularity for a bound
         return True
     bound: float = (w_b ** (-1.0 / 3.0) + scratch.roots[i]) ** -3.0
     return bound * (1.0 + SLACK) >= least * search.rule.scale_b
@@ -144,7 +148,7 @@ def _may_reach_margin(search: PostureSearch, i: int, least: float, scratch: Post
 
 @kernel
 def touches_nothing(search: PostureSearch, c: int, scratch: PostureScratch) -> bool:
-    """Whether the limbs touch nothing on the branches `trial` at base pose `c`."""
+    """Return whether the limbs touch nothing in the current combination at base pose `c`."""
     robot, candidate = search.robot, scratch.candidates[c]
     for i in range(robot.limb_count):
         result = limb_status(search, candidate, i, scratch.combination[i], scratch)
@@ -155,7 +159,10 @@ def touches_nothing(search: PostureSearch, c: int, scratch: PostureScratch) -> b
 
 @kernel
 def _trial_bound(search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch) -> float:
-    """Least `w_m` of the branches `trial` as a margin, 0 if one is known to touch something."""
+    """Return the smallest `w_m` of the combination as a margin.
+
+    It is 0 if a branch is known to touch something.
+    """
     bound = np.inf
     for i in range(search.robot.limb_count):
         b = scratch.combination[i]
@@ -167,7 +174,7 @@ def _trial_bound(search: PostureSearch, candidate: CandidatePose, scratch: Postu
 
 @kernel
 def _reset_combinations(count: int, scratch: PostureScratch) -> None:
-    """Make `_next_hopeful` begin with the first combination."""
+    """Make `_next_useful` start from the first combination."""
     scratch.option_index[count - 1] = -1
 
 
@@ -180,30 +187,30 @@ def _next_useful(
     depth: int,
     scratch: PostureScratch,
 ) -> bool:
-    """Set `trial` to the next combination of `options` that may serve; whether there is one.
+    """Set the combination to the next one that may be chosen; return whether there is one.
 
-    Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
-    below a margin or that is known to touch something, two branches that are known to touch or be
-    near each other, or some with which `w_b` stays below a margin whatever the others are.
+    Limb 0 changes fastest. Combinations are skipped as a group if they share a branch whose `w_m`
+    is below a margin or that is known to touch something, two branches known to touch or to be too
+    close to each other, or branches with which `w_b` stays below a margin whatever the others are.
 
     Parameters
     ----------
     search
-        What is searched.
-    tried
-        The base pose that is looked at.
+        Inputs of the search.
+    candidate
+        Base pose that is evaluated.
     least
         The margins of `w_m` and of `w_b`.
     least_gap
-        Distance up to which branches are near each other [m].
+        Distance up to which branches are too close to each other [m].
     depth
-        The limb whose branch changes: the last to begin with, 0 after a combination.
+        Limb whose branch changes: the last limb at the start, 0 after a combination.
     scratch
         Scratch.
     """
     limbs, i = search.robot.limb_count, depth
     if depth == 0:
-        # What was found out of the last combination may rule out more than that.
+        # Results for the last combination may exclude branches of later limbs too.
         for k in range(1, limbs):
             if not _may_serve(search, candidate, k, least[0], least_gap, scratch):
                 i = k
@@ -233,7 +240,7 @@ def _may_serve(
     least_gap: float,
     scratch: PostureScratch,
 ) -> bool:
-    """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
+    """Return whether the branch of limb `i` may be chosen with those of the limbs after it."""
     b = scratch.combination[i]
     if (
         candidate.limbs[i].w[class_of(b)] < least * search.rule.scale_m
@@ -252,10 +259,10 @@ def _may_serve(
 def _largest_margin(
     search: PostureSearch, floor: float, check_contacts: bool, scratch: PostureScratch
 ) -> float:
-    """Largest margin above `floor` of all base poses and branches of one stance, or `floor`.
+    """Return the largest margin above `floor` of all candidates of a stance, or `floor`.
 
-    With `look` only those count that touch nothing; they are checked when their margin would be the
-    largest. `w_b` is formed only where `w_m` leaves room for a larger margin.
+    With `check_contacts` only postures that touch nothing count; contacts are checked only where
+    the margin would be the largest. `w_b` is computed only where `w_m` permits a larger margin.
     """
     limbs, margin = search.robot.limb_count, floor
     for c in range(search.candidate_count):
@@ -273,7 +280,7 @@ def _largest_margin(
         if not prepare_candidate(search, c, margin, check_contacts, scratch):
             continue
         for stage in range(2):
-            # The first round takes those whose least `w_m` is the largest there is.
+            # The first stage takes only combinations whose smallest `w_m` is the largest one.
             least, depth = top * (1.0 - TIE) if stage == 0 else 0.0, limbs - 1
             _reset_combinations(limbs, scratch)
             while margin < top:
@@ -294,11 +301,11 @@ def _largest_margin(
 def _break_ties(
     search: PostureSearch, margin: float, scratch: PostureScratch, branch: Limbs
 ) -> ChosenPosture:
-    """The posture that the rule takes of those that tie with the largest margin and touch nothing.
+    """Choose the posture among those that tie with the largest margin and touch nothing.
 
-    They tie if their margin is `margin` within `TIE`. The rule takes that with the largest
-    clearance of the robot to itself; of those within `CLEARANCE_TIE` the first, in the order of
-    base poses and then of branch labels. `branch` is filled.
+    Margins within `TIE` of `margin` tie. Among them the largest clearance of the robot from itself
+    decides; among those within `CLEARANCE_TIE` the first in the order of candidates and then of
+    branches. `branch` is set to its branches.
     """
     limbs, least = search.robot.limb_count, margin * (1.0 - TIE)
     chosen, gap, best_wb = NONE, -np.inf, 0.0
@@ -331,10 +338,10 @@ def _break_ties(
 def best_posture(
     search: PostureSearch, floor: float, lazily: bool, scratch: PostureScratch, branch: Limbs
 ) -> ChosenPosture:
-    """The posture that the rule takes of those of a margin above `floor` that touch nothing.
+    """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
-    With `lazily` shapes are compared only where the margin is the largest of all, touching or not;
-    what is found is the same. `branch` is filled.
+    With `lazily`, contacts are checked first only for the postures of the largest margin of all,
+    touching or not; the result is the same. `branch` is set to the chosen branches.
     """
     chosen, w_b, largest = NONE, 0.0, floor
     for stage in range(2):

@@ -1,4 +1,7 @@
-"""Selection of postures among candidates (compiled); see `solver` for what it serves."""
+"""Computation of postures from their candidates, for many stances (compiled).
+
+`rule` chooses among the candidates, `branches` computes the masks; `solver` is the caller.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +40,15 @@ def evaluate_reach(
     candidate: CandidatePose,
     scratch: PostureScratch,
 ) -> float:
-    """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
+    """Compute flange poses and `w_m` of the branch classes of each limb at a base pose.
+
+    The results are stored in `candidate.limbs`.
 
     Returns
     -------
     float
-        The least over the limbs of the best class; 0 as soon as that of one is below `floor`.
+        The minimum over the limbs of the `w_m` of their best class; 0 as soon as one is below
+        `floor`.
     """
     least = np.inf
     terms = scratch.holding.proof.terms
@@ -65,28 +71,36 @@ def evaluate_reach(
 
 
 @entry
-def reach_all(robots: Any, held: Any, candidate: Any, scratch_rows: Any) -> None:
-    """`reach` of K stances, each at one base pose.
+def reach_all(robots: Any, held: Any, candidates: Any, scratch_rows: Any) -> None:
+    """Evaluate the reach of K stances, each at one base pose.
 
-    Rows of `RobotModel`, shape (1,), `HeldStance` and `CandidatePose`, shape (K,), and
-    `PostureScratch`, shape (1,).
+    Parameters
+    ----------
+    robots
+        A record of `RobotModel`, shape (1,).
+    held
+        Records of `HeldStance`, shape (K,).
+    candidates
+        Records of `CandidatePose` with the base poses, shape (K,); the results are filled.
+    scratch_rows
+        A record of `PostureScratch`, shape (1,).
     """
     for k in range(len(held)):
-        candidate[k].margin_bound = evaluate_reach(
-            robots[0], held[k], 0.0, candidate[k], scratch_rows[0]
+        candidates[k].margin_bound = evaluate_reach(
+            robots[0], held[k], 0.0, candidates[k], scratch_rows[0]
         )
 
 
 @entry
 def base_along(
-    robots: Any, candidate: Any, branches: IntArray, scratch_rows: Any, w_b: Array
+    robots: Any, candidates: Any, branches: IntArray, scratch_rows: Any, w_b: Array
 ) -> None:
-    """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
+    """Compute `w_b` of K stances on given branches, shape (K, N), after `reach_all`."""
     robot, scratch = robots[0], scratch_rows[0]
     count = robot.limb_count
-    for k in range(len(candidate)):
+    for k in range(len(candidates)):
         for i in range(count):
-            limb_reach, b = candidate[k].limbs[i], branches[k, i]
+            limb_reach, b = candidates[k].limbs[i], branches[k, i]
             scratch.combination[i] = b
             limb_information(
                 robot.limbs[i],
@@ -110,28 +124,28 @@ def solve_postures(
     out: Any,
     scratch_rows: Any,
 ) -> None:
-    """Best posture of each stance from `start` to `stop`.
+    """Compute the posture of each stance from `start` to `stop`.
 
-    Grasps, directions and base poses of a stance are given in a frame about the grasps' centroid.
+    Grasps, directions and base poses of a stance are relative to the centroid of its grasps.
 
     Parameters
     ----------
     start
         First stance.
     stop
-        One past the last.
+        One past the last stance.
     stances
-        Rows of `HeldStance`, shape (k,).
+        Records of `HeldStance`, shape (k,).
     robots
-        A row of `RobotModel`, shape (1,).
+        A record of `RobotModel`, shape (1,).
     rules
-        A row of `PostureRule`: which base poses are tried, and which is taken.
+        A record of `PostureRule`, shape (1,).
     grid
         The boxes.
     out
-        Rows of `Posture`, shape (k,), zeros; filled.
+        Records of `Posture`, shape (k,), initially zero; filled.
     scratch_rows
-        A row of `PostureScratch`, shape (1,).
+        A record of `PostureScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     for g in range(start, stop):
@@ -147,11 +161,11 @@ def _solve(
     out: Posture,
     scratch: PostureScratch,
 ) -> None:
-    """The best posture of one stance, see `solve_postures`."""
+    """Compute the posture of one stance, see `solve_postures`."""
     count = _evaluate_candidates(held, robot, rule, scratch)
     limits = rule.thresholds
-    # First the best posture that does not penetrate the robot itself; only if that comes too close
-    # to something, the best of those that keep the clearance.
+    # First the best posture without self-penetration; only if it comes closer to something than
+    # the clearance, the best posture that keeps the clearance.
     chosen, node, touches = NONE, False, CLEAR
     loose = PostureSearch(robot, held, rule, grid, 0.0, count)
     strict = PostureSearch(robot, held, rule, grid, limits.clearance, count)
@@ -188,7 +202,7 @@ def _solve(
 def _evaluate_candidates(
     held: HeldStance, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
 ) -> int:
-    """Set up the base poses of a stance; returns their number."""
+    """Set up the candidate base poses of a stance and return their number."""
     floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
     count = rule.roll_count * rule.height_count
     if held.opposed:
@@ -204,7 +218,7 @@ def _evaluate_candidates(
 
 @kernel
 def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
-    """Base pose `c` of a stance, from the centroid of its grasps, into `base`."""
+    """Set `base` to candidate base pose `c` of a stance, relative to the centroid of its grasps."""
     rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
     if held.opposed:
         rolls, heights, height_count = (
@@ -226,18 +240,18 @@ def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
 
 @entry
 def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
-    """A base pose of each of k stances, from the centroid of its grasps.
+    """Compute one candidate base pose of each of k stances, relative to the centroid of its grasps.
 
     Parameters
     ----------
     stances
-        Rows of `HeldStance`, shape (k,).
+        Records of `HeldStance`, shape (k,).
     rules
-        A row of `PostureRule`, which tells what is tried.
+        A record of `PostureRule` with the candidates, shape (1,).
     numbers
-        Which of those of the stance, shape (k,); what is none is passed over.
+        Index of the base pose among the candidates, shape (k,); skipped if it does not exist.
     out
-        Rows of `Pose`, shape (k,), filled.
+        Records of `Pose`, shape (k,), filled.
     """
     rule = rules[0]
     for k in range(len(numbers)):
@@ -257,7 +271,7 @@ def _store(
     w_b: float,
     out: Posture,
 ) -> bool:
-    """Make base pose `chosen` the posture; whether it meets the thresholds. -1: there is none."""
+    """Store candidate `chosen` (-1: none) as the posture; return whether it meets thresholds."""
     node = chosen >= 0 and w_b >= rule.thresholds.w_b
     out.w_b, out.pose_number = w_b, chosen
     for i in range(robot.limb_count):
@@ -278,7 +292,7 @@ def _store(
 def _keeps_clearance(
     search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch
 ) -> bool:
-    """Whether a posture touches nothing, boxes apart."""
+    """Return whether a posture touches nothing, without comparing the base with boxes."""
     prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
     for i in range(search.robot.limb_count):
         scratch.combination[i] = out.branch[i]
