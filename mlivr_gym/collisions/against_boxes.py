@@ -212,13 +212,13 @@ def compare_base_with_boxes(
     nothing
         A record that is not read, since the base is at no grasp.
     """
-    travel, swing = motion
+    travel, turn = motion
     undecided = False
     for c in range(robot.base_capsule_count):
         capsule = robot.base_capsules[c]
         a, b = capsule_axis(capsule.ends)
         axis = out_of(base, a), out_of(base, b)
-        moves = travel + swing * length(a), travel + swing * length(b)
+        moves = travel + turn * length(a), travel + turn * length(b)
         at_grasp = c < 0
         result = compare_with_grid(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
         if result > UNDECIDED:

@@ -102,7 +102,7 @@ def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration
     return (
         numbers(position, (3,), "base position", SettingError, LONGEST),
         turn,
-        numbers(joints, (robot.limbs, 6), "joint angles, six a limb,", SettingError),
+        numbers(joints, (robot.limbs, 6), "joint angles, six for each limb,", SettingError),
     )
 
 

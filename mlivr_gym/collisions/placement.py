@@ -81,7 +81,7 @@ class Placed(Record):
     link_turn: Annotated[Array, (5, 7)]
     """Upper bound of the rotation of each link, as seen from each of the links 0 to 4 [rad]."""
     fraction: float
-    """Factor of `anchor_travel` and `link_turn`, which are bounds for a whole swing."""
+    """Factor to apply to both; it is below 1 where they bound the whole of a swing."""
 
 
 @kernel
@@ -153,35 +153,32 @@ def set_changes(ends: IntervalAngles, placed: Placed) -> None:
 @kernel
 def bound_links(arm: Arm, placed: Placed) -> None:
     """Bound the displacements of anchors and rotations of links by the joint rotations."""
-    turns, shift, spin = placed.turns, placed.anchor_travel, placed.link_turn
+    turns, travel, turn = placed.turns, placed.anchor_travel, placed.link_turn
     reach = np.sqrt(arm.d4**2 + arm.d5**2)
     for row in range(5):
         for link in range(7):
-            spin[row, link] = 0.0
+            turn[row, link] = 0.0
     for row in range(2):
         first = turns.q1 if row == 0 else 0.0
-        spin[row, 1], spin[row, 2] = first, np.hypot(first, turns.q2)
-        spin[row, 3], spin[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
-    spin[2, 3], spin[2, 4], spin[3, 4] = turns.q3, turns.q34, turns.q4
+        turn[row, 1], turn[row, 2] = first, np.hypot(first, turns.q2)
+        turn[row, 3], turn[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
+    turn[2, 3], turn[2, 4], turn[3, 4] = turns.q3, turns.q34, turns.q4
     for row in range(5):
-        spin[row, 5] = spin[row, 6] = spin[row, 4] + turns.q5
-        shift[row, BASE] = 0.0
-        shift[row, ELBOW] = abs(arm.a2) * spin[row, 2]
-        shift[row, FOREARM_END] = shift[row, ELBOW] + abs(arm.a3) * spin[row, 3]
-        shift[row, WRIST_POINT] = shift[row, FOREARM_END] + reach * spin[row, 4]
+        turn[row, 5] = turn[row, 6] = turn[row, 4] + turns.q5
+        travel[row, BASE] = 0.0
+        travel[row, ELBOW] = abs(arm.a2) * turn[row, 2]
+        travel[row, FOREARM_END] = travel[row, ELBOW] + abs(arm.a3) * turn[row, 3]
+        travel[row, WRIST_POINT] = travel[row, FOREARM_END] + reach * turn[row, 4]
 
 
 @kernel
 def motion_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[float, float]:
     """Return upper bounds of how far both ends of a capsule move, as seen from link `row` [m]."""
-    shift, spin, arm = (
-        placed.anchor_travel,
-        placed.link_turn[row, capsule.link],
-        capsule.anchor_distances,
-    )
+    travel, turn = placed.anchor_travel, placed.link_turn[row, capsule.link]
+    anchors, distances = capsule.anchors, capsule.anchor_distances
     return (
-        placed.fraction * (shift[row, capsule.anchors[0]] + arm[0] * spin),
-        placed.fraction * (shift[row, capsule.anchors[1]] + arm[1] * spin),
+        placed.fraction * (travel[row, anchors[0]] + distances[0] * turn),
+        placed.fraction * (travel[row, anchors[1]] + distances[1] * turn),
     )
 
 
@@ -194,16 +191,16 @@ def bound_capsules(limb: LimbModel, placed: Placed) -> None:
 
 
 @kernel
-def bound_in_world(limb: LimbModel, travel: float, swing: float, placed: Placed) -> None:
+def bound_in_world(limb: LimbModel, travel: float, turn: float, placed: Placed) -> None:
     """Bound how far each capsule end moves in the world while the base also moves.
 
-    The base travels by `travel` [m] and rotates by `swing` [rad] at most.
+    The base travels by `travel` [m] and rotates by `turn` [rad] at most.
     """
     moved, out = placed.in_body.motion, placed.in_world.motion
     for c in range(limb.capsule_count):
         a, b = axis_of(placed.in_body.ends, c)
-        out[c, 0] = moved[c, 0] + travel + swing * (length(a) + moved[c, 0])
-        out[c, 1] = moved[c, 1] + travel + swing * (length(b) + moved[c, 1])
+        out[c, 0] = moved[c, 0] + travel + turn * (length(a) + moved[c, 0])
+        out[c, 1] = moved[c, 1] + travel + turn * (length(b) + moved[c, 1])
 
 
 @kernel
@@ -219,18 +216,18 @@ def bound_from_grasp(limb: LimbModel, placed: Placed) -> None:
         capsule = limb.capsules[c]
         for e in range(2):
             anchor = capsule.anchors[e]
-            start, turned = elbow, upper
+            travel, turn = elbow, upper
             if capsule.link == 6:
-                start, turned = 0.0, 0.0
+                travel, turn = 0.0, 0.0
             elif capsule.link == 5:
-                start, turned = 0.0, wrist_2
+                travel, turn = 0.0, wrist_2
             elif capsule.link == 4:
-                start, turned = end if anchor == FOREARM_END else 0.0, wrist_1
+                travel, turn = end if anchor == FOREARM_END else 0.0, wrist_1
             elif capsule.link == 3:
-                start, turned = end if anchor == FOREARM_END else elbow, fore
+                travel, turn = end if anchor == FOREARM_END else elbow, fore
             elif capsule.link == 1 or anchor == BASE:
                 continue
-            motion[c, e] = min(motion[c, e], start + capsule.anchor_distances[e] * turned)
+            motion[c, e] = min(motion[c, e], travel + capsule.anchor_distances[e] * turn)
 
 
 @entry

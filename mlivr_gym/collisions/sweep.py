@@ -129,8 +129,8 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
     """
     motion, intervals = scratch.motion, scratch.intervals
     span = _base_rate(motion)
-    travel, swing = motion.path.speed * span, motion.path.angle * span
-    count = _first_division(robot, travel + swing, scratch)
+    travel, turn = motion.path.speed * span, motion.path.angle * span
+    count = _first_division(robot, travel + turn, scratch)
     shortest = 0.5**MOST_HALVINGS if motion.first.kind == DEPARTS else 0.5 ** (MOST_HALVINGS + 1)
     if not (
         set_joints(robot, motion.first, 0.0, scratch, scratch.first_at_end)
@@ -150,7 +150,7 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
                 return UNDECIDED
             result = UNDECIDED
             if scratch.first.is_bounded:
-                result = _compare(robot, grid, clearance, (travel, swing), interval, scratch)
+                result = _compare(robot, grid, clearance, (travel, turn), interval, scratch)
             if result > UNDECIDED:
                 return result
             if result == UNDECIDED:
@@ -335,10 +335,10 @@ def _compare_with_boxes(
 ) -> int:
     """Compare the first limb, and the base if it moves during a swing, with boxes."""
     motion, first, limb = scratch.motion, scratch.first, robot.limbs[scratch.motion.first.limb]
-    travel, swing = speed[0] * interval.half, speed[1] * interval.half
+    travel, turn = speed[0] * interval.half, speed[1] * interval.half
     pose_on_path(motion.path, _base_parameter(motion, interval.middle), scratch.base)
     place_in_world(limb, scratch.base, first.in_body, first.in_world)
-    bound_in_world(limb, travel, swing, first)
+    bound_in_world(limb, travel, turn, first)
     pending, on_base = interval.boxes, only(limb.capsule_count)
     if motion.first.kind == HOLDS:
         bound_from_grasp(limb, first)
@@ -351,7 +351,7 @@ def _compare_with_boxes(
         return result
     if motion.first.kind == SWINGS and motion.begin != motion.finish and interval.boxes & on_base:
         result = compare_base_with_boxes(
-            robot, scratch.base, (travel, swing), grid, clearance, scratch.behind
+            robot, scratch.base, (travel, turn), grid, clearance, scratch.behind
         )
         if result == UNDECIDED:
             undecided |= on_base

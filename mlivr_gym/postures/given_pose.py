@@ -56,7 +56,8 @@ def given_pose(pose: Any) -> tuple[float, ...]:
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
         raise SettingError(
-            f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; it must be 1"
+            f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; "
+            f"its length must be 1"
         )
     return (*given[:3].tolist(), *(given[3:] / length).tolist())
 
@@ -80,7 +81,7 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
     flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
     flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
-    given = numbers(joints, shape, "start_joints (a row of six angles a limb [rad])", SettingError)
+    given = numbers(joints, shape, "start_joints (six angles for each limb [rad])", SettingError)
     given = given.reshape(robot.limbs, 6)
     limits = robot.limb.limits
     outside = np.argwhere(
@@ -139,8 +140,8 @@ def masks_of_joints(
         _check_windings(solver.robot, limb, joints[limb])
         if not int(posture.mask[0, limb]) >> bit & 1:
             raise StanceError(
-                f"start_joints put limb {limb} on a branch on which it touches something or could "
-                f"not leave {name!r}"
+                f"start_joints put limb {limb} on a branch on which it touches something or cannot "
+                f"depart from {name!r}"
             )
         masks.append(1 << bit)
     return tuple(masks)
@@ -159,9 +160,9 @@ def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
     if len(outside):
         j = int(outside[0])
         raise StanceError(
-            f"start_joints: joint {j + 1} of limb {limb} is at {joints[j]:.4f} rad, outside the "
-            f"turn {low[j]:.4f} to {high[j]:.4f} rad in which it stays while the limb holds: turn "
-            f"it by whole turns first, or take other window_starts for the robot"
+            f"start_joints: joint {j + 1} of limb {limb} is at {joints[j]:.4f} rad, outside its "
+            f"window {low[j]:.4f} to {high[j]:.4f} rad while the limb holds: rotate it by whole "
+            f"turns first, or choose other window_starts for the robot"
         )
 
 

@@ -65,14 +65,14 @@ def prepare_candidate(
     floor
         Margin that the branches must exceed.
     check_contacts
-        Whether the body must touch no box.
+        Whether the base must touch no box.
     scratch
         Scratch.
 
     Returns
     -------
     bool
-        Whether the candidate passes.
+        False if the base touches a box.
     """
     robot, held, rule, candidate = search.robot, search.held, search.rule, scratch.candidates[c]
     count = robot.limb_count
@@ -158,7 +158,9 @@ def touches_nothing(search: PostureSearch, c: int, scratch: PostureScratch) -> b
 
 
 @kernel
-def _trial_bound(search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch) -> float:
+def _combination_bound(
+    search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch
+) -> float:
     """Return the smallest `w_m` of the combination as a margin.
 
     It is 0 if a branch is known to touch something.
@@ -288,7 +290,7 @@ def _largest_margin(
                 if not _next_useful(search, candidate, floors, -np.inf, depth, scratch):
                     break
                 depth = 0
-                bound = _trial_bound(search, candidate, scratch)
+                bound = _combination_bound(search, candidate, scratch)
                 if bound > margin and bound >= least:
                     result = min(bound, combined_w_b(limbs, scratch) / search.rule.scale_b)
                     if result > margin and (

@@ -321,7 +321,7 @@ def test_joint_angles_that_do_not_fit_are_told_why(checked_graph, pose):
     wrong[1, 2] += 0.2
     result = Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
     assert "start_joints of limb 1 do not hold 'D2b:4'" in result.message
-    with pytest.raises(SettingError, match=r"a row of six angles a limb .* has shape"):
+    with pytest.raises(SettingError, match=r"six angles for each limb .* has shape"):
         Planner(graph).plan(START, GOAL, start_joints=[0.0] * 5)
     wrong = joints.copy()
     wrong[0, 1] += 4.0 * np.pi
