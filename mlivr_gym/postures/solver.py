@@ -294,6 +294,8 @@ class PostureSolver:
     def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
         """Return the candidate base poses of a stance given by point indices.
 
+        Rolls change fastest; in the numbers of `Postures.tried` heights do.
+
         Returns
         -------
         tuple[Array, Array]

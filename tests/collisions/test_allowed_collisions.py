@@ -1,4 +1,4 @@
-"""Kernels, plain definition and MuJoCo leave out what the table says, no more and no less."""
+"""Kernels, plain definition and MuJoCo omit exactly the pairs of the allowed collisions."""
 
 import itertools
 from dataclasses import replace
@@ -42,7 +42,7 @@ FAT = {
 
 
 def fat(robot):
-    """A robot whose capsules are so thick that nothing but joints keeps links apart."""
+    """Return a robot whose capsules are so thick that only joints separate its links."""
     shapes = tuple(replace(c, radius=FAT.get(c.link, 1.0) * c.radius) for c in robot.shapes)
     return replace(robot, name="fat", capsules=shapes)
 
@@ -51,7 +51,7 @@ ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3"))]
 
 
 def left_out(robot):
-    """What the table leaves out for a robot: pairs of links, and whether they are of one limb."""
+    """Return the pairs of links that the table omits, and whether they belong to one limb."""
     checked = robot.name != "fat"
     rows = [
         row for row in ALLOWED_COLLISIONS if row.whose != BOXES and (checked or not row.checked)
@@ -64,7 +64,7 @@ def left_out(robot):
 
 
 def every_pair():
-    """All pairs of links, of one limb and of two, and of the body with each."""
+    """Return all pairs of links, of one limb and of two, and of the body with each link."""
     links = list(itertools.combinations_with_replacement(sorted(LINKS), 2))
     return {(*pair, whose) for pair in links for whose in (SAME, OTHER)} | {
         (*sorted(("body", link)), SAME) for link in LINKS
@@ -72,7 +72,7 @@ def every_pair():
 
 
 def compared_by_name(names):
-    """Pairs of links from pairs of names like `limb0/forearm/0` and `body`."""
+    """Return pairs of links from pairs of names like `limb0/forearm/0` and `body`."""
     found = set()
     for first, second in names:
         a, b = first.split("/"), second.split("/")
@@ -87,7 +87,7 @@ def compared_by_name(names):
 
 
 def compared_by_kernels(robot):
-    """Pairs that a kernel reports when they, and nothing else, overlap."""
+    """Return the pairs that a kernel reports when they, and no other shapes, overlap."""
     shapes = LimbShapes(robot)
     count, still = len(shapes), Placed.row()
     lonely = np.empty((count, 2, 3))
@@ -141,7 +141,7 @@ def test_the_kernels_leave_out_what_the_table_says(robot):
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
 def test_the_plain_definition_leaves_out_what_the_table_says(robot):
-    """A clearance above every distance finds all pairs; every shape is compared with a box."""
+    """A clearance above every distance yields all pairs; every shape is compared with a box."""
     box = Box.between("crate", "obstacle", (1.0, 1.0, 1.0), (2.0, 2.0, 2.0))
     here = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full((robot.limbs, 6), 0.3))
     found = contacts(robot, (box,), here, 100.0)
@@ -149,7 +149,7 @@ def test_the_plain_definition_leaves_out_what_the_table_says(robot):
     assert every_pair() - compared_by_name(among) == left_out(robot)
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
     assert {c.first for c in found if c.second == "box/crate"} == names
-    # At a grasp in front of the box the gripper, and nothing else, may come close to it.
+    # At a grasp in front of the box only the gripper may touch it.
     grasp = (1, np.array([2.0, 1.5, 1.5]), np.array([1.0, 0.0, 0.0]))
     at_grasp = contacts(robot, (box,), here, 100.0, [grasp])
     assert {c.first for c in at_grasp if c.second == "box/crate"} == names - {"limb1/gripper/0"}

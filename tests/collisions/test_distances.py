@@ -1,4 +1,4 @@
-"""Distances and how they compare with lengths; coal and dense samples are the rulers."""
+"""Distances and their comparison with lengths, against Coal and dense samples."""
 
 import coal
 import numpy as np
@@ -57,7 +57,7 @@ def test_segment_to_segment_agrees_with_coal(a, b, c, d):
 )
 @examples(max_examples=300, deadline=None)
 def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, other, lengths):
-    """Told apart as samples tell it, but for what rounding or the number of places leaves open."""
+    """The result agrees with samples, unless rounding or the number of places leaves it open."""
     (start, end), (first, second), (at_start, at_end) = axis, other, lengths
     shape = np.abs(first) + 0.05 if box else first
     answer = called(keeps_distance)(
@@ -96,7 +96,7 @@ def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, othe
 def test_capsules_are_clear_as_far_as_samples_of_their_motion_tell(
     box, axis, other, inner, moves, more
 ):
-    """Either end of the first may be the one that moves far; coal says how far they are apart."""
+    """Either end of the first capsule may move farther; Coal measures the distances."""
     (start, end), (first, second) = axis, other
     if min(np.linalg.norm(end - start), np.linalg.norm(second - first)) < 1e-3:
         return

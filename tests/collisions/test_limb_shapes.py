@@ -1,4 +1,4 @@
-"""What is left out cannot meet; what contains body and mounts contains them."""
+"""Pairs that are not compared cannot touch; the capsules of the base contain body and mounts."""
 
 import itertools
 
@@ -20,7 +20,7 @@ SHAPES = LimbShapes(ROBOT)
 
 
 def test_links_that_are_not_compared_never_meet():
-    """No posture brings two of those that are two joints apart closer than touching."""
+    """No posture brings uncompared links two joints apart closer than touching."""
     left_out = {tuple(sorted((a, b))) for a, b in OFFSET_PAIRS}
     compared = {tuple(SHAPES.links[[i, j]].tolist()) for i, j in SHAPES.pairs}
     rng = np.random.default_rng(1)
@@ -42,7 +42,7 @@ def test_links_that_are_not_compared_never_meet():
 
 
 def test_what_moves_with_the_base_contains_body_and_mounts():
-    """A millimetre box anywhere in the body or a mount is found, one 22 cm away is not."""
+    """A box of 1 mm anywhere in the body or a mount is reported; one 22 cm away is not."""
     robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
     shapes = LimbShapes(robot)
     mounts, radius = shapes.mounts["ends"], shapes.mounts["radius"]
