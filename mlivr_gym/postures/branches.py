@@ -100,7 +100,7 @@ def limb_status(
     Returns
     -------
     int
-        A result of `collisions.distances`, looked up or computed.
+        A result of `collisions.distances`; not `CLEAR` if the branch does not exist.
     """
     if scratch.status[i, b] >= 0:
         return int(scratch.status[i, b])

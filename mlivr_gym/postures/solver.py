@@ -277,10 +277,11 @@ class PostureSolver:
         held = held_in_world(self.grasp_map, stances)
         away = positions - held.centres
         frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
-        once, none = np.ones(1), np.zeros(1)
+        # One candidate: height 1 along the vector from the centroid to the base, roll 0.
+        one, zero = np.ones(1), np.zeros(1)
         out = self._run(
             held,
-            Candidates(frames, once, none, once, none),
+            Candidates(frames, one, zero, one, zero),
             self.boxes if collisions else self._no_boxes,
             thresholds=thresholds,
             avoid=collisions,
@@ -292,22 +293,18 @@ class PostureSolver:
         return out
 
     def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
-        """Return the candidate base poses of a stance given by point indices.
+        """Return the candidate base poses of a stance given by point indices, in the world.
 
-        Rolls change fastest; in the numbers of `Postures.tried` heights do.
-
-        Returns
-        -------
-        tuple[Array, Array]
-            Positions [m], shape (k, 3), and rotations, shape (k, 3, 3), in the world.
+        These are positions [m], shape (k, 3), and rotations, shape (k, 3, 3). Rolls change fastest;
+        in the numbers of `Postures.tried` heights do.
         """
         points = np.array([stance], dtype=np.int64)
         turns = first_limbs(self.grasp_map, points)
         held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
-        frames, heights, rolls, *wide = Candidates.of(self.robot, held)
+        frames, heights, rolls, *between_walls = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
-            heights, rolls = wide
+            heights, rolls = between_walls
         rolled = scipy.spatial.transform.Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
         positions = held.centres[0] + heights[:, None, None] * (rolled @ out)
         rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
@@ -331,9 +328,9 @@ class PostureSolver:
             Maximum distance of the base from it [m].
         """
         robot = self.robot
-        tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]
+        candidates = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))
         w_m = self.settings.thresholds(robot.limbs)[0]
-        queries = reach_queries(robot, w_m, tries, target, tolerance)
+        queries = reach_queries(robot, w_m, candidates[1:], target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
         world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
         in_parallel(len(sets), sets_in_reach, sets, world, out, scratch_rows=ReachScratch.rows)

@@ -49,13 +49,13 @@ class Candidates(NamedTuple):
     @classmethod
     def of(cls, robot: RobotSpec, held: Grasps) -> Candidates:
         """Return a robot's candidates for given grasps."""
-        wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
+        opposed_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         return cls(
             base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
             np.array(robot.heights),
             np.array(robot.rolls),
             np.array(OPPOSED_HEIGHTS),
-            np.array(geometric_order(wide_rolls)),
+            np.array(geometric_order(opposed_rolls)),
         )
 
     def write(self, stances: Any, rules: Any) -> None:
