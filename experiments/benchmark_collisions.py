@@ -13,10 +13,18 @@ from stopwatch import spread
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.against_boxes import Behind, against_boxes, base_against_boxes
-from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.against_boxes import (
+    Behind,
+    compare_base_with_boxes,
+    compare_limb_with_boxes,
+)
+from mlivr_gym.collisions.against_robot import (
+    compare_limb_with_body,
+    compare_limb_with_itself,
+    compare_limbs,
+)
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.placement import Placed, place_by_angles, to_world
+from mlivr_gym.collisions.placement import Placed, place_by_angles, place_in_world
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.planners import Planner
@@ -58,22 +66,22 @@ def check_all(
     robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
     for k in range(len(bases)):
         base = bases[k]
-        found = base_against_boxes(robot, base, (0.0, 0.0), grid, clearance, nothing)
+        found = compare_base_with_boxes(robot, base, (0.0, 0.0), grid, clearance, nothing)
         for i in range(2):
             limb, here = robot.limbs[i], placed[i]
             for joint in range(6):
                 here.q[joint] = joints[k, i, joint]
             place_by_angles(limb, here)
-            to_world(limb, base, here.in_body, here.in_world)
+            place_in_world(limb, base, here.in_body, here.in_world)
             found = max(
                 found,
-                against_itself(limb, here.in_body, here, EVERY, clearance)[0],
-                against_body(robot, limb, here.in_body, EVERY, clearance)[0],
-                against_boxes(limb, here.in_world, EVERY, grid, clearance, nothing)[0],
+                compare_limb_with_itself(limb, here.in_body, here, EVERY, clearance)[0],
+                compare_limb_with_body(robot, limb, here.in_body, EVERY, clearance)[0],
+                compare_limb_with_boxes(limb, here.in_world, EVERY, grid, clearance, nothing)[0],
             )
         first, second = placed[0].in_body, placed[1].in_body
         limbs = robot.limbs[0], robot.limbs[1]
-        found = max(found, against_limb(limbs[0], first, limbs[1], second, EVERY, clearance)[0])
+        found = max(found, compare_limbs(limbs[0], first, limbs[1], second, EVERY, clearance)[0])
         out[k] = found
 
 

@@ -1,1 +1,1 @@
-"""Distances between the robot and its world, at rest and along motions."""
+"""Collision checks of the robot with itself and its surroundings, at rest and along motions."""

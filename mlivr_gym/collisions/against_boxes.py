@@ -1,12 +1,13 @@
-"""Capsules against the boxes of a grid (compiled).
+"""Comparison of capsules with the boxes of a grid (compiled).
 
-Every query compares the distance of two axes or of an axis and a box with two lengths: `inner`,
-radii plus clearance, and `outer`, inner plus what the shapes may move over an interval. Below
-`inner` the answer is the cause, from `outer` on `CLEAR`, between them `UNDECIDED`.
+Every comparison checks the distance between two axes, or between an axis and a box, against two
+lengths: `inner`, the radii plus the clearance, and `outer`, which adds how far the shapes may move
+over an interval. Below `inner` the result is the cause of the collision, from `outer` on it is
+`CLEAR`, and between them it is `UNDECIDED`.
 
-What is clear over an interval need not be compared again on its parts: queries of many capsules
-take the set of those to compare, see `bit_sets`, and return those that stay undecided beside the
-answer.
+Capsules that are clear over an interval need not be compared again on its halves. Functions for
+many capsules therefore take a set of capsules to compare, see `bit_sets`, and return, after the
+result, the set of those that are undecided.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mlivr_gym.collisions.box_grid import BoundingBox, BoxGrid, GridBox
-from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer
+from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, compare_capsule_with_box
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
@@ -26,30 +27,30 @@ if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 FLUSH = 2e-3
-"""A box counts as behind a grasp if it stands out of the surface no more than this [m]."""
+"""A box lies behind a grasp if it protrudes from the surface by no more than this [m]."""
 
 
 class Behind(Record):
-    """What a gripper at a grasp may come close to: the boxes that do not stand out there."""
+    """The grasp at which a gripper is, where it may touch the boxes behind the surface."""
 
     applies: bool
     """Whether the gripper is at a grasp."""
     point: Vector
-    """The grasp in the world [m]."""
+    """Grasped point in the world [m]."""
     normal: Vector
-    """Outward surface normal there."""
+    """Outward surface normal at that point."""
 
 
 @kernel
 def set_behind(behind: Behind, point: Triple, normal: Triple) -> None:
-    """Let a gripper be at a grasp, with the outward normal of the surface there."""
+    """Set the grasp at which a gripper is: its point and outward surface normal."""
     behind.applies = True
     for k in range(3):
         behind.point[k], behind.normal[k] = point[k], normal[k]
 
 
 @kernel
-def axis_answer(
+def compare_with_grid(
     axis: tuple[Triple, Triple],
     inner: float,
     motion: tuple[float, float],
@@ -57,18 +58,35 @@ def axis_answer(
     behind: Behind,
     at_grasp: bool,
 ) -> int:
-    """A capsule against the boxes of a grid; those `behind` do not count if it is at a grasp.
+    """Compare a capsule with the boxes of a grid.
 
-    Both ends of its axis are in the world [m], `inner` is radius and clearance [m], `motion` how
-    far it may move at both ends [m], in between linearly.
+    Parameters
+    ----------
+    axis
+        Both ends of its axis in the world [m].
+    inner
+        Radius plus clearance [m].
+    motion
+        How far both ends may move [m], linear in between.
+    grid
+        The boxes.
+    behind
+        Grasp whose boxes behind the surface are omitted.
+    at_grasp
+        Whether to omit them.
+
+    Returns
+    -------
+    int
+        `CLEAR`, `UNDECIDED`, or the cause of a collision.
     """
     frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
-    low, high = reached(axis, outer)
-    if inside(low, high, frame.core) or not overlap(low, high, frame.hull):
+    low, high = segment_bounds(axis, outer)
+    if is_inside(low, high, frame.empty_region) or not overlaps(low, high, frame.hull):
         return CLEAR
     o, edge, cells = frame.origin, frame.edge, frame.cells
-    boxes, start, items, filled = grid.boxes, grid.start, grid.items, grid.filled
+    boxes, start, items, fill_bounds = grid.boxes, grid.start, grid.items, grid.fill_bounds
     i0, i1 = max(int((low[0] - o[0]) / edge), 0), min(int((high[0] - o[0]) / edge), cells[0] - 1)
     j0, j1 = max(int((low[1] - o[1]) / edge), 0), min(int((high[1] - o[1]) / edge), cells[1] - 1)
     k0, k1 = max(int((low[2] - o[2]) / edge), 0), min(int((high[2] - o[2]) / edge), cells[2] - 1)
@@ -77,30 +95,30 @@ def axis_answer(
         for j in range(j0, j1 + 1):
             for k in range(k0, k1 + 1):
                 cell = (i * cells[1] + j) * cells[2] + k
-                if not overlap(low, high, filled[cell]):
+                if not overlaps(low, high, fill_bounds[cell]):
                     continue
                 for entry in range(start[cell], start[cell + 1]):
                     box = boxes[items[entry]]
-                    if not overlap(low, high, box.bounds):
+                    if not overlaps(low, high, box.bounds):
                         continue
                     if at_grasp and lies_behind(box, behind):
                         continue
-                    p = turned(box, minus(a, vector(box.centre)))
-                    d = turned(box, minus(b, a))
-                    found = box_answer(p, d, vector(box.half), inner, (at_a, at_b))
-                    if found == SELF:
+                    p = in_box_axes(box, minus(a, vector(box.centre)))
+                    d = in_box_axes(box, minus(b, a))
+                    result = compare_capsule_with_box(p, d, vector(box.half), inner, (at_a, at_b))
+                    if result == SELF:
                         return int(box.cause)
-                    if found == UNDECIDED:
-                        # The other boxes matter only if they are touched here.
+                    if result == UNDECIDED:
+                        # From now on only boxes closer than `inner` at the midpoint matter.
                         undecided = True
                         at_a = at_b = 0.0
-                        low, high = reached(axis, inner)
+                        low, high = segment_bounds(axis, inner)
     return UNDECIDED if undecided else CLEAR
 
 
 @kernel
-def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
-    """Lower and upper corner of what lies within some reach of a segment, across each axis [m]."""
+def segment_bounds(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
+    """Return the lower and upper corner of the box that encloses a segment with a margin [m]."""
     a, b = axis
     return (
         (min(a[0], b[0]) - reach, min(a[1], b[1]) - reach, min(a[2], b[2]) - reach),
@@ -109,25 +127,25 @@ def reached(axis: tuple[Triple, Triple], reach: float) -> tuple[Triple, Triple]:
 
 
 @kernel
-def inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
-    """Whether an upright box lies strictly inside some bounds."""
+def is_inside(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
+    """Return whether an axis-aligned box lies strictly inside a bounding box."""
     a, b = bounds.low, bounds.high
     strictly: bool = low[0] > a[0] and low[1] > a[1] and low[2] > a[2]
     return strictly and high[0] < b[0] and high[1] < b[1] and high[2] < b[2]
 
 
 @kernel
-def overlap(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
-    """Whether an upright box meets some bounds."""
+def overlaps(low: Triple, high: Triple, bounds: BoundingBox) -> bool:
+    """Return whether an axis-aligned box intersects a bounding box."""
     a, b = bounds.low, bounds.high
     meets: bool = low[0] <= b[0] and low[1] <= b[1] and low[2] <= b[2]
     return meets and high[0] >= a[0] and high[1] >= a[1] and high[2] >= a[2]
 
 
 @kernel
-def turned(box: GridBox, v: Triple) -> Triple:
-    """A vector in the axes of a box."""
-    if not box.turned:
+def in_box_axes(box: GridBox, v: Triple) -> Triple:
+    """Return a vector in the axes of a box."""
+    if not box.is_rotated:
         return v
     x, y, z = columns(box.rotation)
     return dot(x, v), dot(y, v), dot(z, v)
@@ -135,38 +153,41 @@ def turned(box: GridBox, v: Triple) -> Triple:
 
 @kernel
 def lies_behind(box: GridBox, behind: Behind) -> bool:
-    """Whether a box lies behind the plane through the point across the normal, within `FLUSH`."""
+    """Return whether a box protrudes by at most `FLUSH` from the surface at a grasp."""
     normal = vector(behind.normal)
     out = dot(minus(vector(box.centre), vector(behind.point)), normal)
-    u, v, w = turned(box, normal)
+    u, v, w = in_box_axes(box, normal)
     lies: bool = out + dot((abs(u), abs(v), abs(w)), vector(box.half)) <= FLUSH
     return lies
 
 
 @kernel
-def against_boxes(
-    limb: LimbModel, shapes: Shapes, todo: int, grid: BoxGrid, clearance: float, behind: Behind
+def compare_limb_with_boxes(
+    limb: LimbModel, shapes: Shapes, pending: int, grid: BoxGrid, clearance: float, behind: Behind
 ) -> tuple[int, int]:
-    """Capsules of a limb in the world against the boxes of a grid.
+    """Compare the capsules of a limb in the world with the boxes of a grid.
 
-    Those `behind` do not count for the gripper. An answer, and those of `todo` that are undecided.
+    The boxes behind the surface are omitted for the gripper. Returns a result, and the undecided
+    capsules of the set `pending`.
     """
     undecided = 0
     for c in range(limb.capsule_count):
-        if has(todo, c):
+        if has(pending, c):
             inner = limb.capsules[c].radius + clearance
             motion = shapes.motion[c, 0], shapes.motion[c, 1]
             at_grasp = behind.applies and c >= limb.gripper
-            found = axis_answer(axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp)
-            if found > UNDECIDED:
-                return found, undecided
-            if found == UNDECIDED:
+            result = compare_with_grid(
+                axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp
+            )
+            if result > UNDECIDED:
+                return result, undecided
+            if result == UNDECIDED:
                 undecided |= only(c)
     return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel
-def base_against_boxes(
+def compare_base_with_boxes(
     robot: RobotModel,
     base: Pose,
     motion: tuple[float, float],
@@ -174,20 +195,33 @@ def base_against_boxes(
     clearance: float,
     nothing: Behind,
 ) -> int:
-    """The body and the mounts of all limbs against the boxes, at and about a base pose.
+    """Compare the body and the mounts of all limbs with boxes, at and around a base pose.
 
-    `motion` is how far the base may travel from there [m] and turn [rad], `nothing` no grasp.
+    Parameters
+    ----------
+    robot
+        The robot.
+    base
+        The base pose.
+    motion
+        How far the base may travel [m] and rotate [rad] from there.
+    grid
+        The boxes.
+    clearance
+        Clearance [m].
+    nothing
+        A record that is not read, since the base is at no grasp.
     """
-    travel, swing = motion
+    travel, turn = motion
     undecided = False
-    for c in range(robot.around_count):
-        capsule = robot.around[c]
+    for c in range(robot.base_capsule_count):
+        capsule = robot.base_capsules[c]
         a, b = capsule_axis(capsule.ends)
         axis = out_of(base, a), out_of(base, b)
-        moves = travel + swing * length(a), travel + swing * length(b)
+        moves = travel + turn * length(a), travel + turn * length(b)
         at_grasp = c < 0
-        found = axis_answer(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
-        if found > UNDECIDED:
-            return found
-        undecided = undecided or found == UNDECIDED
+        result = compare_with_grid(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
+        if result > UNDECIDED:
+            return result
+        undecided = undecided or result == UNDECIDED
     return UNDECIDED if undecided else CLEAR

@@ -1,4 +1,7 @@
-"""A limb against itself, the body and other limbs (compiled); answers as in `against_boxes`."""
+"""Comparison of a limb with itself, the body and other limbs (compiled).
+
+Results and sets are those of `against_boxes`.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, box_answer, segments_answer
+from mlivr_gym.collisions.distances import (
+    CLEAR,
+    SELF,
+    UNDECIDED,
+    compare_capsule_with_box,
+    compare_capsules,
+)
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Placed, Shapes, axis_of, capsule_axis, seen_from_link
+from mlivr_gym.collisions.placement import Placed, Shapes, axis_of, capsule_axis, motion_from_link
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import minus, vector
@@ -18,10 +27,13 @@ if TYPE_CHECKING:
 
 
 @kernel
-def axes_apart(first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float) -> bool:
-    """Whether some plane across an axis of the frame keeps two segments farther apart than `outer`.
+def has_separating_plane(
+    first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float
+) -> bool:
+    """Return whether a plane normal to a coordinate axis separates two segments.
 
-    Both ends of the first and of the second are given [m].
+    Their distance from each other is then greater than `outer`. The segments are given by their
+    ends [m].
     """
     (p, p_end), (q, q_end) = first, second
     for k in range(3):
@@ -34,62 +46,64 @@ def axes_apart(first: tuple[Triple, Triple], second: tuple[Triple, Triple], oute
 
 
 @kernel
-def pair_answer(
+def compare_capsule_pair(
     first: tuple[Triple, Triple],
     second: tuple[Triple, Triple],
     inner: float,
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules by the ends of their axes; for the rest see `segments_answer`."""
-    if axes_apart(first, second, inner + more + max(moves[0], moves[1])):
+    """Compare two capsules given by the ends of their axes; see `compare_capsules`."""
+    if has_separating_plane(first, second, inner + more + max(moves[0], moves[1])):
         return CLEAR
     (p, p_end), (q, q_end) = first, second
-    return segments_answer(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
+    return compare_capsules(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
 
 
 @kernel
-def against_itself(
-    limb: LimbModel, shapes: Shapes, placed: Placed, todo: int, clearance: float
+def compare_limb_with_itself(
+    limb: LimbModel, shapes: Shapes, placed: Placed, pending: int, clearance: float
 ) -> tuple[int, int]:
-    """The capsules of a limb against each other: an answer, and the pairs that are undecided."""
+    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
     undecided, ends = 0, shapes.ends
     for k in range(limb.pair_count):
-        if not has(todo, k):
+        if not has(pending, k):
             continue
         i, j = limb.pairs[k, 0], limb.pairs[k, 1]
         first, second = limb.capsules[i], limb.capsules[j]
         inner = first.radius + second.radius + clearance
-        moves = seen_from_link(first.link, second, placed)
-        found = pair_answer(axis_of(ends, j), axis_of(ends, i), inner, 0.0, moves)
-        if found == SELF:
+        moves = motion_from_link(first.link, second, placed)
+        result = compare_capsule_pair(axis_of(ends, j), axis_of(ends, i), inner, 0.0, moves)
+        if result == SELF:
             return SELF, undecided
-        if found == UNDECIDED:
+        if result == UNDECIDED:
             undecided |= only(k)
     return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel
-def against_body(
-    robot: RobotModel, limb: LimbModel, shapes: Shapes, todo: int, clearance: float
+def compare_limb_with_body(
+    robot: RobotModel, limb: LimbModel, shapes: Shapes, pending: int, clearance: float
 ) -> tuple[int, int]:
-    """A limb in the body frame against the body's box and the capsules fixed to the body.
+    """Compare a limb in the body frame with the body's box and the capsules fixed to the body.
 
-    An answer, and the capsules that are undecided.
+    Returns a result and the undecided capsules.
     """
     undecided, half = 0, vector(robot.half)
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
-        if capsule.link < 2 or not has(todo, c):
+        if capsule.link < 2 or not has(pending, c):
             continue
         inner, axis = capsule.radius + clearance, axis_of(shapes.ends, c)
         moves = shapes.motion[c, 0], shapes.motion[c, 1]
-        worst = box_answer(axis[0], minus(axis[1], axis[0]), half, inner, moves)
+        worst = compare_capsule_with_box(axis[0], minus(axis[1], axis[0]), half, inner, moves)
         for m in range(robot.mount_count):
             mount = robot.mounts[m]
-            if worst < SELF and capsule.link >= limb.least_link[m]:
+            if worst < SELF and capsule.link >= limb.first_link[m]:
                 fixed = capsule_axis(mount.ends)
-                worst = max(worst, pair_answer(axis, fixed, inner + mount.radius, 0.0, moves))
+                worst = max(
+                    worst, compare_capsule_pair(axis, fixed, inner + mount.radius, 0.0, moves)
+                )
         if worst == SELF:
             return SELF, undecided
         if worst == UNDECIDED:
@@ -98,10 +112,10 @@ def against_body(
 
 
 @kernel
-def limbs_apart(
+def have_separating_plane(
     first: LimbModel, shapes: Shapes, second: LimbModel, others: Shapes, clearance: float
 ) -> bool:
-    """Whether some plane across an axis of the frame keeps two limbs apart."""
+    """Return whether a plane normal to a coordinate axis separates two limbs by the clearance."""
     ends, other = shapes.ends, others.ends
     for k in range(3):
         low = other_low = np.inf
@@ -121,23 +135,28 @@ def limbs_apart(
 
 
 @kernel
-def against_limb(
-    first: LimbModel, shapes: Shapes, second: LimbModel, others: Shapes, todo: int, clearance: float
+def compare_limbs(
+    first: LimbModel,
+    shapes: Shapes,
+    second: LimbModel,
+    others: Shapes,
+    pending: int,
+    clearance: float,
 ) -> tuple[int, int]:
-    """Two limbs in one frame: an answer, and those of the first's capsules that are undecided."""
+    """Compare two limbs in one frame; return a result and the undecided capsules of the first."""
     undecided = 0
-    if limbs_apart(first, shapes, second, others, clearance):
+    if have_separating_plane(first, shapes, second, others, clearance):
         return CLEAR, undecided
     for i in range(first.capsule_count):
-        if not has(todo, i):
+        if not has(pending, i):
             continue
         axis, moves = axis_of(shapes.ends, i), (shapes.motion[i, 0], shapes.motion[i, 1])
         for j in range(second.capsule_count):
             inner = first.capsules[i].radius + second.capsules[j].radius + clearance
             more = max(others.motion[j, 0], others.motion[j, 1])
-            found = pair_answer(axis, axis_of(others.ends, j), inner, more, moves)
-            if found == SELF:
+            result = compare_capsule_pair(axis, axis_of(others.ends, j), inner, more, moves)
+            if result == SELF:
                 return SELF, undecided
-            if found == UNDECIDED:
+            if result == UNDECIDED:
                 undecided |= only(i)
     return UNDECIDED if undecided else CLEAR, undecided

@@ -1,4 +1,8 @@
-"""Boxes in the form the compiled checks read: rows and a grid of cells."""
+"""Boxes of the surroundings as records for compiled code, sorted into a uniform grid of cells.
+
+The grid is the broad phase of the collision checks in `against_boxes`: a capsule is compared only
+with the boxes of the cells that it reaches.
+"""
 
 from __future__ import annotations
 
@@ -12,52 +16,52 @@ from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import Box
 
-CELL = 0.25
-"""Edge of a grid cell [m], or more where that would make too many; a matter of speed only."""
+CELL_EDGE = 0.25
+"""Edge of a grid cell [m], doubled where that would make too many cells; affects the speed only."""
 
 MOST_CELLS = 1 << 18
-"""Most cells of a grid; the JEM has 5,616."""
+"""Maximum number of cells in a grid; the JEM has 5,616."""
 
 MOST_ENTRIES = 1 << 20
-"""Most boxes in the cells, counted in every cell that they reach into."""
+"""Maximum number of entries in all cells, where a box counts once in each cell that it reaches."""
 
 CAUSES = {"handrail": HANDRAIL, "stanchion": HANDRAIL, "obstacle": OBSTACLE}
-"""Cause of a collision with a box of some kind; `CABIN` with all others."""
+"""Cause of a collision with a box of a given kind; `CABIN` for all other kinds."""
 
 
 class BoundingBox(Record):
-    """Two opposite corners of an upright box in the world."""
+    """Axis-aligned bounding box in the world frame."""
 
     low: Vector
-    """Least coordinates [m]."""
+    """Lower bound of each coordinate [m]."""
     high: Vector
-    """Largest coordinates [m]."""
+    """Upper bound of each coordinate [m]."""
 
 
 class GridBox(Record):
-    """A box in the world."""
+    """A box in the world frame."""
 
     bounds: BoundingBox
-    """What it reaches."""
+    """Its axis-aligned bounding box."""
     centre: Vector
-    """Its middle [m]."""
+    """Its centre [m]."""
     half: Vector
-    """Half edges along its axes [m]."""
+    """Half edges along its own axes [m]."""
     rotation: Matrix
-    """Its axes, in columns."""
-    turned: bool
-    """Whether they are not those of the world."""
+    """Rotation matrix, with the axes of the box as columns."""
+    is_rotated: bool
+    """Whether its axes differ from those of the world."""
     cause: int
-    """What touching it is called, see `distances`."""
+    """Cause of a collision with it, see `distances`."""
 
 
 class GridFrame(Record):
-    """Where the cells of a grid are."""
+    """Position and size of a grid, and regions that need no look-up in its cells."""
 
-    core: BoundingBox
-    """A large room without boxes; an impossible one if there is none."""
+    empty_region: BoundingBox
+    """A large region without boxes; its lower bounds exceed its upper bounds if none was found."""
     hull: BoundingBox
-    """What all boxes reach."""
+    """Bounding box of all boxes."""
     origin: Vector
     """Lower corner of the first cell [m]."""
     edge: float
@@ -67,31 +71,31 @@ class GridFrame(Record):
 
 
 class BoxGrid(NamedTuple):
-    """Boxes by cell."""
+    """Boxes sorted by grid cell."""
 
     frames: Any
-    """Where the cells are: a row of `GridFrame`, shape (1,)."""
+    """Position and size of the grid, a record of `GridFrame`, shape (1,)."""
     boxes: Any
-    """Rows of `GridBox`, shape (n,)."""
+    """The boxes, records of `GridBox`, shape (n,)."""
     start: IntArray
-    """Where the boxes of each cell begin in `items`, shape (cells + 1,)."""
+    """Index of the first entry of each cell in `items`, shape (cells + 1,)."""
     items: IntArray
-    """Boxes of each cell, one after the other."""
-    filled: Any
-    """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
+    """Box indices, cell by cell."""
+    fill_bounds: Any
+    """Bounds of what the boxes fill of each cell, records of `BoundingBox`, shape (cells,)."""
 
 
 def box_grid(boxes: Sequence[Box]) -> BoxGrid:
-    """Sort boxes into cells."""
+    """Sort boxes into the cells of a grid."""
     rows = GridBox.rows(len(boxes))
     for row, box in zip(rows, boxes, strict=True):
         row["centre"][:], row["half"][:], row["rotation"][:] = box.centre, box.half, box.rotation
-        row["turned"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
+        row["is_rotated"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
         row["cause"] = CAUSES.get(box.kind, CABIN)
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
     rows["bounds"]["low"], rows["bounds"]["high"] = low, high
-    frames = _frames(low, high)
+    frames = _grid_frames(low, high)
     frame = frames[0]
     cells, owners = [], []
     for b in range(len(boxes)):
@@ -107,13 +111,14 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     cell, owner = np.concatenate([nothing, *cells]), np.concatenate([nothing, *owners])
     order = np.argsort(cell, kind="stable")
     start = np.searchsorted(cell[order], np.arange(int(frame["cells"].prod()) + 1))
-    return BoxGrid(frames, rows, start, owner[order], _filled(low, high, cell, owner, frame))
+    return BoxGrid(frames, rows, start, owner[order], _fill_bounds(low, high, cell, owner, frame))
 
 
-def _frames(low: Array, high: Array) -> Any:
-    """Where the cells are for boxes of given corners, shape (n, 3) [m]: a row of `GridFrame`.
+def _grid_frames(low: Array, high: Array) -> Any:
+    """Return the grid frame of boxes with given corners, a record of shape (1,).
 
-    The edge is doubled until there are few enough cells, and few enough boxes in them.
+    The corners have shape (n, 3) [m]. The edge is doubled until the numbers of cells and of their
+    entries are within their limits.
     """
     frames = GridFrame.rows(1)
     frame = frames[0]
@@ -122,8 +127,10 @@ def _frames(low: Array, high: Array) -> Any:
         hull = np.stack([low.min(axis=0), high.max(axis=0)])
         frame["origin"][:] = hull[0]
     frame["hull"]["low"][:], frame["hull"]["high"][:] = hull
-    frame["core"]["low"][:], frame["core"]["high"][:] = _core(low, high, hull)
-    low, high, edge = low - frame["origin"], high - frame["origin"], CELL
+    frame["empty_region"]["low"][:], frame["empty_region"]["high"][:] = _empty_region(
+        low, high, hull
+    )
+    low, high, edge = low - frame["origin"], high - frame["origin"], CELL_EDGE
     while True:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0
@@ -133,13 +140,13 @@ def _frames(low: Array, high: Array) -> Any:
         edge *= 2.0
 
 
-def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
-    """What the boxes fill of each cell, rows of `BoundingBox`, shape (cells,)."""
+def _fill_bounds(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: GridFrame) -> Any:
+    """Return the bounds of what boxes fill of each cell: `BoundingBox` records, shape (cells,)."""
     origin, edge, dims = frame["origin"], frame["edge"], frame["cells"]
     corner = origin + edge * np.stack(np.unravel_index(cell, tuple(dims)), axis=1)
     out = BoundingBox.rows(int(dims.prod()))
     out["low"], out["high"] = np.inf, -np.inf
-    # What reaches out of the outermost cells counts as in them.
+    # Parts of boxes outside the outermost cells count as inside them.
     last = corner >= origin + edge * (dims - 1) - 1e-9
     np.minimum.at(out["low"], cell, np.maximum(low[owner], corner))
     np.maximum.at(
@@ -148,10 +155,10 @@ def _filled(low: Array, high: Array, cell: IntArray, owner: IntArray, frame: Gri
     return out
 
 
-def _core(low: Array, high: Array, hull: Array) -> Array:
-    """A large empty box round the middle of the hull [m], shape (2, 3).
+def _empty_region(low: Array, high: Array, hull: Array) -> Array:
+    """Return a large region without boxes about the middle of the hull [m], shape (2, 3).
 
-    An impossible one where the middle is occupied.
+    If a box contains the middle, the lower bounds of the region exceed its upper bounds.
     """
     empty = np.array([[np.inf] * 3, [-np.inf] * 3])
     if not len(low):

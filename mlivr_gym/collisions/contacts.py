@@ -1,4 +1,7 @@
-"""Which shapes of a robot are close to what, pair by pair: for explanations, pictures and tests."""
+"""Distances between pairs of shapes, for explanations, pictures and tests.
+
+This is the plain definition of the collision checks: every pair is compared, without a grid.
+"""
 
 from __future__ import annotations
 
@@ -27,22 +30,22 @@ Configuration = tuple[Array, Array, Array]
 """Base position [m] and quaternion w, x, y, z in the world, and joint angles (N, 6) [rad]."""
 
 Pair = tuple[str, str, float]
-"""Names of two shapes and the distance of their surfaces [m]."""
+"""Names of two shapes and the distance between their surfaces [m]."""
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Two shapes that are closer than the clearance.
+    """Two shapes that are closer to each other than the clearance.
 
     Attributes
     ----------
     first
-        A shape of the robot, as the scene names it: `"limb0/forearm/0"` or `"body"`.
+        A shape of the robot by its name in the scene: `"limb0/forearm/0"` or `"body"`.
     second
-        Another of its shapes, or a box: `"box/{id}"`.
+        Another shape of the robot, or a box: `"box/{id}"`.
     distance
-        Distance of the surfaces [m], negative where a capsule overlaps, 0 where the body
-        reaches into a box.
+        Distance between the surfaces [m]. It is negative where a capsule penetrates, and 0 where
+        the body penetrates a box.
     """
 
     first: str
@@ -51,12 +54,26 @@ class Contact:
 
 
 def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
-    """Ends of the limbs' moving capsules in the world [m], shape (N, c, 2, 3).
+    """Return the ends of the moving capsules of all limbs in the world [m].
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    shapes
+        Its collision shapes.
+    configuration
+        Its configuration.
+
+    Returns
+    -------
+    Array
+        Shape (N, c, 2, 3) for N limbs with c moving capsules each.
 
     Raises
     ------
     SettingError
-        If the configuration is none of the robot.
+        If the configuration is not one of the robot.
     """
     position, quaternion, joints = checked_configuration(robot, configuration)
     base = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -70,12 +87,12 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
 
 
 def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration:
-    """A configuration of a robot, of finite numbers.
+    """Check a configuration of a robot and return it as arrays of finite numbers.
 
     Raises
     ------
     SettingError
-        If it is none.
+        If its shape or a number is wrong.
     """
     parts = Listed(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
     position, quaternion, joints = parts
@@ -85,7 +102,7 @@ def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration
     return (
         numbers(position, (3,), "base position", SettingError, LONGEST),
         turn,
-        numbers(joints, (robot.limbs, 6), "joint angles, six a limb,", SettingError),
+        numbers(joints, (robot.limbs, 6), "joint angles, six for each limb,", SettingError),
     )
 
 
@@ -96,30 +113,35 @@ def contacts(
     clearance: float,
     grasps: Sequence[tuple[int, Array, Array]] = (),
 ) -> list[Contact]:
-    """Every pair of shapes that is compared and closer than the clearance, the closest first.
+    """Find all pairs of shapes closer to each other than the clearance, in order of distance.
 
-    Pairs that overlap count too. All are compared but those of `ALLOWED_COLLISIONS`. The body
-    is the box that it is; the compiled checks take capsules that contain it where they compare it
-    with boxes, `limb_shapes.round_cube`.
+    Penetrating pairs are included. All pairs are compared except `ALLOWED_COLLISIONS`. The body is
+    its exact box here; the compiled checks compare boxes with capsules that contain the body
+    instead, see `limb_shapes.cube_capsules`.
 
     Parameters
     ----------
     robot
         The robot.
     boxes
-        What stands round it.
+        The boxes around it.
     configuration
-        Where it is.
+        Its configuration.
     clearance
-        Least distance [m].
+        Clearance that shapes must keep [m].
     grasps
-        Limb, and point [m] and surface normal in the world, of each limb at a grasp: its
-        gripper may come close to what lies behind.
+        Limb, point [m] and surface normal in the world, for each limb at a grasp: its gripper may
+        touch the boxes behind the surface.
+
+    Returns
+    -------
+    list[Contact]
+        The pairs, the closest first.
 
     Raises
     ------
     SettingError
-        If the configuration is none of the robot.
+        If the configuration is not one of the robot.
     """
     shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)
@@ -127,17 +149,17 @@ def contacts(
         configuration[1], scalar_first=True
     ).as_matrix()
     at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
-    found = [
-        *_among_themselves(robot, shapes, (ends - configuration[0]) @ base),
-        *_limbs_with_boxes(shapes, boxes, ends, at_grasp, clearance),
-        *_base_with_boxes(robot, shapes, boxes, (configuration[0], base), clearance),
+    pairs = [
+        *_robot_distances(robot, shapes, (ends - configuration[0]) @ base),
+        *_limb_box_distances(shapes, boxes, ends, at_grasp, clearance),
+        *_base_box_distances(robot, shapes, boxes, (configuration[0], base), clearance),
     ]
-    close = [Contact(*pair) for pair in found if pair[2] < clearance or pair[2] <= 0.0]
+    close = [Contact(*pair) for pair in pairs if pair[2] < clearance or pair[2] <= 0.0]
     return sorted(close, key=lambda contact: contact.distance)
 
 
-def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
-    """Distances of the robot's shapes from each other; `ends` of capsules in the body frame."""
+def _robot_distances(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
+    """Yield the distances between the robot's own shapes; `ends` are in the body frame [m]."""
     radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
     half = triple(shapes.robot["half"])
     for i in range(robot.limbs):
@@ -147,89 +169,95 @@ def _among_themselves(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iter
             if shapes.links[c] >= 2:
                 yield name, BODY, segment_box_distance(p, u, half) - radius[c]
                 for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
-                    if shapes.links[c] >= shapes.robot["limbs"][i]["least_link"][m]:
-                        apart = segments_distance(p, u, *_axis(row["ends"]))
-                        yield name, mount, apart - radius[c] - row["radius"]
+                    if shapes.links[c] >= shapes.robot["limbs"][i]["first_link"][m]:
+                        distance = segments_distance(p, u, *_axis(row["ends"]))
+                        yield name, mount, distance - radius[c] - row["radius"]
             for d, j in shapes.pairs.tolist():
                 if d == c:
-                    apart = segments_distance(p, u, *_axis(ends[i, j]))
-                    yield name, f"limb{i}/{names[j]}", apart - radius[c] - radius[j]
+                    distance = segments_distance(p, u, *_axis(ends[i, j]))
+                    yield name, f"limb{i}/{names[j]}", distance - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
                 for j in range(len(shapes)):
-                    apart = segments_distance(p, u, *_axis(ends[k, j]))
-                    yield name, f"limb{k}/{names[j]}", apart - radius[c] - radius[j]
+                    distance = segments_distance(p, u, *_axis(ends[k, j]))
+                    yield name, f"limb{k}/{names[j]}", distance - radius[c] - radius[j]
 
 
-def _limbs_with_boxes(
+def _limb_box_distances(
     shapes: LimbShapes,
     boxes: Sequence[Box],
     ends: Array,
     at_grasp: dict[int, tuple[Array, Array]],
     clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of the limbs' moving capsules from boxes that may be closer than the clearance."""
+    """Yield the distances of moving capsules from boxes that may be closer than the clearance."""
     radius, names = shapes.radii, _names(shapes)
     gripper = int(shapes.limb["gripper"])
     for i, limb in enumerate(ends):
-        around = _around(limb, radius, boxes, clearance)
+        around = _boxes_nearby(limb, radius, boxes, clearance)
         for c, axis in enumerate(limb):
             for box in (boxes[b] for b in around[c]):
-                if c >= gripper and i in at_grasp and _behind(box, *at_grasp[i]):
+                if c >= gripper and i in at_grasp and _lies_behind(box, *at_grasp[i]):
                     continue
-                yield f"limb{i}/{names[c]}", scene_name(BOX, box.id), _to_box(axis, box) - radius[c]
+                yield (
+                    f"limb{i}/{names[c]}",
+                    scene_name(BOX, box.id),
+                    _box_distance(axis, box) - radius[c],
+                )
 
 
-def _base_with_boxes(
+def _base_box_distances(
     robot: RobotSpec,
     shapes: LimbShapes,
     boxes: Sequence[Box],
     base: tuple[Array, Array],
     clearance: float,
 ) -> Iterator[Pair]:
-    """Distances of body and mounts from boxes that may be closer than the clearance."""
+    """Yield the distances of body and mounts from boxes that may be closer than the clearance."""
     position, rotation = base
     half, names = shapes.robot["half"], _mount_names(robot, shapes)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
-        if _to_box(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
-            # Two boxes are nearest, or first overlap, at an edge of one of them.
+        if _box_distance(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
+            # The closest, or first common, points of two boxes lie on an edge of one of them.
             edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
-            yield BODY, scene_name(BOX, box.id), min(_to_box(*pair) for pair in edges)
+            yield BODY, scene_name(BOX, box.id), min(_box_distance(*pair) for pair in edges)
     axes, radius = position + shapes.mounts["ends"] @ rotation.T, shapes.mounts["radius"]
-    for m, around in enumerate(_around(axes, radius, boxes, clearance)):
+    for m, around in enumerate(_boxes_nearby(axes, radius, boxes, clearance)):
         for box in (boxes[b] for b in around):
-            yield names[m], scene_name(BOX, box.id), _to_box(axes[m], box) - radius[m]
+            yield names[m], scene_name(BOX, box.id), _box_distance(axes[m], box) - radius[m]
 
 
-def _around(axes: Array, radius: Array, boxes: Sequence[Box], clearance: float) -> list[list[int]]:
-    """Indices of the boxes that each capsule may touch, or come closer to than the clearance.
+def _boxes_nearby(
+    axes: Array, radius: Array, boxes: Sequence[Box], clearance: float
+) -> list[list[int]]:
+    """Return the indices of the boxes that may be closer to each capsule than the clearance.
 
-    They are told by the ball round it; `axes` are the ends of the capsules, shape (c, 2, 3) [m],
-    `radius` has shape (c,) [m].
+    They are selected by the bounding ball of the capsule. `axes` holds the ends of the capsules,
+    shape (c, 2, 3) [m]; `radius` has shape (c,) [m].
     """
     if not boxes:
         return [[] for _ in axes]
     from_centres = axes.mean(axis=1)[:, None] - np.array([box.centre for box in boxes])
     inside = np.einsum("cbi,bij->cbj", from_centres, np.array([box.rotation for box in boxes]))
-    beside = np.maximum(np.abs(inside) - np.array([box.half for box in boxes]), 0.0)
+    outside = np.maximum(np.abs(inside) - np.array([box.half for box in boxes]), 0.0)
     reach = radius + 0.5 * np.linalg.norm(axes[:, 1] - axes[:, 0], axis=1) + max(0.0, clearance)
-    close = np.linalg.norm(beside, axis=2) <= reach[:, None] + 1e-9
+    close = np.linalg.norm(outside, axis=2) <= reach[:, None] + 1e-9
     return [np.flatnonzero(row).tolist() for row in close]
 
 
-def _to_box(axis: Array, box: Box) -> float:
-    """Distance of a segment, shape (2, 3), from a box [m]; 0 where it reaches into it."""
+def _box_distance(axis: Array, box: Box) -> float:
+    """Return the distance of a segment, shape (2, 3), from a box [m]; 0 if they intersect."""
     start, end = (axis - np.array(box.centre)) @ np.array(box.rotation)
     return float(segment_box_distance(tuple(start), tuple(end - start), box.half))
 
 
 def _axis(ends: Array) -> tuple[Triple, Triple]:
-    """One end of a segment, shape (2, 3), and the vector from there to the other."""
+    """Return one end of a segment, shape (2, 3), and the vector to its other end."""
     return triple(ends[0]), triple(ends[1] - ends[0])
 
 
 def _edges(box: Box) -> Array:
-    """The twelve edges of a box, shape (12, 2, 3) [m]."""
+    """Return the twelve edges of a box [m], shape (12, 2, 3)."""
     corners = np.array(list(product((-1.0, 1.0), repeat=3)))
     ends = [(a, b) for a, b in combinations(corners, 2) if (a != b).sum() == 1]
     edges: Array = np.array(box.centre) + (np.array(ends) * box.half) @ np.array(box.rotation).T
@@ -237,7 +265,7 @@ def _edges(box: Box) -> Array:
 
 
 def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
-    """Names of the capsules fixed to the body, limb by limb."""
+    """Return the names of the capsules fixed to the body, limb by limb."""
     count = len(shapes.mounts)
     per_limb = max(count // robot.limbs, 1)
     return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
@@ -245,15 +273,15 @@ def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
 
 @lru_cache(maxsize=8)
 def _shapes(robot: RobotSpec) -> LimbShapes:
-    """A robot's shapes, worked out once."""
+    """Return a robot's collision shapes, cached."""
     return LimbShapes(robot)
 
 
 def _names(shapes: LimbShapes) -> list[str]:
-    """Names of a limb's moving capsules: link and number on it."""
+    """Return the names of a limb's moving capsules: the link, and the number on that link."""
     return [f"{name}/{shapes.names[:c].count(name)}" for c, name in enumerate(shapes.names)]
 
 
-def _behind(box: Box, point: Array, normal: Array) -> bool:
+def _lies_behind(box: Box, point: Array, normal: Array) -> bool:
     reach = np.abs(np.array(box.rotation).T @ normal) @ np.array(box.half)
     return float((np.array(box.centre) - point) @ normal + reach) <= FLUSH

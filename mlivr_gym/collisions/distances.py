@@ -1,6 +1,7 @@
-"""Distances between axes of capsules, and between an axis and a box (compiled).
+"""Distances between capsule axes, and between a capsule axis and a box (compiled).
 
-The checks compare them with two lengths, see `against_boxes`.
+A check compares such a distance with an inner length, the radii plus the clearance, and with an
+outer length, which adds how far the shapes may move; see `against_boxes` for the results.
 """
 
 from __future__ import annotations
@@ -15,21 +16,21 @@ if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 CLEAR, UNDECIDED, SELF, CABIN, HANDRAIL, OBSTACLE = 0, 1, 2, 3, 4, 5
-"""Answers of a query: the last four are causes of a collision."""
+"""Results of a comparison. The last four are collisions and name their cause."""
 
 SEGMENT, BOX = (cast(int, k) for k in np.arange(2))
-"""Shapes that an axis is compared with."""
+"""Kinds of shape with which a capsule axis is compared."""
 
-ROUNDS = 8
-"""Places on a capsule's axis that are tried, besides its ends, before it counts as undecided."""
+MOST_PLACES = 8
+"""Maximum number of inner places of an axis that `keeps_distance` evaluates."""
 
 
 @kernel
-def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
-    """Squared distance [m^2] of two segments, from `p` to `p + u` and from `q` to `q + v` [m].
+def segment_distance_squared(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
+    """Return the squared distance between two segments [m^2].
 
-    The closest points of the lines, clamped to each segment in turn (Ericson, Real-Time Collision
-    Detection, 5.1.9).
+    The segments run from `p` to `p + u` and from `q` to `q + v` [m]. The closest points of their
+    lines are clamped to each segment in turn (Ericson, Real-Time Collision Detection, 5.1.9).
     """
     ux, uy, uz = u
     vx, vy, vz = v
@@ -59,10 +60,10 @@ def segments_apart(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
 
 
 @kernel
-def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
-    """Squared distance [m^2] of `p + t d` from a box about the origin, half its derivative by `t`.
+def box_distance_on_line(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float]:
+    """Return the squared distance [m^2] of `p + t d` from a box, and half its derivative by `t`.
 
-    The box has half edges `half` [m].
+    The box is axis-aligned, centred at the origin, and has the half edges `half` [m].
     """
     square = slope = 0.0
     for k in range(3):
@@ -74,15 +75,19 @@ def box_from(t: float, p: Triple, d: Triple, half: Triple) -> tuple[float, float
 
 
 @kernel
-def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
-    """Squared distance [m^2] of a segment, from `p` to `p + d`, from a box about the origin.
+def segment_box_distance_squared(p: Triple, d: Triple, half: Triple) -> float:
+    """Return the squared distance between a segment and a box centred at the origin [m^2].
 
-    The squared distance along the segment is convex, and its derivative linear between the six
-    places where the segment crosses a face's plane. Those places narrow the interval in which the
-    derivative changes sign; there it is solved exactly.
+    The segment runs from `p` to `p + d`. Along it the squared distance is convex, and its
+    derivative is linear between the six places where the segment crosses the plane of a face. Those
+    places narrow the interval in which the derivative changes its sign; there its zero is computed
+    exactly.
     """
     low, high = 0.0, 1.0
-    at_low, at_high = box_from(0.0, p, d, half)[1], box_from(1.0, p, d, half)[1]
+    at_low, at_high = (
+        box_distance_on_line(0.0, p, d, half)[1],
+        box_distance_on_line(1.0, p, d, half)[1],
+    )
     if at_low >= 0.0:
         t = 0.0
     elif at_high <= 0.0:
@@ -93,20 +98,22 @@ def segment_box_apart(p: Triple, d: Triple, half: Triple) -> float:
                 for side in (-1.0, 1.0):
                     at = (side * half[k] - p[k]) / d[k]
                     if low < at < high:
-                        slope = box_from(at, p, d, half)[1]
+                        slope = box_distance_on_line(at, p, d, half)[1]
                         if slope < 0.0:
                             low, at_low = at, slope
                         else:
                             high, at_high = at, slope
         t = low if at_high == at_low else low - at_low * (high - low) / (at_high - at_low)
-    return box_from(t, p, d, half)[0]
+    return box_distance_on_line(t, p, d, half)[0]
 
 
 @kernel
-def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[float, float]:
-    """Squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
+def segment_distance_on_line(
+    t: float, p: Triple, d: Triple, q: Triple, v: Triple
+) -> tuple[float, float]:
+    """Return the squared distance [m^2] of `p + t d` from a segment, half its derivative by `t`.
 
-    The segment goes from `q` to `q + v`.
+    The segment runs from `q` to `q + v` [m].
     """
     x, y, z = p[0] + t * d[0] - q[0], p[1] + t * d[1] - q[1], p[2] + t * d[2] - q[2]
     vv = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
@@ -116,59 +123,70 @@ def segment_from(t: float, p: Triple, d: Triple, q: Triple, v: Triple) -> tuple[
 
 
 @kernel
-def stays_away(
+def keeps_distance(
     kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
-    """Whether no point of an axis is closer to a shape than a length that changes linearly.
+    """Return whether an axis provably keeps a required distance from a shape.
 
-    The distance from a convex shape is convex along a line, and so is what it exceeds the length
-    by: it lies above its tangents, and where those from both sides meet above zero it is nowhere
-    below.
+    The required distance varies linearly along the axis. The distance from a convex shape is convex
+    along a line, and so is its excess over the required distance. The excess therefore lies above
+    its tangents: if the tangents from both sides intersect above zero, it is positive everywhere
+    between.
 
     Parameters
     ----------
     kind
-        `BOX`, about the origin, or `SEGMENT`.
+        `BOX` for a box centred at the origin, or `SEGMENT`.
     shape
         Half edges of the box, or one end of the segment [m].
     along
-        From there to the other end [m]; of no account for a box.
+        Vector from that end to the other end of the segment [m]; unused for a box.
     p
         One end of the axis [m].
     d
-        From there to the other [m].
+        Vector from that end to the other end of the axis [m].
     at_p
-        The length at `p` [m], above 0.
+        Required distance at `p` [m], greater than 0.
     at_d
-        The length at the other end.
+        Required distance at the other end [m].
 
     Returns
     -------
     bool
-        True if it is shown; false also where `ROUNDS` places do not decide.
+        False if the axis comes closer, or if `MOST_PLACES` places do not decide it.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p
-    square, slope = box_from(a, p, d, shape) if kind == BOX else segment_from(a, p, d, shape, along)
+    square, slope = (
+        box_distance_on_line(a, p, d, shape)
+        if kind == BOX
+        else segment_distance_on_line(a, p, d, shape, along)
+    )
     if square <= at_p * at_p:
         return False
     root = np.sqrt(square)
     low, down = root - at_p, slope / root - bend
     if down >= 0.0:
         return True
-    square, slope = box_from(b, p, d, shape) if kind == BOX else segment_from(b, p, d, shape, along)
+    square, slope = (
+        box_distance_on_line(b, p, d, shape)
+        if kind == BOX
+        else segment_distance_on_line(b, p, d, shape, along)
+    )
     if square <= at_d * at_d:
         return False
     root = np.sqrt(square)
     high, up = root - at_d, slope / root - bend
     if up <= 0.0:
         return True
-    for _ in range(ROUNDS):
+    for _ in range(MOST_PLACES):
         t = (low - high + up * b - down * a) / (up - down)
         if low + down * (t - a) >= 0.0:
             return True
         length = at_p + t * bend
         square, slope = (
-            box_from(t, p, d, shape) if kind == BOX else segment_from(t, p, d, shape, along)
+            box_distance_on_line(t, p, d, shape)
+            if kind == BOX
+            else segment_distance_on_line(t, p, d, shape, along)
         )
         if square <= length * length:
             return False
@@ -184,7 +202,7 @@ def stays_away(
 
 
 @kernel
-def segments_answer(
+def compare_capsules(
     p: Triple,
     u: Triple,
     q: Triple,
@@ -193,34 +211,49 @@ def segments_answer(
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
+    """Compare two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
 
-    `inner` is radii and clearance [m], `more` how far the second may move [m], and `moves` how far
-    the first may at `p` and at the other end, in between linearly. `CLEAR`, `UNDECIDED` or `SELF`.
+    Parameters
+    ----------
+    inner
+        Sum of the radii and the clearance [m].
+    more
+        How far the second capsule may move [m].
+    moves
+        How far the first capsule may move at `p` and at its other end [m], linear in between.
+
+    Returns
+    -------
+    int
+        `CLEAR`, `UNDECIDED` or `SELF`.
     """
     at_p, at_u = moves
-    square = segments_apart(p, u, q, v)
+    square = segment_distance_squared(p, u, q, v)
     if square < inner * inner:
         return SELF
     outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
-    # The end that moves far need not be the one that is close to the other axis.
-    if at_p != at_u and stays_away(SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u):
+    # The end that moves farther need not be the one closer to the other axis.
+    if at_p != at_u and keeps_distance(
+        SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u
+    ):
         return CLEAR
     return UNDECIDED
 
 
 @kernel
-def box_answer(p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]) -> int:
-    """A capsule and a box about the origin: `CLEAR`, `UNDECIDED` or `SELF`.
+def compare_capsule_with_box(
+    p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[float, float]
+) -> int:
+    """Compare a capsule with a box centred at the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
-    Arguments as in `segments_answer`.
+    The arguments are those of `compare_capsules`.
     """
     at_p, at_d = moves
-    if stays_away(BOX, half, half, p, d, inner + at_p, inner + at_d):
+    if keeps_distance(BOX, half, half, p, d, inner + at_p, inner + at_d):
         return CLEAR
-    square = segment_box_apart(p, d, half)
+    square = segment_box_distance_squared(p, d, half)
     if square < inner * inner:
         return SELF
     outer = inner + max(at_p, at_d)
@@ -229,13 +262,16 @@ def box_answer(p: Triple, d: Triple, half: Triple, inner: float, moves: tuple[fl
 
 @entry
 def segments_distance(p: Triple, u: Triple, q: Triple, v: Triple) -> float:
-    """Distance [m] of two segments, see `segments_apart`."""
-    distance: float = np.sqrt(segments_apart(p, u, q, v))
+    """Return the distance between two segments [m], see `segment_distance_squared`."""
+    distance: float = np.sqrt(segment_distance_squared(p, u, q, v))
     return distance
 
 
 @entry
 def segment_box_distance(p: Triple, d: Triple, half: Triple) -> float:
-    """Distance [m] of a segment from a box about the origin, see `segment_box_apart`."""
-    distance: float = np.sqrt(segment_box_apart(p, d, half))
+    """Return the distance between a segment and a box centred at the origin [m].
+
+    See `segment_box_distance_squared`.
+    """
+    distance: float = np.sqrt(segment_box_distance_squared(p, d, half))
     return distance

@@ -1,4 +1,4 @@
-"""The robot's shapes in the form the compiled checks read."""
+"""The robot's collision shapes as records for compiled code."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.allowed_collisions import BODY, is_allowed
+from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
@@ -15,16 +15,17 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
-"""Most pairs of a limb's capsules."""
+"""Maximum number of pairs of capsules of one limb."""
 
 MOST_MOUNTS = MOST_CAPSULES * MOST_LIMBS
-"""Most capsules that are fixed to the body."""
+"""Maximum number of capsules that are fixed to the body."""
 
-NEVER_NEARER = {(3, 5): 2, (4, 6): 1}
-"""Links two joints apart, and the axis of the first along which the second stays on one side.
+OFFSET_PAIRS = {(3, 5): 2, (4, 6): 1}
+"""Pairs of links two joints apart that an offset can separate, and the axis of that offset.
 
-Axis 1 is y, axis 2 is z. The forearm moves in a plane across joint 4, off which the wrist point
-lies by d4; wrist 1 lies across joint 5, off which the flange axis lies by d5.
+It is an axis of the first link: 1 is y, 2 is z. The forearm moves in a plane normal to the axis of
+joint 4, and the wrist point lies off that plane by d4; wrist 1 lies normal to joint 5, and the
+flange axis lies off it by d5.
 """
 
 
@@ -32,14 +33,14 @@ class LimbCapsule(Record):
     """A capsule that moves with a limb."""
 
     link: int
-    """The link it is on, 1 to 6; the gripper's is the last."""
+    """The link that carries it, 1 to 6; the gripper belongs to link 6."""
     ends: Annotated[Array, (2, 3)]
-    """Ends of its axis in the link's frame [m]."""
+    """Ends of its axis in the link frame [m]."""
     radius: float
     """Radius [m]."""
-    anchor: Annotated[IntArray, (2,), np.int64]
-    """What the motion of each end is bounded from: limb base, elbow, forearm end or wrist point."""
-    arm: Annotated[Array, (2,)]
+    anchors: Annotated[IntArray, (2,), np.int64]
+    """Anchor of each end, from which its motion is bounded, see `placement`."""
+    anchor_distances: Annotated[Array, (2,)]
     """Distance of each end from its anchor [m]."""
 
 
@@ -53,85 +54,87 @@ class BodyCapsule(Record):
 
 
 class LimbModel(MountedArm):
-    """A limb with its shapes."""
+    """A limb with its collision capsules."""
 
     index: int
-    """Number of the limb."""
+    """Index of the limb."""
     capsule_count: int
-    """Number of capsules that move."""
+    """Number of its moving capsules."""
     capsules: Annotated[Rows[LimbCapsule], (MOST_CAPSULES,)]
-    """The capsules, from the mount on in the order of `LINKS`."""
+    """These capsules, ordered from the mount to the gripper as in `LINKS`."""
     pair_count: int
-    """Number of pairs of them that are compared."""
+    """Number of pairs of its capsules that are compared."""
     pairs: Annotated[IntArray, (MOST_PAIRS, 2), np.int64]
-    """The pairs."""
+    """Capsule indices of these pairs."""
     gripper: int
-    """First capsule of the gripper."""
+    """Index of the first capsule of the gripper."""
     hand: int
-    """First of the capsules that lie on the flange axis to the end: at a grasp they are where they
-    are, whatever the posture."""
-    least_link: Annotated[IntArray, (MOST_MOUNTS,), np.int64]
-    """The first link that can meet each of the robot's mounts."""
+    """Index from which on all capsules lie on the flange axis.
+
+    At a grasp the place of these capsules does not depend on the posture.
+    """
+    first_link: Annotated[IntArray, (MOST_MOUNTS,), np.int64]
+    """First link of this limb that can touch each of the capsules fixed to the body."""
 
 
 class RobotModel(Record):
-    """A robot as compiled code reads it."""
+    """A robot with its kinematics and collision shapes, as compiled code reads it."""
 
     limb_count: int
     """Number of limbs N."""
     limbs: Annotated[Rows[LimbModel], (MOST_LIMBS,)]
     """The limbs."""
     tool_length: float
-    """Flange to grasp [m]."""
+    """Distance from the flange to the grasped point [m]."""
     lift: float
-    """Departure along the surface normal [m]."""
+    """Distance of a departure along the surface normal [m]."""
     characteristic_length: float
-    """l_c [m]."""
+    """Characteristic length l_c [m]."""
     fold_count: int
-    """Number of folds."""
+    """Number of folded configurations."""
     folds: Annotated[Array, (4, 5)]
-    """Joints 1 to 5 of a folded limb, in their windows [rad]."""
+    """Angles of joints 1 to 5 of a folded limb, in their joint windows [rad]."""
     half: Vector
     """Half edges of the body [m]."""
     mount_count: int
     """Number of capsules that are fixed to the body."""
     mounts: Annotated[Rows[BodyCapsule], (MOST_MOUNTS,)]
     """These capsules."""
-    around_count: int
-    """Number of capsules that together contain all that moves with the base."""
-    around: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
-    """These, for comparison with boxes: four round the body, see `round_cube`, and the mounts."""
+    base_capsule_count: int
+    """Number of capsules that cover everything that moves with the base."""
+    base_capsules: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
+    """These capsules, compared with boxes: four about the body (`cube_capsules`) and the mounts."""
 
 
 class LimbShapes:
-    """Capsules of one limb, the pairs of them that can meet, and what is fixed to the body.
+    """Collision capsules of a robot, and the pairs of them that are compared.
 
-    Pairs that are left out stand in `ALLOWED_COLLISIONS`.
+    Pairs that are never compared are listed in `ALLOWED_COLLISIONS`.
 
     Attributes
     ----------
     names
-        Link of each capsule that moves, c of them, from the mount on.
+        Link of each of the c moving capsules of a limb, ordered from the mount to the gripper.
     rows
-        All this as compiled code reads it, a row of `RobotModel`, shape (1,).
+        The robot as compiled code reads it, a record of `RobotModel`, shape (1,).
     robot
-        The row.
+        The record itself.
     limb
-        The first limb there; in the frames of their links the limbs are equal.
+        The first limb of the record; in their link frames all limbs have the same capsules.
     links
-        Link of each capsule that moves, shape (c,).
+        Link index of each moving capsule, shape (c,).
     ends
-        Ends of their axes in the frames of their links [m], shape (c, 2, 3).
+        Ends of their axes in the link frames [m], shape (c, 2, 3).
     radii
         Their radii [m], shape (c,).
     pairs
-        Pairs of them that are compared, shape (k, 2).
+        Pairs of capsules of one limb that are compared, shape (k, 2).
     mounts
-        Rows of `BodyCapsule`: what is fixed to the body.
+        Capsules fixed to the body, records of `BodyCapsule`.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
-        """Sort the robot's capsules."""
+        """Build the record of a robot from its specification."""
         capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
         moving = [capsule for capsule in capsules if capsule.link != "base"]
         self.names = tuple(capsule.link for capsule in moving)
@@ -178,14 +181,16 @@ class LimbShapes:
                 row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
                 row["ends"][:] = capsule.start, capsule.end
                 for e, end in enumerate(row["ends"]):
-                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), end)
+                    row["anchors"][e], row["anchor_distances"][e] = _anchor(
+                        spec, int(row["link"]), end
+                    )
 
     def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
         robot = self.robot
-        round_ends, round_radius = round_cube(float(robot["half"][0]))
+        round_ends, round_radius = cube_capsules(float(robot["half"][0]))
         for k in range(4):
-            robot["around"][k]["ends"][:] = round_ends[k]
-            robot["around"][k]["radius"] = round_radius[k]
+            robot["base_capsules"][k]["ends"][:] = round_ends[k]
+            robot["base_capsules"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
@@ -193,21 +198,21 @@ class LimbShapes:
                 row = robot["mounts"][count]
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
-                robot["around"][4 + count] = row
+                robot["base_capsules"][4 + count] = row
                 same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
                 for other in range(spec.limbs):
-                    robot["limbs"][other]["least_link"][count] = same if other == limb else 2
+                    robot["limbs"][other]["first_link"][count] = same if other == limb else 2
                 count += 1
-        robot["mount_count"], robot["around_count"] = count, 4 + count
+        robot["mount_count"], robot["base_capsule_count"] = count, 4 + count
 
     def never(self, limb: int) -> list[tuple[str, str]]:
-        """Pairs of a limb's links, the body among them, that are not compared.
+        """Return the pairs of a limb's links, and of links and the body, that are never compared.
 
-        They are neighbours, or cannot meet.
+        They are neighbours, or cannot touch each other.
         """
         names = (BODY, *LINKS)
         compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
-        least = self.robot["limbs"][limb]["least_link"][: self.robot["mount_count"]]
+        least = self.robot["limbs"][limb]["first_link"][: self.robot["mount_count"]]
         meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
         compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}
@@ -216,15 +221,16 @@ class LimbShapes:
         ]
 
     def __len__(self) -> int:
-        """Number of capsules that move."""
+        """Return the number of moving capsules of a limb."""
         return len(self.names)
 
 
-def round_cube(half: float) -> tuple[Array, Array]:
-    """Four capsules that together contain a cube of half edge `half` [m].
+def cube_capsules(half: float) -> tuple[Array, Array]:
+    """Return four capsules that together contain a cube of half edge `half` [m].
 
-    Each holds a quarter of it, whose eighths lie in the spheres about their middles. They stand out
-    of the faces by 0.37 half edges, the sphere round the cube by 0.73.
+    Each contains a quarter of the cube: the spheres at its ends contain an eighth each. The
+    capsules protrude from the faces by 0.37 half edges; the sphere about the cube protrudes by
+    0.73.
 
     Returns
     -------
@@ -237,12 +243,12 @@ def round_cube(half: float) -> tuple[Array, Array]:
 
 
 def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
-    """Whether two capsules of a limb, are compared, see `allowed_collisions`."""
-    row = is_allowed(first.link, second.link)
+    """Return whether two capsules of one limb are compared, see `allowed_collisions`."""
+    row = allowed_pair(first.link, second.link)
     if row is None or not row.checked:
         return row is None
     limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))
-    if NEVER_NEARER[links] == 2:
+    if OFFSET_PAIRS[links] == 2:
         reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
         gap = limb.d4 - max(first.start[2], first.end[2]) - reach
     else:
@@ -251,15 +257,15 @@ def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
 
 
 def _on_flange_axis(capsule: Capsule) -> bool:
-    """Whether a capsule on wrist 2, whose y axis is the flange axis, lies on it."""
+    """Return whether a capsule lies on the flange axis, the y axis of wrist 2."""
     across = [abs(end[k]) for end in (capsule.start, capsule.end) for k in (0, 2)]
     return capsule.link == "wrist_2" and max(across) < 1e-9
 
 
 def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
-    """Whether an upper arm can touch a capsule on the base of its limb.
+    """Return whether an upper arm can touch a capsule on the base of its own limb.
 
-    It moves in a plane beside joint 1.
+    The upper arm moves in a plane at a distance from the axis of joint 1.
     """
     off = max(float(np.hypot(end[0], end[1])) for end in (base.start, base.end)) + base.radius
     return any(
@@ -268,9 +274,9 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
 
 
 def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
-    """Anchor of a capsule end, and the distance from there [m].
+    """Return the anchor of a capsule end, see `placement`, and its distance from that anchor [m].
 
-    Anchors are 0 limb base, 1 elbow, 2 forearm end, 3 wrist point; `end` is in the link frame [m].
+    `end` is given in the link frame [m]. Of several possible anchors the closest is taken.
     """
     limb = robot.limb
     options = {

@@ -1,4 +1,4 @@
-"""What a motion is: of the base and of one or two limbs, and the room to check it."""
+"""The description of a motion of the base and of one or two limbs, and the scratch to check it."""
 
 from __future__ import annotations
 
@@ -8,113 +8,121 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import Behind
-from mlivr_gym.collisions.placement import Ends, Placed, Shapes
+from mlivr_gym.collisions.placement import IntervalAngles, Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS
 
-DEPTH = 9
-"""Halvings after which an interval counts as blocked."""
+MOST_HALVINGS = 9
+"""Number of bisections after which an undecided interval counts as blocked."""
 
 SWINGS, HOLDS, DEPARTS = 0, 1, 2
-"""What a limb does on a motion."""
+"""Kinds of motion of a limb."""
 
 MOST_RESTING = BRANCHES * (MOST_LIMBS - 1)
-"""Most places of limbs at rest."""
+"""Maximum number of configurations of limbs at rest."""
 
 
 class LimbMotion(Record):
-    """What one limb does on a motion."""
+    """The motion of one limb."""
 
     limb: int
-    """Which limb."""
+    """Index of the limb."""
     kind: int
     """`SWINGS`, `HOLDS` or `DEPARTS`."""
     branch: int
-    """Branch on which it holds or departs."""
+    """Inverse-kinematics branch on which it holds or departs."""
     flange: Pose
-    """Its flange in the world while it holds, or before it departs."""
+    """Flange pose in the world while it holds, or before it departs."""
     start: Joints
     """Joint angles at the start of a swing [rad]."""
     corner: Joints
-    """Those at the corner that a swing rounds [rad]; of a line they do not count."""
+    """Joint angles at the corner that a swing rounds [rad]; unused on a line."""
     end: Joints
-    """Joint angles at its end [rad]."""
+    """Joint angles at the end of a swing [rad]."""
 
 
 class SweptMotion(Record):
-    """A motion of the base and of one or two limbs, and what the first of them is compared with."""
+    """A motion of the base and one or two limbs, and what the first limb is compared with."""
 
     path: BasePath
     """Path of the base."""
     begin: float
-    """Where the base is on it at the start."""
+    """Base path parameter at the start."""
     corner: float
-    """Where it is at the corner that the motion rounds; on a line that does not count."""
+    """Base path parameter at the corner that the motion rounds; unused on a line."""
     finish: float
-    """Where it is at the end."""
+    """Base path parameter at the end."""
     rounded: bool
-    """Whether base and swings round a corner; else they go in a line."""
+    """Whether the base parameter and the swings round a corner; otherwise they change linearly."""
     first: LimbMotion
-    """What the limb does that is checked."""
+    """Motion of the limb that is checked."""
     second: LimbMotion
-    """What another limb does meanwhile."""
+    """Motion of another limb at the same time."""
     boxes: bool
-    """Whether the first limb is compared with boxes, and the base if it moves while that swings."""
+    """Whether the first limb is compared with boxes, and with it a base that moves in a swing."""
     body: bool
-    """Whether it is compared with itself and the body."""
+    """Whether the first limb is compared with itself and the body."""
     resting: bool
-    """Whether it is compared with limbs at rest."""
+    """Whether the first limb is compared with the limbs at rest."""
     meeting: bool
-    """Whether it is compared with the second limb."""
+    """Whether the first limb is compared with the second limb."""
 
 
 class Interval(Record):
-    """An interval of a motion that waits."""
+    """An interval of a motion that is still to be checked, with the comparisons that remain."""
 
     middle: float
-    """Its middle, as a share of the motion."""
+    """Midpoint, as a fraction of the motion."""
     half: float
     """Half its length."""
     boxes: int
-    """Capsules to compare with boxes; the base counts as one capsule more."""
+    """Set of capsules to compare with boxes; the base counts as one additional capsule."""
     itself: int
-    """Pairs of the limb's capsules to compare."""
+    """Set of pairs of the limb's capsules to compare."""
     body: int
-    """Capsules to compare with the body."""
+    """Set of capsules to compare with the body."""
     limbs: int
-    """Limbs at rest, or capsules to compare with the second limb."""
-    first: Ends
-    """The first limb at both ends."""
-    second: Ends
-    """The second limb at both ends."""
+    """Set of limbs at rest, or of capsules to compare with the second limb."""
+    first: IntervalAngles
+    """Joint angles of the first limb at both ends."""
+    second: IntervalAngles
+    """Joint angles of the second limb at both ends."""
 
 
-class Resting(Record):
-    """Places of limbs at rest."""
+class RestingLimbs(Record):
+    """Configurations of limbs at rest."""
 
     count: int
-    """Their number."""
+    """Number of configurations."""
     limb: Annotated[IntArray, (MOST_RESTING,), np.int64]
-    """Which limb each is of."""
+    """Limb of each configuration."""
     shapes: Annotated[Rows[Shapes], (MOST_RESTING,)]
-    """The capsules of each in the body frame."""
+    """Capsules of each configuration in the body frame."""
 
 
 class Sweep(Record):
-    """Room for the check of one motion, and limbs at rest."""
+    """Scratch for the check of one motion, with the limbs at rest."""
 
     motion: SweptMotion
+    """The motion."""
     first: Placed
+    """The first limb at the midpoint of an interval."""
     second: Placed
+    """The second limb there."""
     base: Pose
+    """Base pose there."""
     lifted: Pose
-    intervals: Annotated[Rows[Interval], (DEPTH + 3,)]
-    first_ahead: Joints
-    """Joint angles of the first limb at the end of the last piece [rad]."""
-    second_ahead: Joints
+    """Flange pose of a limb that departs."""
+    intervals: Annotated[Rows[Interval], (MOST_HALVINGS + 3,)]
+    """Stack of intervals."""
+    first_at_end: Joints
+    """Joint angles of the first limb at the end of the latest initial interval [rad]."""
+    second_at_end: Joints
     """Joint angles of the second limb there [rad]."""
     behind: Behind
-    resting: Resting
+    """The grasp at which the first limb's gripper is, if any."""
+    resting: RestingLimbs
+    """The limbs at rest."""

@@ -1,17 +1,18 @@
-"""Where the capsules of a limb are, and how far they move (compiled).
+"""Where the capsules of a limb are, and bounds of how far they move (compiled).
 
-**How far shapes move.** Each capsule end hangs on an anchor, limb base, elbow E, forearm end F or
-wrist point w, and moves no farther than the anchor moves plus its distance from it times the turn
-of its link. Joints 2 to 4 are parallel and across joint 1, so link k up to 4 turns by `hypot(q1, q2
-+ .. + qk)`, and joint 5 adds its turn; E, F and w follow one from the other. Two links of one limb
-are compared as one sees the other: only the joints between them count. On a line in joint space all
-this is exact. For a limb whose flange is given (it holds, or departs along the normal)
-`kinematics.turns` proves how far they turn.
+**Bounds of motion.** Each capsule end has an anchor: the limb base, the elbow E, the forearm end F
+or the wrist point W. It moves at most as far as the anchor moves, plus its distance from the anchor
+times the rotation of its link. Joints 2 to 4 are parallel to each other and perpendicular to joint
+1, so link k up to 4 rotates by `hypot(q1, q2 + .. + qk)`, and joint 5 adds its rotation; the bounds
+of E, F and W follow from each other in this order. When two links of one limb are compared, the
+motion of one is bounded as seen from the other: only the joints between them count. On a line in
+joint space these rotations are exact. For a limb with a given flange motion (it holds a point, or
+departs along the normal) `kinematics.turns` proves bounds of its joint rotations.
 
-On a moving base a point at distance rho from its origin moves in the world at most `v + omega rho`
-more. A limb that holds is also followed from its grasp, which stands still: the flange does not
-move in the world, wrist 2 turns with joint 6 alone, wrist 1 with joints 5 and 6, and so on. The
-smaller bound counts.
+On a moving base a point at distance rho from the base origin moves in the world by at most `v +
+omega rho` more. For a limb that holds, a second bound starts at its grasp, which stands still: the
+flange does not move in the world, wrist 2 rotates with joint 6 alone, wrist 1 with joints 5 and 6,
+and so on. The smaller of the two bounds is used.
 """
 
 from __future__ import annotations
@@ -35,57 +36,57 @@ if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 BASE, ELBOW, FOREARM_END, WRIST_POINT = 0, 1, 2, 3
-"""Anchors."""
+"""Anchors of capsule ends: limb base, elbow, forearm end and wrist point."""
 
 
 class Shapes(Record):
-    """The capsules of a limb in place."""
+    """The capsules of a limb at one configuration."""
 
     ends: Annotated[Array, (MOST_CAPSULES, 2, 3)]
     """Ends of their axes [m]."""
     motion: Annotated[Array, (MOST_CAPSULES, 2)]
-    """How far each end moves at most [m]."""
+    """Upper bound of how far each end moves [m]."""
 
 
-class Ends(Record):
-    """Joint angles at both ends of an interval."""
+class IntervalAngles(Record):
+    """Joint angles of a limb at both ends of an interval."""
 
     first: Joints
-    """Those at the first [rad]."""
+    """Joint angles at the start [rad]."""
     last: Joints
-    """Those at the second [rad]."""
+    """Joint angles at the end [rad]."""
 
 
 class Placed(Record):
-    """A limb in place in the middle of an interval, and how far it moves until its ends."""
+    """A limb at the midpoint of an interval, with bounds of its motion from there to either end."""
 
     q: Joints
-    """Joint angles in the middle [rad]."""
-    minus: Joints
-    """Their changes from there to the first end [rad]."""
-    plus: Joints
-    """Their changes to the second [rad]."""
+    """Joint angles at the midpoint [rad]."""
+    to_first: Joints
+    """Changes of the joint angles from the midpoint to the start [rad]."""
+    to_last: Joints
+    """Changes of the joint angles from the midpoint to the end [rad]."""
     turns: Turns
-    """How far they turn at most meanwhile [rad]."""
-    proved: bool
-    """Whether that is known."""
+    """Upper bounds of the joint rotations from the midpoint to either end [rad]."""
+    is_bounded: bool
+    """Whether these bounds are proved."""
     frames: Annotated[Array, (7, 4, 3)]
-    """Links in the limb base frame, see `arm.link_frames`."""
+    """Link frames in the limb base frame, see `families.link_frames`."""
     in_body: Shapes
     """Its capsules in the body frame."""
     in_world: Shapes
-    """Its capsules in the world."""
-    shift: Annotated[Array, (5, 4)]
-    """How far each anchor moves at most, seen from each of the links 0 to 4 [m]."""
-    spin: Annotated[Array, (5, 7)]
-    """How far each link turns at most, seen from each of those [rad]."""
-    share: float
-    """Share of `shift` and `spin` that counts."""
+    """Its capsules in the world frame."""
+    anchor_travel: Annotated[Array, (5, 4)]
+    """Upper bound of the displacement of each anchor, as seen from each of the links 0 to 4 [m]."""
+    link_turn: Annotated[Array, (5, 7)]
+    """Upper bound of the rotation of each link, as seen from each of the links 0 to 4 [rad]."""
+    fraction: float
+    """Factor to apply to both; it is below 1 where they bound the whole of a swing."""
 
 
 @kernel
 def axis_of(ends: Array, c: int) -> tuple[Triple, Triple]:
-    """Both ends of the axis of capsule `c`, of ends of shape (c, 2, 3)."""
+    """Return both ends of the axis of capsule `c` from ends of shape (c, 2, 3)."""
     return (
         (ends[c, 0, 0], ends[c, 0, 1], ends[c, 0, 2]),
         (ends[c, 1, 0], ends[c, 1, 1], ends[c, 1, 2]),
@@ -101,7 +102,7 @@ def set_axis(ends: Array, c: int, axis: tuple[Triple, Triple]) -> None:
 
 @kernel
 def place(limb: LimbModel, frames: Array, out: Shapes) -> None:
-    """Put the ends of a limb's capsules in place in the body frame, by `arm.link_frames`."""
+    """Compute the capsule ends of a limb in the body frame from its link frames."""
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         a, b = capsule_axis(capsule.ends)
@@ -111,13 +112,13 @@ def place(limb: LimbModel, frames: Array, out: Shapes) -> None:
 
 @kernel
 def capsule_axis(ends: Array) -> tuple[Triple, Triple]:
-    """Both ends of a capsule's axis, of ends of shape (2, 3)."""
+    """Return both ends of a capsule's axis from an array of shape (2, 3)."""
     return (ends[0, 0], ends[0, 1], ends[0, 2]), (ends[1, 0], ends[1, 1], ends[1, 2])
 
 
 @kernel
 def out_of_link(frames: Array, f: int, p: Triple) -> Triple:
-    """Where a point [m] is in the limb base frame that link `f` sees at `p`."""
+    """Return a point of the frame of link `f` in the limb base frame [m]."""
     x, y, z = p
     return (
         frames[f, 0, 0] + x * frames[f, 1, 0] + y * frames[f, 2, 0] + z * frames[f, 3, 0],
@@ -128,81 +129,82 @@ def out_of_link(frames: Array, f: int, p: Triple) -> Triple:
 
 @kernel
 def place_by_angles(limb: LimbModel, placed: Placed) -> None:
-    """Put the capsules of a limb in place by its joint angles."""
+    """Compute the capsule ends of a limb in the body frame from its joint angles."""
     link_frames(limb.arm, placed.q, placed.frames)
     place(limb, placed.frames, placed.in_body)
 
 
 @kernel
-def to_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
-    """Capsule ends in the world by those in the body frame."""
+def place_in_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
+    """Compute the capsule ends of a limb in the world frame from those in the body frame."""
     for c in range(limb.capsule_count):
         a, b = axis_of(in_body.ends, c)
         set_axis(in_world.ends, c, (out_of(base, a), out_of(base, b)))
 
 
 @kernel
-def changes(ends: Ends, placed: Placed) -> None:
-    """Changes of joint angles from the middle to both ends, each less than half a turn."""
+def set_changes(ends: IntervalAngles, placed: Placed) -> None:
+    """Set the changes of the joint angles from midpoint to both ends, each below half a turn."""
     for joint in range(6):
-        placed.minus[joint] = wrap(ends.first[joint] - placed.q[joint])
-        placed.plus[joint] = wrap(ends.last[joint] - placed.q[joint])
+        placed.to_first[joint] = wrap(ends.first[joint] - placed.q[joint])
+        placed.to_last[joint] = wrap(ends.last[joint] - placed.q[joint])
 
 
 @kernel
-def joint_motion(arm: Arm, placed: Placed) -> None:
-    """Bounds of the motion of anchors and links by the turns of the joints."""
-    turns, shift, spin = placed.turns, placed.shift, placed.spin
+def bound_links(arm: Arm, placed: Placed) -> None:
+    """Bound the displacements of anchors and rotations of links by the joint rotations."""
+    turns, travel, turn = placed.turns, placed.anchor_travel, placed.link_turn
     reach = np.sqrt(arm.d4**2 + arm.d5**2)
     for row in range(5):
         for link in range(7):
-            spin[row, link] = 0.0
+            turn[row, link] = 0.0
     for row in range(2):
         first = turns.q1 if row == 0 else 0.0
-        spin[row, 1], spin[row, 2] = first, np.hypot(first, turns.q2)
-        spin[row, 3], spin[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
-    spin[2, 3], spin[2, 4], spin[3, 4] = turns.q3, turns.q34, turns.q4
+        turn[row, 1], turn[row, 2] = first, np.hypot(first, turns.q2)
+        turn[row, 3], turn[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
+    turn[2, 3], turn[2, 4], turn[3, 4] = turns.q3, turns.q34, turns.q4
     for row in range(5):
-        spin[row, 5] = spin[row, 6] = spin[row, 4] + turns.q5
-        shift[row, BASE] = 0.0
-        shift[row, ELBOW] = abs(arm.a2) * spin[row, 2]
-        shift[row, FOREARM_END] = shift[row, ELBOW] + abs(arm.a3) * spin[row, 3]
-        shift[row, WRIST_POINT] = shift[row, FOREARM_END] + reach * spin[row, 4]
+        turn[row, 5] = turn[row, 6] = turn[row, 4] + turns.q5
+        travel[row, BASE] = 0.0
+        travel[row, ELBOW] = abs(arm.a2) * turn[row, 2]
+        travel[row, FOREARM_END] = travel[row, ELBOW] + abs(arm.a3) * turn[row, 3]
+        travel[row, WRIST_POINT] = travel[row, FOREARM_END] + reach * turn[row, 4]
 
 
 @kernel
-def seen_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[float, float]:
-    """How far both ends of a capsule move at most, seen from link `row` [m].
-
-    Their anchors move by `shift`, and their link turns by `spin` about them.
-    """
-    shift, spin, arm = placed.shift, placed.spin[row, capsule.link], capsule.arm
+def motion_from_link(row: int, capsule: LimbCapsule, placed: Placed) -> tuple[float, float]:
+    """Return upper bounds of how far both ends of a capsule move, as seen from link `row` [m]."""
+    travel, turn = placed.anchor_travel, placed.link_turn[row, capsule.link]
+    anchors, distances = capsule.anchors, capsule.anchor_distances
     return (
-        placed.share * (shift[row, capsule.anchor[0]] + arm[0] * spin),
-        placed.share * (shift[row, capsule.anchor[1]] + arm[1] * spin),
+        placed.fraction * (travel[row, anchors[0]] + distances[0] * turn),
+        placed.fraction * (travel[row, anchors[1]] + distances[1] * turn),
     )
 
 
 @kernel
-def capsule_motion(limb: LimbModel, placed: Placed) -> None:
-    """How far each capsule end moves at most in the body frame."""
+def bound_capsules(limb: LimbModel, placed: Placed) -> None:
+    """Bound how far each capsule end of a limb moves in the body frame."""
     motion = placed.in_body.motion
     for c in range(limb.capsule_count):
-        motion[c, 0], motion[c, 1] = seen_from_link(0, limb.capsules[c], placed)
+        motion[c, 0], motion[c, 1] = motion_from_link(0, limb.capsules[c], placed)
 
 
 @kernel
-def moved_by_base(limb: LimbModel, travel: float, swing: float, placed: Placed) -> None:
-    """How far each capsule end moves at most in the world if the base moves [m] and turns [rad]."""
+def bound_in_world(limb: LimbModel, travel: float, turn: float, placed: Placed) -> None:
+    """Bound how far each capsule end moves in the world while the base also moves.
+
+    The base travels by `travel` [m] and rotates by `turn` [rad] at most.
+    """
     moved, out = placed.in_body.motion, placed.in_world.motion
     for c in range(limb.capsule_count):
         a, b = axis_of(placed.in_body.ends, c)
-        out[c, 0] = moved[c, 0] + travel + swing * (length(a) + moved[c, 0])
-        out[c, 1] = moved[c, 1] + travel + swing * (length(b) + moved[c, 1])
+        out[c, 0] = moved[c, 0] + travel + turn * (length(a) + moved[c, 0])
+        out[c, 1] = moved[c, 1] + travel + turn * (length(b) + moved[c, 1])
 
 
 @kernel
-def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
+def bound_from_grasp(limb: LimbModel, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
     arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
     wrist_2 = turns.q6
@@ -213,25 +215,25 @@ def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         for e in range(2):
-            anchor = capsule.anchor[e]
-            start, turned = elbow, upper
+            anchor = capsule.anchors[e]
+            travel, turn = elbow, upper
             if capsule.link == 6:
-                start, turned = 0.0, 0.0
+                travel, turn = 0.0, 0.0
             elif capsule.link == 5:
-                start, turned = 0.0, wrist_2
+                travel, turn = 0.0, wrist_2
             elif capsule.link == 4:
-                start, turned = end if anchor == FOREARM_END else 0.0, wrist_1
+                travel, turn = end if anchor == FOREARM_END else 0.0, wrist_1
             elif capsule.link == 3:
-                start, turned = end if anchor == FOREARM_END else elbow, fore
+                travel, turn = end if anchor == FOREARM_END else elbow, fore
             elif capsule.link == 1 or anchor == BASE:
                 continue
-            motion[c, e] = min(motion[c, e], start + capsule.arm[e] * turned)
+            motion[c, e] = min(motion[c, e], travel + capsule.anchor_distances[e] * turn)
 
 
 @entry
 def place_in_body(robots: Any, i: int, placed: Any) -> None:
-    """Put the capsules of limb `i` in place in the body frame by its joint angles.
+    """Compute the capsule ends of limb `i` in the body frame from its joint angles.
 
-    Rows of `Robot` and `Placed`, shape (1,).
+    `robots` is a record of `RobotModel` and `placed` a record of `Placed`, each of shape (1,).
     """
     place_by_angles(robots[0].limbs[i], placed[0])

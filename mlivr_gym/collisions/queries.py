@@ -1,4 +1,4 @@
-"""Checks of postures against boxes (compiled)."""
+"""Checks of stationary postures against boxes (compiled)."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.against_boxes import (
     Behind,
-    against_boxes,
-    axis_answer,
-    base_against_boxes,
+    compare_base_with_boxes,
+    compare_limb_with_boxes,
+    compare_with_grid,
     set_behind,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.collisions.placement import Placed, capsule_axis, place, to_world
+from mlivr_gym.collisions.placement import Placed, capsule_axis, place, place_in_world
 from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
@@ -26,57 +26,73 @@ from mlivr_gym.kinematics.poses import along, vector
 
 
 class Surroundings(NamedTuple):
-    """Points and boxes in the world."""
+    """The graspable points and boxes in the world."""
 
     grasps: Any
-    """Rows of `Grasp`, shape (m,)."""
+    """Graspable points, records of `Grasp`, shape (m,)."""
     grid: BoxGrid
     """The boxes."""
     clearance: float
-    """Least distance [m]."""
+    """Clearance that shapes must keep [m]."""
 
 
-class PosturesHeld(NamedTuple):
-    """Postures of k stances."""
+class CheckedPostures(NamedTuple):
+    """Postures of k stances that are checked against boxes."""
 
     points: IntArray
     """Point of each limb, shape (k, N)."""
     base: Any
-    """Bases in the world, rows of `Pose`, shape (k,)."""
+    """Base poses in the world, records of `Pose`, shape (k,)."""
     branch: IntArray
     """Branch of each limb in the posture, shape (k, N)."""
     mask: IntArray
-    """Branches and flips of each limb, shape (k, N), changed."""
+    """Mask of branches and flips of each limb, shape (k, N); updated."""
     cause: IntArray
-    """Shape (k,), filled with the cause where a branch of the posture touches a box."""
-    others: BoolArray
-    """Whether branches other than that of the posture count, shape (1,)."""
+    """Cause of a collision on a branch of the posture, shape (k,); updated."""
+    all_branches: BoolArray
+    """Whether all branches are checked and removed from the masks, shape (1,)."""
 
 
 class QueryScratch(Record):
-    """Room for a query."""
+    """Scratch for a check."""
 
     placed: Placed
+    """The limb that is checked."""
     axes: JointAxes
+    """Joint axes of a branch."""
     behind: Behind
+    """The grasp at which the gripper is."""
 
 
 @entry
-def hands_clear(robots: Any, around: Surroundings, scratch_rows: Any, answers: IntArray) -> None:
-    """What the capsules on the flange axis touch at each of m points, whatever the posture.
+def check_hands(
+    robots: Any, surroundings: Surroundings, scratch_rows: Any, causes: IntArray
+) -> None:
+    """Check at each of m points whether the capsules on the flange axis touch a box.
 
-    A row of `RobotModel` and one of `QueryScratch`, shape (1,); `answers`, shape (m,), are filled.
+    At a grasp these capsules do not depend on the posture.
+
+    Parameters
+    ----------
+    robots
+        A record of `RobotModel`, shape (1,).
+    surroundings
+        Points and boxes.
+    scratch_rows
+        A record of `QueryScratch`, shape (1,).
+    causes
+        Filled with the cause of the collision, or `CLEAR`; shape (m,).
     """
     robot, scratch = robots[0], scratch_rows[0]
     limb = robot.limbs[0]
-    for m in range(len(answers)):
-        grasp = around.grasps[m]
+    for m in range(len(causes)):
+        grasp = surroundings.grasps[m]
         set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
-        answers[m] = CLEAR
+        causes[m] = CLEAR
         for c in range(limb.hand, limb.capsule_count):
             capsule = limb.capsules[c]
             a, b = capsule_axis(capsule.ends)
-            # Along the flange axis, seen from the flange: on wrist 2 that is its y axis.
+            # Coordinates along the flange axis from the flange; on wrist 2 it is the y axis.
             at_a, at_b = a[2], b[2]
             if capsule.link != 6:
                 at_a, at_b = a[1] - limb.arm.d6, b[1] - limb.arm.d6
@@ -85,73 +101,85 @@ def hands_clear(robots: Any, around: Surroundings, scratch_rows: Any, answers: I
                 along(point, robot.tool_length - at_a, normal),
                 along(point, robot.tool_length - at_b, normal),
             )
-            inner, at_grasp = capsule.radius + around.clearance, c >= limb.gripper
-            found = axis_answer(axis, inner, (0.0, 0.0), around.grid, scratch.behind, at_grasp)
-            if found != CLEAR:
-                answers[m] = found
+            inner, at_grasp = capsule.radius + surroundings.clearance, c >= limb.gripper
+            result = compare_with_grid(
+                axis, inner, (0.0, 0.0), surroundings.grid, scratch.behind, at_grasp
+            )
+            if result != CLEAR:
+                causes[m] = result
                 break
 
 
 @entry
-def clear_of_boxes(
+def remove_touching_branches(
     start: int,
     stop: int,
     chosen: IntArray,
-    postures: PosturesHeld,
+    postures: CheckedPostures,
     robots: Any,
-    around: Surroundings,
+    surroundings: Surroundings,
     scratch_rows: Any,
 ) -> None:
-    """Take the branches that touch a box out of the masks of postures `chosen[start:stop]`.
+    """Remove the branches that touch a box from the masks of the postures `chosen[start:stop]`.
 
-    A row of `RobotModel` and one of `QueryScratch`, shape (1,).
+    `robots` is a record of `RobotModel` and `scratch_rows` a record of `QueryScratch`, shape (1,).
     """
-    robot, scratch, check = robots[0], scratch_rows[0], postures.others[0]
+    robot, scratch, remove = robots[0], scratch_rows[0], postures.all_branches[0]
     for n in range(start, stop):
         k = chosen[n]
         still = (0.0, 0.0)
-        found = base_against_boxes(
-            robot, postures.base[k], still, around.grid, around.clearance, scratch.behind
+        result = compare_base_with_boxes(
+            robot,
+            postures.base[k],
+            still,
+            surroundings.grid,
+            surroundings.clearance,
+            scratch.behind,
         )
-        if found != CLEAR:
-            postures.cause[k] = found
+        if result != CLEAR:
+            postures.cause[k] = result
             for i in range(robot.limb_count):
-                if check:
+                if remove:
                     postures.mask[k, i] = 0
             continue
         for i in range(robot.limb_count):
             for b in range(BRANCHES):
                 in_posture = b == postures.branch[k, i]
-                if not in_posture and not (check and has_branch(postures.mask[k, i], b)):
+                if not in_posture and not (remove and has_branch(postures.mask[k, i], b)):
                     continue
-                found = _branch_touches(k, i, b, postures, robot, around, scratch)
-                if found != CLEAR:
-                    if check:
+                result = _check_branch(k, i, b, postures, robot, surroundings, scratch)
+                if result != CLEAR:
+                    if remove:
                         postures.mask[k, i] = without_branch(postures.mask[k, i], b)
                     if in_posture:
-                        postures.cause[k] = found
+                        postures.cause[k] = result
 
 
 @kernel
-def _branch_touches(
+def _check_branch(
     k: int,
     i: int,
     b: int,
-    postures: PosturesHeld,
+    postures: CheckedPostures,
     robot: RobotModel,
-    around: Surroundings,
+    surroundings: Surroundings,
     scratch: QueryScratch,
 ) -> int:
-    """What limb `i` on branch `b` touches in posture `k`, hand apart."""
-    limb, placed, grasp = robot.limbs[i], scratch.placed, around.grasps[postures.points[k, i]]
+    """Compare limb `i` on branch `b` of posture `k` with the boxes, except for its hand."""
+    limb, placed, grasp = robot.limbs[i], scratch.placed, surroundings.grasps[postures.points[k, i]]
     base = postures.base[k]
     seen, _ = flange_seen(limb, base, grasp.flange)
     if not branch_frames(limb.arm, seen, b, scratch.axes, placed.frames):
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
-    to_world(limb, base, placed.in_body, placed.in_world)
+    place_in_world(limb, base, placed.in_body, placed.in_world)
     set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
-    found, _ = against_boxes(
-        limb, placed.in_world, below(limb.hand), around.grid, around.clearance, scratch.behind
+    result, _ = compare_limb_with_boxes(
+        limb,
+        placed.in_world,
+        below(limb.hand),
+        surroundings.grid,
+        surroundings.clearance,
+        scratch.behind,
     )
-    return found
+    return result

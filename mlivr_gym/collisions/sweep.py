@@ -1,37 +1,41 @@
-"""Checks of whole motions: one driver for all of them (compiled).
+"""Swept collision checks of all kinds of motion (compiled).
 
-**Advancement.** A motion is cut into intervals. At the middle of one the shapes are put in place
-and compared with everything they can meet, see `against_boxes`. If every distance exceeds radii and
-clearance by more than the shapes can move from the middle to either end, see `placing`, nothing
-comes closer than the clearance anywhere on the interval, however thin it is: no step can skip a
-shape. If a distance is below radii and clearance the motion is blocked; otherwise the interval is
-halved, down to `2^-DEPTH` of the motion, where the answer errs on the safe side. On the halves only
-what was not clear on the whole is compared again.
+**Conservative advancement.** A motion is divided into intervals. At the midpoint of an interval the
+shapes are placed and compared with everything that they can meet, see `against_boxes`. If every
+distance exceeds the radii and the clearance by more than the shapes can move from the midpoint to
+either end, see `placement`, they keep the clearance on the whole interval; no shape is too thin to
+be seen. If a distance is below the radii and the clearance, the motion is blocked. Otherwise the
+interval is bisected, down to `2^-MOST_HALVINGS` of the motion, where an undecided interval counts
+as blocked. On each half only the comparisons that were not clear are repeated.
 
 **Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint
-space, or holds its grasp; the base rests or follows a path. It is compared with boxes, with itself
-and the body, with limbs at rest, and with one other limb that swings or holds meanwhile.
+space, or holds its grasp; the base stands still or follows a path. The limb is compared with boxes,
+itself, the body, limbs at rest, and one other limb that swings or holds at the same time.
 
-**Corners.** Instead of a line, joint angles x of a swing and the base parameter may round a corner
-C between start A and end B: `x(s) = C + (A - C) f(1 - s) + (B - C) f(s)`, `f(s) = s^3 (2 - s)`, the
-B-spline that joins lines smoothly to the second derivative. Since `f'(s) + f'(1 - s) = 2`, its
-derivative lies between `2 (C - A)` and `2 (B - C)`, and what bounds the motion on lines along these
-bounds that on the curve: how far a link turns between two postures depends on them alone.
+**Rounded corners.** Instead of a line, the joint angles x of a swing and the base path parameter
+may round a corner C between a start A and an end B: `x(s) = C + (A - C) f(1 - s) + (B - C) f(s)`,
+`f(s) = s^3 (2 - s)`, the B-spline that joins the two lines with continuous second derivatives.
+Since `f'(s) + f'(1 - s) = 2`, the derivative lies between `2 (C - A)` and `2 (B - C)`. How far a
+link rotates depends on the derivative alone, so bounds for the two lines also hold for the curve.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.collisions.against_boxes import against_boxes, base_against_boxes
-from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.against_boxes import compare_base_with_boxes, compare_limb_with_boxes
+from mlivr_gym.collisions.against_robot import (
+    compare_limb_with_body,
+    compare_limb_with_itself,
+    compare_limbs,
+)
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.motion import (
     DEPARTS,
-    DEPTH,
     HOLDS,
+    MOST_HALVINGS,
     SWINGS,
     Interval,
     LimbMotion,
@@ -40,15 +44,15 @@ from mlivr_gym.collisions.motion import (
 )
 from mlivr_gym.collisions.placement import (
     WRIST_POINT,
-    Ends,
+    IntervalAngles,
     Placed,
-    capsule_motion,
-    changes,
-    joint_motion,
-    moved_by_base,
+    bound_capsules,
+    bound_from_grasp,
+    bound_in_world,
+    bound_links,
     place_by_angles,
-    seen_from_grasp,
-    to_world,
+    place_in_world,
+    set_changes,
 )
 from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
@@ -58,27 +62,27 @@ from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import along, columns, vector
 from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns, more_turns
 
-MOST_PIECES = 512
-"""Most intervals of the first division."""
+MOST_FIRST_INTERVALS = 512
+"""Maximum number of intervals in the initial division of a motion."""
 
-FIRST_INTERVAL = 0.6, 0.3
-"""Travel that an interval of the first division covers [m], of a swing and of a limb that holds.
-
-A matter of speed only.
-"""
+FIRST_TRAVEL = 0.6, 0.3
+"""Travel of a swing, and of a limb that holds, per initial interval [m]; affects the speed only."""
 
 
 @kernel
-def joints_at(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: Joints) -> bool:
-    """Joint angles of a limb at a share `s` of a motion, into `q`; whether it can be there."""
+def set_joints(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: Joints) -> bool:
+    """Set `q` to the joint angles of a limb at a fraction `s` of a motion.
+
+    Returns whether the limb can reach that configuration.
+    """
     motion = scratch.motion
     if limb.kind == SWINGS:
         for k in range(6):
             corner = limb.corner[k]
-            q[k] = _between(motion.rounded, limb.start[k], corner, limb.end[k], s)
+            q[k] = _interpolate(motion.rounded, limb.start[k], corner, limb.end[k], s)
         return True
     if limb.kind == HOLDS:
-        pose_on_path(motion.path, _base_at(motion, s), scratch.base)
+        pose_on_path(motion.path, _base_parameter(motion, s), scratch.base)
         return angles_at(robot.limbs[limb.limb], scratch.base, limb.flange, limb.branch, 0.0, q)
     flange, lifted = limb.flange, scratch.lifted
     for k in range(3):
@@ -89,8 +93,8 @@ def joints_at(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: 
 
 
 @kernel
-def _between(rounded: bool, start: float, corner: float, end: float, s: float) -> float:
-    """Where a coordinate is at a share `s` of its way in a line or round a corner."""
+def _interpolate(rounded: bool, start: float, corner: float, end: float, s: float) -> float:
+    """Return a coordinate at a fraction `s` of its motion along a line or round a corner."""
     if not rounded:
         return start + s * (end - start)
     rest = 1.0 - s
@@ -99,14 +103,14 @@ def _between(rounded: bool, start: float, corner: float, end: float, s: float) -
 
 
 @kernel
-def _base_at(motion: SweptMotion, s: float) -> float:
-    """Where the base is on its path at a share `s` of a motion."""
-    return _between(motion.rounded, motion.begin, motion.corner, motion.finish, s)
+def _base_parameter(motion: SweptMotion, s: float) -> float:
+    """Return the base path parameter at a fraction `s` of a motion."""
+    return _interpolate(motion.rounded, motion.begin, motion.corner, motion.finish, s)
 
 
 @kernel
-def _base_span(motion: SweptMotion) -> float:
-    """How fast the base goes along its path at most, by the share of the motion."""
+def _base_rate(motion: SweptMotion) -> float:
+    """Return the largest change of the base path parameter per fraction of the motion."""
     if not motion.rounded:
         return abs(motion.finish - motion.begin)
     corner = motion.corner
@@ -115,39 +119,42 @@ def _base_span(motion: SweptMotion) -> float:
 
 @kernel
 def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) -> int:
-    """Whether the first limb of a motion keeps clear of what it is compared with.
+    """Check whether the first limb of a motion keeps the clearance from all it is compared with.
 
     Returns
     -------
     int
-        `CLEAR`, `UNDECIDED` (too close for the depth, or out of reach on the way), or the cause.
+        `CLEAR`; `UNDECIDED` if it comes too close to decide within the depth, or if a configuration
+        cannot be reached; else the cause of the collision.
     """
     motion, intervals = scratch.motion, scratch.intervals
-    span = _base_span(motion)
-    travel, swing = motion.path.speed * span, motion.path.angle * span
-    pieces = _pieces(robot, travel + swing, scratch)
-    shortest = 0.5**DEPTH if motion.first.kind == DEPARTS else 0.5 ** (DEPTH + 1)
+    span = _base_rate(motion)
+    travel, turn = motion.path.speed * span, motion.path.angle * span
+    count = _first_division(robot, travel + turn, scratch)
+    shortest = 0.5**MOST_HALVINGS if motion.first.kind == DEPARTS else 0.5 ** (MOST_HALVINGS + 1)
     if not (
-        joints_at(robot, motion.first, 0.0, scratch, scratch.first_ahead)
-        and joints_at(robot, motion.second, 0.0, scratch, scratch.second_ahead)
+        set_joints(robot, motion.first, 0.0, scratch, scratch.first_at_end)
+        and set_joints(robot, motion.second, 0.0, scratch, scratch.second_at_end)
     ):
         return UNDECIDED
-    for piece in range(pieces):
-        if not _first_interval(robot, piece, pieces, scratch):
+    for number in range(count):
+        if not _set_interval(robot, number, count, scratch):
             return UNDECIDED
         top = 1
         while top > 0:
             top -= 1
-            here = intervals[top]
-            if not _place_limb(robot, motion.first, here, scratch, scratch.first, here.first):
+            interval = intervals[top]
+            if not _place_limb(
+                robot, motion.first, interval, scratch, scratch.first, interval.first
+            ):
                 return UNDECIDED
-            answer = UNDECIDED
-            if scratch.first.proved:
-                answer = _compare(robot, grid, clearance, (travel, swing), here, scratch)
-            if answer > UNDECIDED:
-                return answer
-            if answer == UNDECIDED:
-                if here.half < shortest:
+            result = UNDECIDED
+            if scratch.first.is_bounded:
+                result = _compare(robot, grid, clearance, (travel, turn), interval, scratch)
+            if result > UNDECIDED:
+                return result
+            if result == UNDECIDED:
+                if interval.half < shortest:
                     return UNDECIDED
                 _halve(top, scratch)
                 top += 2
@@ -155,95 +162,105 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
 
 
 @part
-def _pieces(robot: RobotModel, travel: float, scratch: Sweep) -> int:
-    """Number of intervals of the first division."""
+def _first_division(robot: RobotModel, travel: float, scratch: Sweep) -> int:
+    """Return the number of intervals in the initial division of a motion."""
     motion = scratch.motion
     if motion.first.kind == DEPARTS:
         return 1
-    _whole_motion(robot, motion.first, scratch, scratch.first)
-    _whole_motion(robot, motion.second, scratch, scratch.second)
+    _bound_swing(robot, motion.first, scratch, scratch.first)
+    _bound_swing(robot, motion.second, scratch, scratch.second)
     if motion.first.kind == SWINGS:
-        travel += scratch.first.shift[0, WRIST_POINT]
-    interval = FIRST_INTERVAL[0] if motion.first.kind == SWINGS else FIRST_INTERVAL[1]
-    return int(min(max(np.ceil(travel / interval), 1.0), MOST_PIECES))
+        travel += scratch.first.anchor_travel[0, WRIST_POINT]
+    travel_limit = FIRST_TRAVEL[0] if motion.first.kind == SWINGS else FIRST_TRAVEL[1]
+    return int(min(max(np.ceil(travel / travel_limit), 1.0), MOST_FIRST_INTERVALS))
 
 
 @kernel
-def _whole_motion(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Placed) -> None:
-    """Bounds for the whole of a swing, of which an interval has its share."""
+def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Placed) -> None:
+    """Bound the motion of a limb over a whole swing; an interval takes its share of the bounds."""
     if limb.kind == SWINGS:
         for k in range(6):
-            placed.plus[k] = limb.end[k] - limb.start[k]
+            placed.to_last[k] = limb.end[k] - limb.start[k]
             if scratch.motion.rounded:
-                placed.minus[k] = 2.0 * (limb.corner[k] - limb.start[k])
-                placed.plus[k] = 2.0 * (limb.end[k] - limb.corner[k])
-        line_turns(placed.plus, placed.turns)
+                placed.to_first[k] = 2.0 * (limb.corner[k] - limb.start[k])
+                placed.to_last[k] = 2.0 * (limb.end[k] - limb.corner[k])
+        line_turns(placed.to_last, placed.turns)
         if scratch.motion.rounded:
-            more_turns(placed.minus, placed.turns)
-        joint_motion(robot.limbs[limb.limb].arm, placed)
+            more_turns(placed.to_first, placed.turns)
+        bound_links(robot.limbs[limb.limb].arm, placed)
 
 
 @part
-def _first_interval(robot: RobotModel, piece: int, pieces: int, scratch: Sweep) -> bool:
-    """Put a piece of the first division on the stack; whether the limbs can be at its end."""
-    motion, here = scratch.motion, scratch.intervals[0]
-    here.half = 0.5 / pieces
-    here.middle = (2 * piece + 1) * here.half
-    here.boxes = EVERY if motion.boxes else 0
-    here.itself = here.body = EVERY if motion.body else 0
-    here.limbs = EVERY if motion.resting or motion.meeting else 0
+def _set_interval(robot: RobotModel, number: int, count: int, scratch: Sweep) -> bool:
+    """Set the lowest interval of the stack to an initial interval, with everything to be compared.
+
+    Returns whether the limbs can reach its end.
+    """
+    motion, interval = scratch.motion, scratch.intervals[0]
+    interval.half = 0.5 / count
+    interval.middle = (2 * number + 1) * interval.half
+    interval.boxes = EVERY if motion.boxes else 0
+    interval.itself = interval.body = EVERY if motion.body else 0
+    interval.limbs = EVERY if motion.resting or motion.meeting else 0
     for k in range(6):
-        here.first.first[k], here.second.first[k] = scratch.first_ahead[k], scratch.second_ahead[k]
-    at = (piece + 1) / pieces
-    there = joints_at(robot, motion.first, at, scratch, scratch.first_ahead) and joints_at(
-        robot, motion.second, at, scratch, scratch.second_ahead
+        interval.first.first[k], interval.second.first[k] = (
+            scratch.first_at_end[k],
+            scratch.second_at_end[k],
+        )
+    at = (number + 1) / count
+    reachable = set_joints(robot, motion.first, at, scratch, scratch.first_at_end) and set_joints(
+        robot, motion.second, at, scratch, scratch.second_at_end
     )
     for k in range(6):
-        here.first.last[k], here.second.last[k] = scratch.first_ahead[k], scratch.second_ahead[k]
-    return there
+        interval.first.last[k], interval.second.last[k] = (
+            scratch.first_at_end[k],
+            scratch.second_at_end[k],
+        )
+    return reachable
 
 
 @kernel
 def _place_limb(
     robot: RobotModel,
     limb: LimbMotion,
-    here: Interval,
+    interval: Interval,
     scratch: Sweep,
     placed: Placed,
-    ends: Ends,
+    ends: IntervalAngles,
 ) -> bool:
-    """Put a limb in place in the middle of an interval; whether it can be there.
+    """Place a limb at the midpoint of an interval; return whether it can reach that configuration.
 
-    Where `placed.proved` is false it is not known how far it moves, and it is not put in place.
+    If `placed.is_bounded` is then false, its motion has no proved bound and its shapes are not
+    placed.
     """
-    if not joints_at(robot, limb, here.middle, scratch, placed.q):
+    if not set_joints(robot, limb, interval.middle, scratch, placed.q):
         return False
-    arm, placed.proved = robot.limbs[limb.limb].arm, True
+    arm, placed.is_bounded = robot.limbs[limb.limb].arm, True
     if limb.kind == SWINGS:
-        placed.share = here.half
+        placed.fraction = interval.half
     else:
-        placed.share = 1.0
-        flange = _flange_motion(robot, limb, here, scratch)
-        placed.proved = held_turns(arm, placed.q, flange, placed.turns)
-        if not placed.proved:
+        placed.fraction = 1.0
+        flange = _flange_motion(robot, limb, interval, scratch)
+        placed.is_bounded = held_turns(arm, placed.q, flange, placed.turns)
+        if not placed.is_bounded:
             return True
-        changes(ends, placed)
-        come_back(placed.minus, placed.plus, placed.turns)
-        joint_motion(arm, placed)
+        set_changes(ends, placed)
+        come_back(placed.to_first, placed.to_last, placed.turns)
+        bound_links(arm, placed)
     place_by_angles(robot.limbs[limb.limb], placed)
-    capsule_motion(robot.limbs[limb.limb], placed)
+    bound_capsules(robot.limbs[limb.limb], placed)
     return True
 
 
 @kernel
 def _flange_motion(
-    robot: RobotModel, limb: LimbMotion, here: Interval, scratch: Sweep
+    robot: RobotModel, limb: LimbMotion, interval: Interval, scratch: Sweep
 ) -> FlangeMotion:
-    """How a flange moves in the limb base frame from the middle of an interval to either end."""
+    """Bound a flange's motion in the limb base frame from an interval's midpoint to either end."""
     if limb.kind == DEPARTS:
-        return FlangeMotion(here.half * robot.lift, 0.0, 0.0)
+        return FlangeMotion(interval.half * robot.lift, 0.0, 0.0)
     motion = scratch.motion
-    half, at = here.half * _base_span(motion), _base_at(motion, here.middle)
+    half, at = interval.half * _base_rate(motion), _base_parameter(motion, interval.middle)
     _, _, z = columns(limb.flange.rotation)
     wrist = along(vector(limb.flange.position), -robot.limbs[limb.limb].arm.d6, z)
     path = motion.path
@@ -260,43 +277,51 @@ def _compare(
     grid: BoxGrid,
     clearance: float,
     speed: tuple[float, float],
-    here: Interval,
+    interval: Interval,
     scratch: Sweep,
 ) -> int:
-    """Compare what is left of an interval; what is decided is left out of its sets.
+    """Make the comparisons that remain for an interval, and remove those that are clear.
 
-    `speed` is how far the base travels [m] and turns [rad] on the whole motion.
+    `speed` is how far the base travels [m] and rotates [rad] over the whole motion.
     """
     motion, first = scratch.motion, scratch.first
     limb = robot.limbs[motion.first.limb]
-    if here.boxes:
-        answer = _compare_with_boxes(robot, grid, clearance, speed, here, scratch)
-        if answer > UNDECIDED:
-            return answer
-    if here.itself:
-        answer, here.itself = against_itself(limb, first.in_body, first, here.itself, clearance)
-        if answer > UNDECIDED:
-            return answer
-    if here.body:
-        answer, here.body = against_body(robot, limb, first.in_body, here.body, clearance)
-        if answer > UNDECIDED:
-            return answer
-    if here.limbs and motion.meeting:
-        second, other = scratch.second, robot.limbs[motion.second.limb]
-        if not _place_limb(robot, motion.second, here, scratch, second, here.second):
-            return UNDECIDED
-        if not second.proved:
-            return UNDECIDED
-        answer, here.limbs = against_limb(
-            limb, first.in_body, other, second.in_body, here.limbs, clearance
+    if interval.boxes:
+        result = _compare_with_boxes(robot, grid, clearance, speed, interval, scratch)
+        if result > UNDECIDED:
+            return result
+    if interval.itself:
+        result, interval.itself = compare_limb_with_itself(
+            limb, first.in_body, first, interval.itself, clearance
         )
-        if answer > UNDECIDED:
-            return answer
-    elif here.limbs:
-        answer, here.limbs = _compare_with_resting(robot, limb, here.limbs, clearance, scratch)
-        if answer > UNDECIDED:
-            return answer
-    return UNDECIDED if here.boxes or here.itself or here.body or here.limbs else CLEAR
+        if result > UNDECIDED:
+            return result
+    if interval.body:
+        result, interval.body = compare_limb_with_body(
+            robot, limb, first.in_body, interval.body, clearance
+        )
+        if result > UNDECIDED:
+            return result
+    if interval.limbs and motion.meeting:
+        second, other = scratch.second, robot.limbs[motion.second.limb]
+        if not _place_limb(robot, motion.second, interval, scratch, second, interval.second):
+            return UNDECIDED
+        if not second.is_bounded:
+            return UNDECIDED
+        result, interval.limbs = compare_limbs(
+            limb, first.in_body, other, second.in_body, interval.limbs, clearance
+        )
+        if result > UNDECIDED:
+            return result
+    elif interval.limbs:
+        result, interval.limbs = _compare_with_resting(
+            robot, limb, interval.limbs, clearance, scratch
+        )
+        if result > UNDECIDED:
+            return result
+    return (
+        UNDECIDED if interval.boxes or interval.itself or interval.body or interval.limbs else CLEAR
+    )
 
 
 @kernel
@@ -305,68 +330,70 @@ def _compare_with_boxes(
     grid: BoxGrid,
     clearance: float,
     speed: tuple[float, float],
-    here: Interval,
+    interval: Interval,
     scratch: Sweep,
 ) -> int:
-    """Compare the first limb, and a base that moves while it swings, with boxes."""
+    """Compare the first limb, and the base if it moves during a swing, with boxes."""
     motion, first, limb = scratch.motion, scratch.first, robot.limbs[scratch.motion.first.limb]
-    travel, swing = speed[0] * here.half, speed[1] * here.half
-    pose_on_path(motion.path, _base_at(motion, here.middle), scratch.base)
-    to_world(limb, scratch.base, first.in_body, first.in_world)
-    moved_by_base(limb, travel, swing, first)
-    todo, on_base = here.boxes, only(limb.capsule_count)
+    travel, turn = speed[0] * interval.half, speed[1] * interval.half
+    pose_on_path(motion.path, _base_parameter(motion, interval.middle), scratch.base)
+    place_in_world(limb, scratch.base, first.in_body, first.in_world)
+    bound_in_world(limb, travel, turn, first)
+    pending, on_base = interval.boxes, only(limb.capsule_count)
     if motion.first.kind == HOLDS:
-        seen_from_grasp(limb, first)
-        # The hand stands still in the world and was compared when the point was chosen.
-        todo &= below(limb.hand)
-    answer, undecided = against_boxes(limb, first.in_world, todo, grid, clearance, scratch.behind)
-    if answer > UNDECIDED:
-        return answer
-    if motion.first.kind == SWINGS and motion.begin != motion.finish and here.boxes & on_base:
-        answer = base_against_boxes(
-            robot, scratch.base, (travel, swing), grid, clearance, scratch.behind
+        bound_from_grasp(limb, first)
+        # The hand stands still in the world; `check_hands` compared it.
+        pending &= below(limb.hand)
+    result, undecided = compare_limb_with_boxes(
+        limb, first.in_world, pending, grid, clearance, scratch.behind
+    )
+    if result > UNDECIDED:
+        return result
+    if motion.first.kind == SWINGS and motion.begin != motion.finish and interval.boxes & on_base:
+        result = compare_base_with_boxes(
+            robot, scratch.base, (travel, turn), grid, clearance, scratch.behind
         )
-        if answer == UNDECIDED:
+        if result == UNDECIDED:
             undecided |= on_base
-    here.boxes = undecided
-    return answer
+    interval.boxes = undecided
+    return result
 
 
 @part
 def _compare_with_resting(
-    robot: RobotModel, limb: LimbModel, todo: int, clearance: float, scratch: Sweep
+    robot: RobotModel, limb: LimbModel, pending: int, clearance: float, scratch: Sweep
 ) -> tuple[int, int]:
-    """Compare the first limb with limbs at rest; an answer, and those that are undecided."""
+    """Compare the first limb with limbs at rest; return a result and those that are undecided."""
     undecided, resting = 0, scratch.resting
     for k in range(resting.count):
-        if has(todo, k):
+        if has(pending, k):
             other = robot.limbs[resting.limb[k]]
-            found, _ = against_limb(
+            result, _ = compare_limbs(
                 limb, scratch.first.in_body, other, resting.shapes[k], EVERY, clearance
             )
-            if found > UNDECIDED:
-                return found, undecided
-            if found == UNDECIDED:
+            if result > UNDECIDED:
+                return result, undecided
+            if result == UNDECIDED:
                 undecided |= only(k)
     return UNDECIDED if undecided else CLEAR, undecided
 
 
 @part
 def _halve(top: int, scratch: Sweep) -> None:
-    """Put both halves of interval `top`, where the limbs are now, in its place and the next."""
+    """Replace interval `top` by its two halves, with the limbs at its midpoint as placed now."""
     first, second = scratch.intervals[top], scratch.intervals[top + 1]
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
     second.boxes, second.itself = first.boxes, first.itself
     second.body, second.limbs = first.body, first.limbs
-    _share(first.first, second.first, scratch.first)
-    _share(first.second, second.second, scratch.second)
+    _split_angles(first.first, second.first, scratch.first)
+    _split_angles(first.second, second.second, scratch.second)
 
 
 @kernel
-def _share(first: Ends, second: Ends, placed: Placed) -> None:
-    """Joint angles at the ends of two halves, those of the whole in `first`."""
+def _split_angles(first: IntervalAngles, second: IntervalAngles, placed: Placed) -> None:
+    """Set the joint angles at the ends of both halves, from those of the whole in `first`."""
     for k in range(6):
         second.first[k], second.last[k] = placed.q[k], first.last[k]
         first.last[k] = placed.q[k]

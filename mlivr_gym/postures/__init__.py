@@ -1,1 +1,1 @@
-"""Base poses and branches in which a stance is held."""
+"""Postures of stances: the base pose, and the branches on which each limb may hold."""

@@ -1,4 +1,4 @@
-"""Body axes of a stance before it rolls about the line of its grasps."""
+"""Body axes of a stance at roll zero, from which the candidate base poses are made."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from mlivr_gym.kinematics.batches import dots, mean_of_limbs, unit
 from mlivr_gym.postures.rule import TIE
 
 OPPOSED = 0.2
-"""Mean normals shorter than this belong to stances between opposite walls."""
+"""A mean surface normal shorter than this marks a stance between opposite walls."""
 
 
 def base_frames(
     grasps: Array, normals: Array, rails: Array
 ) -> tuple[Array, Array, Array, BoolArray]:
-    """Unrolled body axes of stances, in the frame in which the grasps are given.
+    """Compute the body axes of stances at roll zero, in the frame in which the grasps are given.
 
-    Two limbs: x along the line through the grasps, z along the mean normal's part across that line.
-    More limbs: z along the mean normal, or against it where that order of the mounts fits better; x
-    by the Procrustes fit.
+    With two limbs, x lies along the line through the grasps, and z along the part of the mean
+    normal perpendicular to that line. With more limbs, z lies along the mean normal, or against it
+    if the order of the mounts fits better that way, and x follows from the Procrustes fit of the
+    mounts to the grasps.
 
     Parameters
     ----------
     grasps
-        Held points from their centroid [m], shape (k, N, 3).
+        Held points relative to their centroid [m], shape (k, N, 3).
     normals
         Surface normals, shape (k, N, 3).
     rails
@@ -33,43 +34,43 @@ def base_frames(
     Returns
     -------
     tuple[Array, Array, Array, BoolArray]
-        Body axes as columns, shape (k, 3, 3); outward directions (k, 3); roll axes (k, 3); and
-        whether the held walls are opposed (k,).
+        Body axes as columns, shape (k, 3, 3); outward directions, shape (k, 3); roll axes, shape
+        (k, 3); and whether the held walls are opposite, shape (k,).
     """
     count = grasps.shape[1]
     line = grasps[:, 0].copy()
     degenerate = dots(line, line) < 1e-12
     line[degenerate] = rails[degenerate]
     line = unit(line)
-    out = mean_of_limbs(normals)
+    outward = mean_of_limbs(normals)
     if count == 2:
-        out = _across(out, line)
-    opposed = dots(out, out) < OPPOSED**2
+        outward = _perpendicular(outward, line)
+    opposed = dots(outward, outward) < OPPOSED**2
     sides = np.cross(normals[:, 0], rails)
-    around = _across(rails, line)
+    around = _perpendicular(rails, line)
     along_rail = dots(around, around) < 1e-6
-    around[along_rail] = _across(sides, line)[along_rail]
-    out[opposed] = around[opposed]
-    out = unit(out)
-    e1 = _across(rails, out)
+    around[along_rail] = _perpendicular(sides, line)[along_rail]
+    outward[opposed] = around[opposed]
+    outward = unit(outward)
+    e1 = _perpendicular(rails, outward)
     upright = dots(e1, e1) < 1e-6
-    e1[upright] = _across(sides, out)[upright]
+    e1[upright] = _perpendicular(sides, outward)[upright]
     e1 = unit(e1)
-    e2 = np.cross(out, e1)
-    (cosine, sine), other = _best_yaw(grasps, e1, e2)
+    e2 = np.cross(outward, e1)
+    (cosine, sine), is_mirrored = _fit_yaw(grasps, e1, e2)
     x = cosine[:, None] * e1 + sine[:, None] * e2
-    z = np.where(other[:, None], -out, out)
-    return np.stack([x, np.cross(z, x), z], axis=2), out, line, opposed
+    z = np.where(is_mirrored[:, None], -outward, outward)
+    return np.stack([x, np.cross(z, x), z], axis=2), outward, line, opposed
 
 
-def _best_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
-    """The Procrustes fit of the mounts' azimuths to the grasps, seen in axes across the body's z.
+def _fit_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
+    """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
     Returns
     -------
     tuple[tuple[Array, Array], BoolArray]
-        Cosine and sine of the yaw, each (k,), and whether the order of the mounts fits better the
-        other way round, shape (k,).
+        Cosine and sine of the yaw, shape (k,) each, and whether the reversed order of the mounts
+        fits better, shape (k,).
     """
     limbs = grasps.shape[1]
     angles = 2.0 * np.pi * np.arange(limbs) / limbs
@@ -78,15 +79,18 @@ def _best_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array],
         u, v = dots(grasps[:, limb], e1), dots(grasps[:, limb], e2)
         fit += u * c + v * s, v * c - u * s
         mirrored += u * c - v * s, v * c + u * s
-    size, other_size = (np.sqrt(a * a + b * b) for a, b in (fit, mirrored))
-    other = other_size > size * (1.0 + TIE) + TIE
-    chosen, length = np.where(other, mirrored, fit), np.where(other, other_size, size)
-    none = length == 0.0
-    length[none], chosen[0, none] = 1.0, 1.0
-    return (chosen[0] / length, chosen[1] / length), other
+    size, mirrored_size = (np.sqrt(a * a + b * b) for a, b in (fit, mirrored))
+    is_mirrored = mirrored_size > size * (1.0 + TIE) + TIE
+    chosen, length = (
+        np.where(is_mirrored, mirrored, fit),
+        np.where(is_mirrored, mirrored_size, size),
+    )
+    undefined = length == 0.0
+    length[undefined], chosen[0, undefined] = 1.0, 1.0
+    return (chosen[0] / length, chosen[1] / length), is_mirrored
 
 
-def _across(vectors: Array, axes: Array) -> Array:
-    """Parts of `vectors` at right angles to the unit `axes`, both (k, 3)."""
+def _perpendicular(vectors: Array, axes: Array) -> Array:
+    """Return the parts of vectors that are perpendicular to unit axes, both of shape (k, 3)."""
     across: Array = vectors - axes * dots(vectors, axes)[:, None]
     return across

@@ -1,6 +1,7 @@
-"""The branches of one posture (compiled).
+"""Evaluation of the inverse-kinematics branches at one base pose (compiled).
 
-What they touch, `w_b` of a combination of them, and on which of them a limb may hold.
+This file computes what a limb touches on a branch, `w_b` and the clearance of a combination of
+branches, and the masks of the branches on which each limb may hold.
 """
 
 from __future__ import annotations
@@ -9,16 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlivr_gym.collisions.against_boxes import against_boxes, set_behind
+from mlivr_gym.collisions.against_boxes import compare_limb_with_boxes, set_behind
 from mlivr_gym.collisions.against_robot import (
-    against_body,
-    against_itself,
-    against_limb,
-    axes_apart,
+    compare_limb_with_body,
+    compare_limb_with_itself,
+    compare_limbs,
+    has_separating_plane,
 )
-from mlivr_gym.collisions.distances import CLEAR, segment_box_apart, segments_apart
+from mlivr_gym.collisions.distances import (
+    CLEAR,
+    segment_box_distance_squared,
+    segment_distance_squared,
+)
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, to_world
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, place_in_world
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     CLASSES,
@@ -49,21 +54,21 @@ if TYPE_CHECKING:
 
 
 @kernel
-def combined(count: int, scratch: PostureScratch) -> float:
-    """`w_b` of the branches `trial` of the first `count` limbs."""
+def combined_w_b(count: int, scratch: PostureScratch) -> float:
+    """Return `w_b` of the first `count` limbs on the branches in `scratch.combination`."""
     work = scratch.work
     for row in range(6):
         for col in range(row + 1):
             total = 0.0
             for i in range(count):
-                total += scratch.information[i, scratch.trial[i], row, col]
+                total += scratch.information[i, scratch.combination[i], row, col]
             work[0, row, col] = total
     return inverse_root_determinant(work)
 
 
 @kernel
-def clear_branches(count: int, scratch: PostureScratch) -> None:
-    """Mark what branches touch as unknown."""
+def forget_checks(count: int, scratch: PostureScratch) -> None:
+    """Mark all stored collision results and gaps of branches as unknown."""
     for i in range(count):
         for b in range(BRANCHES):
             scratch.status[i, b] = -1
@@ -75,55 +80,55 @@ def clear_branches(count: int, scratch: PostureScratch) -> None:
 
 @kernel
 def limb_status(
-    search: PostureSearch, tried: CandidatePose, i: int, b: int, scratch: PostureScratch
+    search: PostureSearch, candidate: CandidatePose, i: int, b: int, scratch: PostureScratch
 ) -> int:
-    """What limb `i` on branch `b` touches at `scratch.base`, other limbs apart.
+    """Return what limb `i` on branch `b` touches at `scratch.base`, other limbs excluded.
 
     Parameters
     ----------
     search
-        The stance, the robot and what it must keep clear of.
-    tried
-        How the limbs reach the grasps.
+        The stance, the robot and its surroundings.
+    candidate
+        Flange poses of the limbs at the base pose.
     i
-        Limb.
+        Index of the limb.
     b
         Branch.
     scratch
-        Where answers are kept, and scratch.
+        Scratch, in which results are stored.
 
     Returns
     -------
     int
-        An answer, looked up or worked out.
+        A result of `collisions.distances`; not `CLEAR` if the branch does not exist.
     """
     if scratch.status[i, b] >= 0:
         return int(scratch.status[i, b])
     robot, clearance = search.robot, search.clearance
-    limb, reached, shapes = robot.limbs[i], tried.limbs[i], scratch.in_body[i, b]
-    found = CLEAR + 1
+    limb, limb_reach, shapes = robot.limbs[i], candidate.limbs[i], scratch.in_body[i, b]
+    result = CLEAR + 1
     placed, axes = scratch.placed, scratch.inversion.axes
-    flange = FlangeAxis(vector(reached.p), vector(reached.z))
+    flange = FlangeAxis(vector(limb_reach.p), vector(limb_reach.z))
     if branch_frames(limb.arm, flange, b, axes, placed.frames):
         place(limb, placed.frames, shapes)
-        found, _ = against_itself(limb, shapes, placed, EVERY, clearance)
-        if found == CLEAR:
-            found, _ = against_body(robot, limb, shapes, EVERY, clearance)
-        if found == CLEAR:
-            to_world(limb, scratch.base, shapes, scratch.in_world)
-            stand_behind(search.held, i, scratch)
-            # The hand was compared when the point was chosen.
-            todo = below(limb.hand)
-            found, _ = against_boxes(
-                limb, scratch.in_world, todo, search.grid, clearance, scratch.behind
+        result, _ = compare_limb_with_itself(limb, shapes, placed, EVERY, clearance)
+        if result == CLEAR:
+            result, _ = compare_limb_with_body(robot, limb, shapes, EVERY, clearance)
+        if result == CLEAR:
+            place_in_world(limb, scratch.base, shapes, scratch.in_world)
+            allow_surface(search.held, i, scratch)
+            # The hand does not depend on the posture: `queries.check_hands` compares it.
+            pending = below(limb.hand)
+            result, _ = compare_limb_with_boxes(
+                limb, scratch.in_world, pending, search.grid, clearance, scratch.behind
             )
-    scratch.status[i, b] = found
-    return found
+    scratch.status[i, b] = result
+    return result
 
 
 @kernel
-def stand_behind(held: HeldStance, i: int, scratch: PostureScratch) -> None:
-    """What the gripper of limb `i` may come close to at a stance."""
+def allow_surface(held: HeldStance, i: int, scratch: PostureScratch) -> None:
+    """Let the gripper of limb `i` touch the boxes behind the surface at its grasp."""
     grasp = held.grasps[i]
     point = along(vector(held.centre), 1.0, vector(grasp.point))
     set_behind(scratch.behind, point, vector(grasp.normal))
@@ -133,43 +138,41 @@ def stand_behind(held: HeldStance, i: int, scratch: PostureScratch) -> None:
 def pair_status(
     search: PostureSearch, i: int, b: int, j: int, c: int, scratch: PostureScratch
 ) -> int:
-    """Whether limb `i` on branch `b` keeps clear of limb `j` on branch `c`, both in place.
+    """Return the result of comparing limb `i` on branch `b` with limb `j` on branch `c`.
 
-    Returns
-    -------
-    int
-        An answer, looked up or worked out.
+    Both must have been placed by `limb_status`. The result is looked up or computed.
     """
     if scratch.pairs[i, b, j, c] < 0:
         first, second = search.robot.limbs[i], search.robot.limbs[j]
         shapes, others = scratch.in_body[i, b], scratch.in_body[j, c]
-        found, _ = against_limb(first, shapes, second, others, EVERY, search.clearance)
-        scratch.pairs[i, b, j, c] = scratch.pairs[j, c, i, b] = found
+        result, _ = compare_limbs(first, shapes, second, others, EVERY, search.clearance)
+        scratch.pairs[i, b, j, c] = scratch.pairs[j, c, i, b] = result
     return int(scratch.pairs[i, b, j, c])
 
 
 @part
-def apart(search: PostureSearch, scratch: PostureScratch) -> bool:
-    """Whether limbs in place on the branches `trial` keep clear of each other."""
+def limbs_keep_apart(search: PostureSearch, scratch: PostureScratch) -> bool:
+    """Return whether the limbs keep the clearance from each other in `scratch.combination`."""
     for i in range(search.robot.limb_count):
         for j in range(i):
-            b, c = scratch.trial[i], scratch.trial[j]
+            b, c = scratch.combination[i], scratch.combination[j]
             if pair_status(search, i, b, j, c, scratch) != CLEAR:
                 return False
     return True
 
 
 @kernel
-def _link_gaps(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: float) -> float:
-    """Least distance of a limb's links from each other, the body and what is fixed to that [m].
+def _limb_self_gap(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: float) -> float:
+    """Return the smallest distance of a limb's links from each other and from the body [m].
 
-    Any number below `least` stands for one below it. Shapes are given in the body frame.
+    The body includes the capsules fixed to it; `shapes` are in the body frame. If the distance is
+    below `least`, any number below `least` may be returned.
     """
     gap, ends = np.inf, shapes.ends
     for k in range(limb.pair_count):
         i, j = limb.pairs[k, 0], limb.pairs[k, 1]
         radii = limb.capsules[i].radius + limb.capsules[j].radius
-        gap = min(gap, _axes_gap(axis_of(ends, i), axis_of(ends, j), radii, gap))
+        gap = min(gap, _capsule_gap(axis_of(ends, i), axis_of(ends, j), radii, gap))
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         if gap < least:
@@ -177,58 +180,63 @@ def _link_gaps(robot: RobotModel, limb: LimbModel, shapes: Shapes, least: float)
         if capsule.link < 2:
             continue
         axis = axis_of(ends, c)
-        square = segment_box_apart(axis[0], minus(axis[1], axis[0]), vector(robot.half))
+        square = segment_box_distance_squared(axis[0], minus(axis[1], axis[0]), vector(robot.half))
         gap = min(gap, np.sqrt(square) - capsule.radius)
         for m in range(robot.mount_count):
-            if capsule.link >= limb.least_link[m]:
+            if capsule.link >= limb.first_link[m]:
                 mount = robot.mounts[m]
                 radii = capsule.radius + mount.radius
-                gap = min(gap, _axes_gap(axis, capsule_axis(mount.ends), radii, gap))
+                gap = min(gap, _capsule_gap(axis, capsule_axis(mount.ends), radii, gap))
     return gap
 
 
 @kernel
-def _axes_gap(
+def _capsule_gap(
     first: tuple[Triple, Triple], second: tuple[Triple, Triple], radii: float, gap: float
 ) -> float:
-    """Distance of two capsules [m], or `gap` where it is seen to be no less."""
-    if axes_apart(first, second, gap + radii):
+    """Return the distance between two capsules [m], or `gap` if it is known not to be smaller."""
+    if has_separating_plane(first, second, gap + radii):
         return gap
     (p, p_end), (q, q_end) = first, second
-    distance: float = np.sqrt(segments_apart(p, minus(p_end, p), q, minus(q_end, q))) - radii
+    distance: float = (
+        np.sqrt(segment_distance_squared(p, minus(p_end, p), q, minus(q_end, q))) - radii
+    )
     return distance
 
 
 @kernel
 def self_clearance(robot: RobotModel, least: float, scratch: PostureScratch) -> float:
-    """Least distance of two shapes of the robot that are compared, on the branches `trial` [m].
+    """Return the smallest distance between two shapes of the robot in `scratch.combination` [m].
 
-    Negative where they overlap; `contacts.contacts` is the plain definition. Any number below
-    `least` [m] stands for one below it.
+    It is negative where they penetrate; `contacts.contacts` is the plain definition. If the
+    distance is below `least` [m], any number below `least` may be returned.
     """
     gap = np.inf
     for i in range(robot.limb_count):
         for j in range(i + 1):
             if gap < least:
                 return gap
-            b, c = scratch.trial[i], scratch.trial[j]
+            b, c = scratch.combination[i], scratch.combination[j]
             if scratch.gaps[i, b, j, c] == np.inf:
                 first, shapes = robot.limbs[i], scratch.in_body[i, b]
                 if j == i:
-                    found = _link_gaps(robot, first, shapes, least)
+                    result = _limb_self_gap(robot, first, shapes, least)
                 else:
                     others = scratch.in_body[j, c]
-                    found = _limb_gap(first, shapes, robot.limbs[j], others, least)
-                scratch.gaps[i, b, j, c] = scratch.gaps[j, c, i, b] = found
+                    result = _limb_pair_gap(first, shapes, robot.limbs[j], others, least)
+                scratch.gaps[i, b, j, c] = scratch.gaps[j, c, i, b] = result
             gap = min(gap, scratch.gaps[i, b, j, c])
     return gap
 
 
 @kernel
-def _limb_gap(
+def _limb_pair_gap(
     limb: LimbModel, shapes: Shapes, other: LimbModel, others: Shapes, least: float
 ) -> float:
-    """Least distance of the shapes of two limbs [m]; any number below `least` for one below it."""
+    """Return the smallest distance between two limbs [m].
+
+    If it is below `least`, any number below `least` may be returned.
+    """
     gap = np.inf
     for a in range(limb.capsule_count):
         axis = axis_of(shapes.ends, a)
@@ -236,28 +244,29 @@ def _limb_gap(
             if gap < least:
                 return gap
             radii = limb.capsules[a].radius + other.capsules[b].radius
-            gap = min(gap, _axes_gap(axis, axis_of(others.ends, b), radii, gap))
+            gap = min(gap, _capsule_gap(axis, axis_of(others.ends, b), radii, gap))
     return gap
 
 
 @part
-def hold_masks(
-    search: PostureSearch, tried: CandidatePose, scratch: PostureScratch, out: Posture
+def set_hold_masks(
+    search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch, out: Posture
 ) -> None:
-    """Branches and flips on which each limb may hold at a posture, a product set, into `out.mask`.
+    """Set `out.mask` to the branches and flips on which each limb may hold at a posture.
 
-    A branch belongs if `w_m` meets the threshold, if the limb can depart along the surface normal
-    on it with `w_m` above the floor and every joint in its window, if it touches nothing, and if
-    every combination with the other limbs' branches meets the threshold of `w_b` and keeps them
-    apart. The set grows from the branches of the posture in a fixed order.
+    A branch of a limb belongs to its mask if `w_m` meets the threshold, if the limb can depart
+    along the surface normal on it with `w_m` above the floor and every joint in its window, if it
+    touches nothing, and if every combination with branches of the other limbs meets the threshold
+    of `w_b` and keeps the limbs apart. The masks thus form a product set; it grows from the
+    branches of the posture in a fixed order.
     """
     robot, held, limits = search.robot, search.held, search.rule.thresholds
     l_c = robot.characteristic_length
     for i in range(robot.limb_count):
-        limb, reached, grasp = robot.limbs[i], tried.limbs[i], held.grasps[i]
+        limb, limb_reach, grasp = robot.limbs[i], candidate.limbs[i], held.grasps[i]
         mask = EMPTY
         for c in range(CLASSES):
-            w = reached.w[c]
+            w = limb_reach.w[c]
             if w >= limits.w_m and w >= limits.floor and w > 0.0:
                 mask |= whole_class(c)
         lift_path(scratch.path, out.base, grasp, robot.lift)
@@ -267,10 +276,10 @@ def hold_masks(
         for b in range(BRANCHES):
             scratch.kept[i, b] = False
             scratch.allowed[i, b] = (
-                has_branch(mask, b) and limb_status(search, tried, i, b, scratch) == CLEAR
+                has_branch(mask, b) and limb_status(search, candidate, i, b, scratch) == CLEAR
             )
             if scratch.allowed[i, b]:
-                flange = FlangeAxis(vector(reached.p), vector(reached.z))
+                flange = FlangeAxis(vector(limb_reach.p), vector(limb_reach.z))
                 limb_information(
                     limb,
                     flange,
@@ -279,7 +288,7 @@ def hold_masks(
                     scratch.inversion,
                     scratch.information[i, b],
                 )
-    _grow(search, out, scratch)
+    _grow_product(search, out, scratch)
     for i in range(robot.limb_count):
         kept = EMPTY
         for b in range(BRANCHES):
@@ -289,10 +298,11 @@ def hold_masks(
 
 
 @kernel
-def _grow(search: PostureSearch, posture: Posture, scratch: PostureScratch) -> None:
-    """Product set reached from the branches of a posture by adding branches one at a time.
+def _grow_product(search: PostureSearch, posture: Posture, scratch: PostureScratch) -> None:
+    """Grow the product set of branches from those of a posture, one branch at a time.
 
-    Every combination reaches `w_b` and is clear. `scratch.kept` says which branches are in it.
+    Every combination in it meets the threshold of `w_b` and keeps the limbs apart. `scratch.kept`
+    marks its branches.
     """
     robot = search.robot
     for i in range(robot.limb_count):
@@ -308,7 +318,7 @@ def _grow(search: PostureSearch, posture: Posture, scratch: PostureScratch) -> N
 
 @part
 def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
-    """Whether branch `b` of limb `i` goes with every combination of the others' branches kept."""
+    """Return whether branch `b` of limb `i` fits all combinations of the others' branches kept."""
     robot, w_b = search.robot, search.rule.thresholds.w_b
     for j in range(robot.limb_count):
         scratch.option_count[j] = 0
@@ -320,7 +330,7 @@ def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) ->
                 scratch.option_count[j] += 1
     more = first_combination(robot.limb_count, scratch)
     while more:
-        if combined(robot.limb_count, scratch) < w_b:
+        if combined_w_b(robot.limb_count, scratch) < w_b:
             return False
         more = next_combination(robot.limb_count, scratch)
     return True
@@ -328,21 +338,21 @@ def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) ->
 
 @kernel
 def first_combination(count: int, scratch: PostureScratch) -> bool:
-    """Set `trial` to the first combination of `options`; whether there is any."""
+    """Set `scratch.combination` to the first one of the options; return whether there is one."""
     for i in range(count):
         if scratch.option_count[i] == 0:
             return False
-        scratch.digits[i], scratch.trial[i] = 0, scratch.options[i, 0]
+        scratch.option_index[i], scratch.combination[i] = 0, scratch.options[i, 0]
     return True
 
 
 @kernel
 def next_combination(count: int, scratch: PostureScratch) -> bool:
-    """Set `trial` to the next combination, limb 0 running fastest; whether there is any."""
+    """Set `scratch.combination` to the next one, limb 0 first; return whether there is one."""
     for i in range(count):
-        scratch.digits[i] += 1
-        if scratch.digits[i] < scratch.option_count[i]:
-            scratch.trial[i] = scratch.options[i, scratch.digits[i]]
+        scratch.option_index[i] += 1
+        if scratch.option_index[i] < scratch.option_count[i]:
+            scratch.combination[i] = scratch.options[i, scratch.option_index[i]]
             return True
-        scratch.digits[i], scratch.trial[i] = 0, scratch.options[i, 0]
+        scratch.option_index[i], scratch.combination[i] = 0, scratch.options[i, 0]
     return False

@@ -1,4 +1,4 @@
-"""Relative geometry of the grasps of stances, on rounded figures: equal ones have one posture."""
+"""Relative geometries of stances, rounded so that equal ones share one posture."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from mlivr_gym.kinematics.batches import chain, mean_of_limbs, rotate, unit
 from mlivr_gym.world.grasp_map import GraspMap
 
 RESOLUTION = 1e-7
-"""Relative positions [m] and directions that agree within this count as equal."""
+"""Relative positions [m] and directions that agree to this resolution count as equal."""
 
 
 class Grasps(NamedTuple):
-    """Grasps of k stances about their centroids."""
+    """Grasps of k stances relative to their centroids."""
 
     grasps: Array
-    """Held points from their centroid [m], shape (k, N, 3)."""
+    """Held points relative to their centroid [m], shape (k, N, 3)."""
     normals: Array
     """Surface normals, shape (k, N, 3)."""
     rails: Array
     """Rail directions, shape (k, N, 3)."""
     centres: Array
-    """Centroids in the world of the collision model [m], shape (k, 3)."""
+    """Centroids in the world of the boxes [m], shape (k, 3)."""
 
 
 def relative_geometries(
     grasp_map: GraspMap, stances: IntArray
 ) -> tuple[IntArray, NDArray[np.intp]]:
-    """Distinct relative geometries of stances, and which one each stance has.
+    """Find the distinct relative geometries of stances, and that of each stance.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def relative_geometries(
     Returns
     -------
     tuple[IntArray, NDArray[np.intp]]
-        One row a geometry, shape (g, 9 (N - 1)): positions, normals and rails of the grasps after
-        the first, in the frame of the first, as whole multiples of `RESOLUTION`; and a row for
-        each stance, shape (k,).
+        The g geometries, shape (g, 9 (N - 1)): positions, normals and rails of the grasps after the
+        first, in the frame of the first, as integer multiples of `RESOLUTION`; and the index of the
+        geometry of each stance, shape (k,).
     """
     positions, rotations = grasp_map.positions, grasp_map.rotations
     first = stances[:, :1]
@@ -66,19 +66,19 @@ def relative_geometries(
 
 
 def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
-    """Grasps about their centroids from rows of `relative_geometries`.
+    """Return the grasps of relative geometries, relative to their centroids.
 
     Parameters
     ----------
     rows
-        Shape (k, 9 (N - 1)).
+        Geometries as `relative_geometries` returns them, shape (k, 9 (N - 1)).
     count
         Number of limbs N.
 
     Returns
     -------
     tuple[Grasps, Array]
-        The grasps, and their centroids in the frames of the first grasps, shape (k, 3) [m].
+        The grasps, and their centroids in the frames of the first grasps [m], shape (k, 3).
     """
     k = len(rows)
     blocks = rows.reshape(k, count - 1, 9) * RESOLUTION
@@ -94,7 +94,7 @@ def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
 def in_world(
     grasp_map: GraspMap, first: IntArray, positions: Array, rotations: Array
 ) -> tuple[Array, Array]:
-    """Base poses in the world, from what they are in the frames of first grasps.
+    """Transform base poses from the frames of the first grasps to the world.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def in_world(
     positions
         Base positions in the frames of those grasps [m], shape (k, 3).
     rotations
-        Base rotations there, shape (k, 3, 3).
+        Base rotations in those frames, shape (k, 3, 3).
     """
     frames = grasp_map.rotations[first]
     return grasp_map.positions[first] + rotate(frames, positions), chain(frames, rotations)

@@ -1,4 +1,4 @@
-"""Base pose and joint angles that a user gives for a stance."""
+"""Checks of a base pose and joint angles that the user gives for a stance."""
 
 from __future__ import annotations
 
@@ -20,22 +20,28 @@ from mlivr_gym.values import LONGEST, numbers
 from mlivr_gym.world.boxes import Box
 
 JOINT_TOLERANCE = 0.02
-"""How far given joint angles may lie from those that hold the points at the base pose [rad]."""
+"""Maximum deviation of given joint angles from those that hold the points [rad]."""
 
 
 def given_pose(pose: Any) -> tuple[float, ...]:
-    """A base pose in the world as seven numbers: x, y, z [m] and the unit quaternion w, x, y, z.
+    """Check a base pose given by the user and return it as seven numbers.
 
     Parameters
     ----------
     pose
-        The seven numbers, or a pair of position (3,) and quaternion (4,).
+        Seven numbers x, y, z [m] and quaternion w, x, y, z in the world, or a pair of the position,
+        shape (3,), and the quaternion, shape (4,).
+
+    Returns
+    -------
+    tuple[float, ...]
+        The seven numbers, with a quaternion of length 1.
 
     Raises
     ------
     SettingError
-        If they are not seven finite numbers or the quaternion's length is not 1
-        within 1 %.
+        If they are not seven finite numbers, or the quaternion's length differs from 1 by more than
+        1 %.
     """
     lists = (list, tuple, np.ndarray)
     pair = isinstance(pose, tuple) and len(pose) == 2
@@ -50,13 +56,14 @@ def given_pose(pose: Any) -> tuple[float, ...]:
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
         raise SettingError(
-            f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; it must be 1"
+            f"start_pose has a quaternion {given[3:].tolist()} of length {length:.4g}; "
+            f"its length must be 1"
         )
     return (*given[:3].tolist(), *(given[3:] / length).tolist())
 
 
 def rotation_of(pose: Sequence[float]) -> Array:
-    """Base rotation in the world of a pose of seven numbers, shape (3, 3)."""
+    """Return the rotation matrix of a base pose of seven numbers, shape (3, 3)."""
     matrix: Array = scipy.spatial.transform.Rotation.from_quat(
         pose[3:], scalar_first=True
     ).as_matrix()
@@ -64,17 +71,17 @@ def rotation_of(pose: Sequence[float]) -> Array:
 
 
 def given_joints(robot: RobotSpec, joints: Any) -> Array:
-    """Joint angles of all limbs, shape (N, 6) [rad].
+    """Check joint angles given by the user and return them by limb [rad], shape (N, 6).
 
     Raises
     ------
     SettingError
-        If they are not N times six finite numbers inside the joint limits.
+        If they are not six finite numbers for each limb, inside the joint limits.
     """
     flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
     flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
-    given = numbers(joints, shape, "start_joints (a row of six angles a limb [rad])", SettingError)
+    given = numbers(joints, shape, "start_joints (six angles for each limb [rad])", SettingError)
     given = given.reshape(robot.limbs, 6)
     limits = robot.limb.limits
     outside = np.argwhere(
@@ -93,13 +100,24 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
 def masks_of_joints(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, joints: Array
 ) -> tuple[int, ...]:
-    """The branch and flip that each limb is on at given joint angles, as masks.
+    """Return the branch and flip that each limb is on at given joint angles, as masks.
+
+    Parameters
+    ----------
+    solver
+        Solver of the map and robot.
+    points
+        Point index of each limb.
+    posture
+        Posture of the stance at the given base pose.
+    joints
+        Joint angles [rad], shape (N, 6).
 
     Raises
     ------
     StanceError
-        If the angles do not hold the points at the posture, or a limb may not hold on
-        that branch.
+        If the angles do not hold the points at that base pose, if a joint is outside its window, or
+        if a limb may not hold on that branch.
     """
     masks = []
     for limb, point in enumerate(points):
@@ -108,11 +126,11 @@ def masks_of_joints(
         best, bit, worst = np.inf, 0, 0
         for b in range(16):
             if not np.isnan(solutions[b & 7]).any():
-                away = joints[limb] - solutions[b & 7]
-                away[5] -= np.pi * (b >> 3)
-                away = np.abs(np.angle(np.exp(1j * away)))
-                if away.max() < best:
-                    best, bit, worst = float(away.max()), b, int(away.argmax())
+                error = joints[limb] - solutions[b & 7]
+                error[5] -= np.pi * (b >> 3)
+                error = np.abs(np.angle(np.exp(1j * error)))
+                if error.max() < best:
+                    best, bit, worst = float(error.max()), b, int(error.argmax())
         if best > JOINT_TOLERANCE:
             raise StanceError(
                 f"start_joints of limb {limb} do not hold {name!r} at this base pose: joint "
@@ -122,8 +140,8 @@ def masks_of_joints(
         _check_windings(solver.robot, limb, joints[limb])
         if not int(posture.mask[0, limb]) >> bit & 1:
             raise StanceError(
-                f"start_joints put limb {limb} on a branch on which it touches something or could "
-                f"not leave {name!r}"
+                f"start_joints put limb {limb} on a branch on which it touches something or cannot "
+                f"depart from {name!r}"
             )
         masks.append(1 << bit)
     return tuple(masks)
@@ -135,26 +153,26 @@ def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
     Raises
     ------
     StanceError
-        If one is not.
+        If a joint is outside its window.
     """
     low, high = robot.limb.windows.T
     outside = np.flatnonzero((joints < low - JOINT_TOLERANCE) | (joints > high + JOINT_TOLERANCE))
     if len(outside):
         j = int(outside[0])
         raise StanceError(
-            f"start_joints: joint {j + 1} of limb {limb} is at {joints[j]:.4f} rad, outside the "
-            f"turn {low[j]:.4f} to {high[j]:.4f} rad in which it stays while the limb holds: turn "
-            f"it by whole turns first, or take other window_starts for the robot"
+            f"start_joints: joint {j + 1} of limb {limb} is at {joints[j]:.4f} rad, outside its "
+            f"window {low[j]:.4f} to {high[j]:.4f} rad while the limb holds: rotate it by whole "
+            f"turns first, or choose other window_starts for the robot"
         )
 
 
 def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Postures) -> Array:
-    """Joint angles with which a limb holds a point at a posture.
+    """Return the joint angles with which a limb holds a point at a posture.
 
     Returns
     -------
     Array
-        One row a branch, shape (8, 6) [rad], NaN for branches that do not exist.
+        Joint angles of each branch [rad], shape (8, 6); NaN for branches that do not exist.
     """
     out = Angles.rows(8)
     all_angles_at(
@@ -167,9 +185,9 @@ def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Post
 def given_pose_fault(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, obstacles: Sequence[Box]
 ) -> str:
-    """Why a robot cannot hold a stance at a given base pose.
+    """Explain why a robot cannot hold a stance at a given base pose.
 
-    `obstacles` are boxes that stand beside the map's.
+    `obstacles` are boxes in addition to those of the map.
     """
     ids = solver.grasp_map.ids
     for limb, point in enumerate(points):
@@ -200,7 +218,7 @@ def given_pose_fault(
 def _closest(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, obstacles: Sequence[Box]
 ) -> list[Contact]:
-    """What comes closer than the clearance on the branches of a posture, the closest first."""
+    """Return the contacts on the branches of a posture, the closest first."""
     robot = solver.robot
     joints = np.full((robot.limbs, 6), np.nan)
     for limb, point in enumerate(points):

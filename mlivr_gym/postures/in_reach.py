@@ -1,14 +1,14 @@
-"""Sets of points that can be held at once as far as reach and `w_m` tell (compiled).
+"""Necessary reach condition for sets of graspable points to be held at once (compiled).
 
-Of a stance only which points are held is looked at, not which limb holds which. A set is in reach
-if from one of the base poses that the solver tries, for some order of the limbs, every limb reaches
-its point with the `w_m` that a stance needs. That is true of every node, whatever stands around it,
-so what is not in reach is none.
+Only the points of a stance matter here, not which limb holds which. A set is in reach if, from one
+of the candidate base poses and for some assignment of the points to the limbs, every limb reaches
+its point with the threshold of `w_m`. Every node satisfies this whatever its surroundings, so a set
+out of reach contains the points of no node.
 
-The robot looks the same after a turn by one limb and after a half turn about the line about which
-it rolls, so orders of the points about the body count once that differ by where they begin and by
-which way round they run. That line is the one to the point nearest to the centroid, see `turns`; of
-points that are equally near any may be meant.
+The robot looks the same after a cyclic relabelling of its limbs, and after a half turn about its
+roll axis. Orders of the points around the body therefore count once if they differ only in their
+first point or their sense. The roll axis passes through the point closest to the centroid, see
+`turns`; of points at equal distances each is evaluated.
 """
 
 from __future__ import annotations
@@ -38,60 +38,57 @@ from mlivr_gym.kinematics.poses import (
     vector,
 )
 from mlivr_gym.postures.base_frames import OPPOSED
+from mlivr_gym.postures.flange_bound import farthest_flange
 from mlivr_gym.postures.records import PostureRule, set_candidates
-from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
 
 SLACK = 1e-6
-"""Share by which `w_m` may fall short, and by which directions count as equal: postures are worked
-out on rounded figures."""
+"""Relative tolerance of `w_m` and of equal directions, since postures use rounded coordinates."""
 
 MOST_FRAMES = 24
-"""Most unrolled body axes of a set: both senses of the orders of five limbs."""
+"""Maximum number of body axes of a set: both senses of the orders of five limbs."""
 
 UNKNOWN = -1
-"""Number of body axes that were not worked out yet."""
-
-CELLS = 256
-"""Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
+"""Value of `ReachScratch.frame_count` while the body axes are not computed."""
 
 
 class ReachQuery(Record):
-    """What a set of points is asked."""
+    """The reach condition that sets of points must meet."""
 
     rule: PostureRule
-    """Which base poses are tried, and the `w_m` that a stance needs."""
+    """Candidate base poses, and the threshold of `w_m`."""
     farthest: float
-    """A bound of the distance of a flange from the base origin at that `w_m` [m]."""
+    """Upper bound of the distance of a flange from the base origin at that threshold [m]."""
     target: Vector
-    """Where the base is to be [m]."""
+    """Requested base position [m]."""
     tolerance: float
-    """How near to it [m]; infinite for anywhere."""
+    """Maximum distance of the base from it [m]; infinite for any position."""
 
 
 class ReachScratch(Record):
-    """Room for one set."""
+    """Scratch for one set."""
 
     points: Annotated[IntArray, (8,), np.int64]
-    """Its points."""
+    """Points of the set."""
     centre: Vector
     """Their centroid [m]."""
     normal: Vector
-    """Their mean normal."""
+    """Their mean surface normal."""
     frame_count: int
-    """Number of unrolled body axes, `UNKNOWN` until they are needed."""
+    """Number of body axes at roll zero; `UNKNOWN` until they are computed."""
     frames: Annotated[Rows[Pose], (MOST_FRAMES,)]
-    """These axes."""
+    """These body axes."""
     order: Annotated[IntArray, (MOST_FRAMES,), np.int64]
-    """Order of the points that each belongs to."""
+    """Index of the order of the points for which each was computed."""
     base: Pose
-    """A base pose that is tried."""
+    """Candidate base pose."""
     terms: Annotated[Array, (4, 4)]
+    """Terms of the inverse kinematics of each class of branches."""
 
 
-class _World(NamedTuple):
-    """What all sets share."""
+class _ReachWorld(NamedTuple):
+    """What all sets share: robot, graspable points, query, and orders of the points."""
 
     robot: RobotModel
     grasps: Rows[Grasp]
@@ -100,60 +97,38 @@ class _World(NamedTuple):
 
 
 def orders_of(limbs: int) -> IntArray:
-    """Orders of N points about the body, first point and sense apart, shape (k, N)."""
+    """Return the orders of N points around the body, shape (k, N).
+
+    Orders that differ only in their first point or their sense are listed once.
+    """
     rest = [one for one in permutations(range(1, limbs)) if limbs < 3 or one[0] < one[-1]]
     return np.array([(0, *one) for one in rest], dtype=np.int64)
-
-
-def farthest_flange(limb: Limb, characteristic_length: float, w_m: float) -> float:
-    """An upper bound of the flange's distance from the limb's mount where `w_m` is met [m].
-
-    `w_m` asks for `|s3 s5 u| >= c = w_m l_c^3 / |a2 a3|`. In the arm's plane the flange lies at
-    most `D + sqrt(d5^2 + d6^2 s5^2)` from the shoulder, with `D` the distance to the forearm end,
-    and `|u| - d6 |s5|` or more from joint 1's axis; across it at most `d4 + d6 |c5|`. The largest
-    of what follows is taken over cells of joints 3 and 5, in each with the best ends.
-    """
-    d1, a2, a3, d4, d5, d6 = np.abs(limb.lengths)
-    q3, q5 = (np.linspace(0.0, top, CELLS + 1) for top in (np.pi, 0.5 * np.pi))
-    forearm = np.sqrt(np.maximum(a2**2 + a3**2 + 2.0 * a2 * a3 * np.cos(q3[:-1]), 0.0))[:, None]
-    middle = (q3[:-1] <= 0.5 * np.pi) & (q3[1:] >= 0.5 * np.pi)
-    s3 = np.where(middle, 1.0, np.maximum(np.sin(q3[:-1]), np.sin(q3[1:])))[:, None]
-    s5, c5 = np.sin(q5[1:]), np.cos(q5[:-1])
-    u = w_m * characteristic_length**3 / (a2 * a3 * s3 * s5)
-    possible = u <= forearm + d5
-    if not possible.any():
-        return 0.0
-    plane = forearm + np.sqrt(d5**2 + (d6 * s5) ** 2)
-    radial = np.maximum(u - d6 * s5, 0.0)
-    height = np.sqrt(np.maximum(plane**2 - radial**2, 0.0))
-    square = plane**2 + d1**2 + 2.0 * d1 * height + (d4 + d6 * c5) ** 2
-    return float(np.sqrt(square[possible].max()))
 
 
 def reach_queries(
     robot: RobotSpec,
     w_m: float,
-    tries: Sequence[Array],
+    heights_and_rolls: Sequence[Array],
     target: Array | None = None,
     tolerance: float = np.inf,
 ) -> Any:
-    """A row of `ReachQuery`, shape (1,).
+    """Return the reach condition of a robot as a record of `ReachQuery`, shape (1,).
 
     Parameters
     ----------
     robot
         The robot.
     w_m
-        Least limb manipulability.
-    tries
-        What is tried, see `records.set_candidates`.
+        Threshold of limb manipulability.
+    heights_and_rolls
+        Heights and rolls of the candidates, see `records.set_candidates`.
     target
-        Where the base is to be [m], shape (3,); None for anywhere.
+        Requested base position [m], shape (3,); None for any.
     tolerance
-        How near to it [m].
+        Maximum distance of the base from it [m].
     """
     out = ReachQuery.rows(1)
-    set_candidates(out["rule"][0], tries)
+    set_candidates(out["rule"][0], heights_and_rolls)
     out["rule"]["thresholds"]["w_m"] = w_m
     limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
@@ -170,27 +145,27 @@ def sets_in_reach(
     out: BoolArray,
     scratch_rows: Rows[ReachScratch],
 ) -> None:
-    """Which sets from `start` to `stop` are in reach.
+    """Find which sets from `start` to `stop` are in reach.
 
     Parameters
     ----------
     start
         First set.
     stop
-        One past the last.
+        One past the last set.
     sets
-        Points of each, shape (k, N).
+        Points of each set, shape (k, N).
     world
-        A row of `RobotModel`, the map's points as rows of `Grasp`, a row of `ReachQuery`,
-        the orders of the points that are tried, see `orders_of`.
+        A record of `RobotModel`, the map's points as records of `Grasp`, a record of `ReachQuery`,
+        and the orders of the points from `orders_of`.
     out
-        Filled, shape (k,).
+        Filled with the results, shape (k,).
     scratch_rows
-        A row of `ReachScratch`, shape (1,).
+        A record of `ReachScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
-    shared = _World(robots[0], grasps, queries[0], orders)
+    shared = _ReachWorld(robots[0], grasps, queries[0], orders)
     for s in range(start, stop):
         for i in range(sets.shape[1]):
             scratch.points[i] = sets[s, i]
@@ -198,52 +173,54 @@ def sets_in_reach(
 
 
 @kernel
-def _set_in_reach(world: _World, scratch: ReachScratch) -> bool:
-    """Whether the set in the room is in reach."""
+def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
+    """Return whether the set of points in the scratch is in reach."""
     query, rule, count = world.query, world.query.rule, world.orders.shape[1]
-    _middle(world, scratch)
+    _set_centroid(world, scratch)
     centre, normal = vector(scratch.centre), vector(scratch.normal)
     opposed = length(normal) < OPPOSED * (1.0 + SLACK)
     upright = length(normal) >= OPPOSED * (1.0 - SLACK)
     highest = rule.heights[rule.height_count - 1]
     if opposed:
-        highest = max(highest, rule.wide_heights[rule.wide_height_count - 1])
+        highest = max(highest, rule.opposed_heights[rule.opposed_height_count - 1])
     if length(minus(vector(query.target), centre)) > query.tolerance + highest:
         return False
     nearest = np.inf
     for k in range(count):
-        nearest = min(nearest, _away(k, centre, world, scratch))
+        nearest = min(nearest, _centroid_distance(k, centre, world, scratch))
     if upright:
-        scratch.frame_count, level = UNKNOWN, True
+        scratch.frame_count, with_zero_roll = UNKNOWN, True
         for k in range(count):
-            if _away(k, centre, world, scratch) > nearest + SLACK:
+            if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
-            line = _line(k, centre, world, scratch)
-            if _rolled(line, _unit(normal), level, False, world, scratch):
+            line = _roll_axis(k, centre, world, scratch)
+            if _is_reached_about(line, _normalised(normal), with_zero_roll, False, world, scratch):
                 return True
-            level = False
+            with_zero_roll = False
     if opposed:
         for k in range(count):
-            if _away(k, centre, world, scratch) > nearest + SLACK:
+            if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
             scratch.frame_count = UNKNOWN
             line, rail = (
-                _line(k, centre, world, scratch),
+                _roll_axis(k, centre, world, scratch),
                 vector(world.grasps[scratch.points[k]].rail),
             )
-            out = _unit(_across(rail, line))
-            if length(_across(rail, line)) ** 2 < SLACK:
-                out = _unit(
-                    _across(cross(vector(world.grasps[scratch.points[k]].normal), rail), line)
+            out = _normalised(_perpendicular(rail, line))
+            if length(_perpendicular(rail, line)) ** 2 < SLACK:
+                out = _normalised(
+                    _perpendicular(
+                        cross(vector(world.grasps[scratch.points[k]].normal), rail), line
+                    )
                 )
-            if _rolled(line, out, True, True, world, scratch):
+            if _is_reached_about(line, out, True, True, world, scratch):
                 return True
     return False
 
 
 @kernel
-def _middle(world: _World, scratch: ReachScratch) -> None:
-    """Centroid and mean normal of the points in the room."""
+def _set_centroid(world: _ReachWorld, scratch: ReachScratch) -> None:
+    """Compute the centroid and mean normal of the points in the scratch."""
     count = world.orders.shape[1]
     for axis in range(3):
         scratch.centre[axis], scratch.normal[axis] = 0.0, 0.0
@@ -254,48 +231,50 @@ def _middle(world: _World, scratch: ReachScratch) -> None:
 
 
 @kernel
-def _away(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> float:
-    """Distance of point `k` from the centroid [m]."""
+def _centroid_distance(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> float:
+    """Return the distance of point `k` from the centroid [m]."""
     return length(minus(vector(world.grasps[scratch.points[k]].point), centre))
 
 
 @kernel
-def _line(k: int, centre: Triple, world: _World, scratch: ReachScratch) -> Triple:
-    """The line from the centroid to the grasp of point `k`, about which the body rolls."""
+def _roll_axis(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch) -> Triple:
+    """Return the unit vector from the centroid to point `k`, about which the body rolls."""
     grasp = world.grasps[scratch.points[k]]
     line = minus(vector(grasp.point), centre)
-    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _unit(line)
+    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _normalised(line)
 
 
 @kernel
-def _unit(v: Triple) -> Triple:
-    """A vector by its length."""
+def _normalised(v: Triple) -> Triple:
+    """Return a vector divided by its length."""
     return along((0.0, 0.0, 0.0), 1.0 / length(v), v)
 
 
 @kernel
-def _across(v: Triple, axis: Triple) -> Triple:
-    """Part of a vector at right angles to a unit axis."""
+def _perpendicular(v: Triple, axis: Triple) -> Triple:
+    """Return the part of a vector that is perpendicular to a unit axis."""
     return along(v, -dot(v, axis), axis)
 
 
 @kernel
-def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
-    """Unrolled body axes for all orders of the points, both senses where they fit equally well.
+def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
+    """Compute the body axes at roll zero for all orders of the points.
+
+    Where both senses of an order fit equally well, both are included.
 
     Returns
     -------
     bool
-        Whether these are all; not if the points of an order lie in no direction from the centroid.
+        False if the points of an order do not determine the yaw.
     """
-    e1 = _across((1.0, 0.0, 0.0), out)
+    e1 = _perpendicular((1.0, 0.0, 0.0), out)
     if length(e1) < 0.5:
-        e1 = _across((0.0, 1.0, 0.0), out)
-    e1 = _unit(e1)
+        e1 = _perpendicular((0.0, 1.0, 0.0), out)
+    e1 = _normalised(e1)
     e2, count = cross(out, e1), world.orders.shape[1]
     scratch.frame_count = 0
     for order in range(len(world.orders)):
-        # The fit of the mounts' azimuths to the grasps, and that of the robot turned over.
+        # Procrustes fits of the mounts' azimuths to the grasps, for both senses of the body z axis.
         along_x, along_y, over_x, over_y = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             point = world.grasps[scratch.points[world.orders[order, i]]].point
@@ -320,7 +299,7 @@ def _set_frames(out: Triple, world: _World, scratch: ReachScratch) -> bool:
 
 @kernel
 def _set_frame(x: Triple, z: Triple, order: int, scratch: ReachScratch) -> None:
-    """One more of the unrolled body axes."""
+    """Append body axes to those of the set."""
     y, rotation = cross(z, x), scratch.frames[scratch.frame_count].rotation
     for axis in range(3):
         rotation[axis, 0], rotation[axis, 1], rotation[axis, 2] = x[axis], y[axis], z[axis]
@@ -329,10 +308,15 @@ def _set_frame(x: Triple, z: Triple, order: int, scratch: ReachScratch) -> None:
 
 
 @kernel
-def _rolled(
-    line: Triple, out: Triple, level: bool, opposed: bool, world: _World, scratch: ReachScratch
+def _is_reached_about(
+    line: Triple,
+    out: Triple,
+    with_zero_roll: bool,
+    opposed: bool,
+    world: _ReachWorld,
+    scratch: ReachScratch,
 ) -> bool:
-    """Whether the set is in reach from a base pose rolled about a line.
+    """Return whether the set is in reach from a base pose rolled about a line.
 
     Parameters
     ----------
@@ -340,46 +324,46 @@ def _rolled(
         Roll axis.
     out
         Outward direction before the roll.
-    level
-        Whether a roll of zero counts, which is the same about every line.
+    with_zero_roll
+        Whether to include roll zero, which is the same about every line.
     opposed
-        Whether rolls and heights are those between opposite walls.
+        Whether to use the rolls and heights between opposite walls.
     world
         What all sets share.
     scratch
-        The set; its unrolled body axes are worked out if they are needed.
+        The set; its body axes are computed if they are needed.
     """
     query, rule, base = world.query, world.query.rule, scratch.base
-    roll_count = rule.wide_roll_count if opposed else rule.roll_count
-    height_count = rule.wide_height_count if opposed else rule.height_count
+    roll_count = rule.opposed_roll_count if opposed else rule.roll_count
+    height_count = rule.opposed_height_count if opposed else rule.height_count
     target, centre = vector(query.target), vector(scratch.centre)
     for r in range(roll_count):
-        roll = rule.wide_rolls[r] if opposed else rule.rolls[r]
-        if roll == 0.0 and not level:
+        roll = rule.opposed_rolls[r] if opposed else rule.rolls[r]
+        if roll == 0.0 and not with_zero_roll:
             continue
         cosine, sine = np.cos(roll), np.sin(roll)
         up = turn(line, cosine, sine, out)
         for h in range(height_count):
-            height = rule.wide_heights[h] if opposed else rule.heights[h]
+            height = rule.opposed_heights[h] if opposed else rule.heights[h]
             position = along(centre, height, up)
             if length(minus(target, position)) > query.tolerance + SLACK:
                 continue
-            if not _none_too_far(position, world, scratch):
+            if not _is_within_bound(position, world, scratch):
                 continue
             if scratch.frame_count == UNKNOWN and not _set_frames(out, world, scratch):
                 return True
             for axis in range(3):
                 base.position[axis] = position[axis]
             for f in range(scratch.frame_count):
-                _turn_frame(line, cosine, sine, scratch.frames[f], base)
-                if _all_reach(scratch.order[f], world, scratch):
+                _roll_frame(line, cosine, sine, scratch.frames[f], base)
+                if _all_limbs_reach(scratch.order[f], world, scratch):
                     return True
     return False
 
 
 @kernel
-def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pose) -> None:
-    """Turn unrolled body axes about a line, into a base pose."""
+def _roll_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pose) -> None:
+    """Roll body axes about a line into the rotation of a base pose."""
     x, y, z = columns(frame.rotation)
     axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
     for axis in range(3):
@@ -388,8 +372,8 @@ def _turn_frame(line: Triple, cosine: float, sine: float, frame: Pose, base: Pos
 
 
 @kernel
-def _none_too_far(position: Triple, world: _World, scratch: ReachScratch) -> bool:
-    """Whether no flange is farther from the base than a limb reaches."""
+def _is_within_bound(position: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
+    """Return whether no flange is farther from the base than any limb can reach."""
     for i in range(world.orders.shape[1]):
         flange = vector(world.grasps[scratch.points[i]].flange.position)
         if length(minus(flange, position)) > world.query.farthest + SLACK:
@@ -398,8 +382,8 @@ def _none_too_far(position: Triple, world: _World, scratch: ReachScratch) -> boo
 
 
 @kernel
-def _all_reach(order: int, world: _World, scratch: ReachScratch) -> bool:
-    """Whether each limb reaches its point with the `w_m` asked for."""
+def _all_limbs_reach(order: int, world: _ReachWorld, scratch: ReachScratch) -> bool:
+    """Return whether every limb reaches its point with the threshold of `w_m`."""
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):
         limb, point = robot.limbs[i], scratch.points[world.orders[order, i]]

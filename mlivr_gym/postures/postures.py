@@ -1,4 +1,4 @@
-"""Postures of stances in arrays."""
+"""Postures of many stances as arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mlivr_gym.postures.turns import permuted_limbs, turned_frames
 
 @dataclass(frozen=True)
 class Postures:
-    """Postures of k stances.
+    """Postures of k stances with N limbs.
 
     Attributes
     ----------
@@ -28,15 +28,15 @@ class Postures:
     w_b
         Base manipulability, shape (k,).
     branch
-        Branch of each limb that gives the margin, shape (k, N).
+        Branch of each limb at which the posture has its margin, shape (k, N).
     mask
-        Branches and flips each limb may hold on, 16-bit masks, shape (k, N).
+        Branches and flips on which each limb may hold, as 16-bit masks, shape (k, N).
     tried
-        Which of the base poses tried it is, see `tried_poses`; -1 for one that was given and
-        where there is none, shape (k,).
+        Index of the base pose among the candidates, see `tried_poses`, shape (k,); -1 for a given
+        base pose, and where no candidate was chosen.
     cause
-        What the best posture touches where that alone keeps the stance from being held,
-        shape (k,); one of the causes in `distances`.
+        Cause of the collision where only a collision keeps the stance from being held, else 0,
+        shape (k,); see `distances`.
     """
 
     base_position: Array
@@ -50,23 +50,26 @@ class Postures:
 
     @property
     def reachable(self) -> BoolArray:
-        """Whether inverse kinematics has a solution, shape (k,)."""
+        """Whether inverse kinematics has a solution for all limbs, shape (k,)."""
         reachable: BoolArray = (self.w_b > 0.0) | (self.cause > 0)
         return reachable
 
     @property
     def base_rows(self) -> Any:
-        """The bases as compiled code reads them: rows of `Pose`, shape (k,)."""
+        """Base poses as compiled code reads them: records of `Pose`, shape (k,)."""
         rows = Pose.rows(len(self.w_b))
         rows["position"], rows["rotation"] = self.base_position, self.base_rotation
         return rows
 
     def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
-        """Postures of the chosen stances."""
+        """Return the postures of selected stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
     def permuted_limbs(self, turns: IntArray) -> Postures:
-        """The same postures of the robot after turns, shape (k,); see `turns`."""
+        """Return the same postures after cyclic relabellings of the limbs, of shape (k,).
+
+        See `turns`.
+        """
         return Postures(
             self.base_position,
             turned_frames(self.base_rotation, turns, self.w_m.shape[1]),
@@ -80,14 +83,14 @@ class Postures:
 
 
 FIELDS = tuple(field.name for field in fields(Postures))
-"""Names of a posture's arrays."""
+"""Names of the arrays of `Postures`."""
 
 
 class PostureTable:
-    """Solved postures in arrays that grow by doubling."""
+    """Computed postures in arrays whose capacity doubles when it is exhausted."""
 
     def __init__(self, limbs: int) -> None:
-        """Start empty, for robots of some number of limbs."""
+        """Create an empty table for robots with a given number of limbs."""
         shapes: list[tuple[tuple[int, ...], type]] = [
             ((3,), float),
             ((3, 3), float),
@@ -105,7 +108,7 @@ class PostureTable:
         """Number of postures."""
 
     def append(self, new: Postures) -> None:
-        """Add postures at the end."""
+        """Append postures."""
         parts = [getattr(new, name) for name in FIELDS]
         end = self.used + len(new.w_b)
         for i, part in enumerate(parts):
@@ -119,5 +122,5 @@ class PostureTable:
         self.used = end
 
     def take(self, index: IntArray) -> Postures:
-        """Postures by index."""
+        """Return postures by index."""
         return Postures(*(array[index] for array in self._arrays))

@@ -1,4 +1,4 @@
-"""What the selection of a posture reads and writes."""
+"""Records that the choice of a posture reads and writes, and its scratch."""
 
 from __future__ import annotations
 
@@ -22,179 +22,194 @@ from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS, MOST_POSES
 
 Limbs = Annotated[IntArray, (MOST_LIMBS,), np.int64]
-"""A whole number for each limb."""
+"""An integer for each limb."""
 
 
 class Thresholds(Record):
-    """What a posture and a step must meet."""
+    """Thresholds that postures and steps must meet."""
 
     w_m: float
-    """Least limb manipulability of a stance."""
+    """Minimum limb manipulability of a stance."""
     w_b: float
-    """Least base manipulability of a stance."""
+    """Minimum base manipulability of a stance."""
     floor: float
-    """Least limb manipulability on the way."""
+    """Minimum limb manipulability along a motion."""
     clearance: float
-    """Least distance of shapes [m]."""
+    """Clearance that shapes must keep [m]."""
 
 
 class PostureRule(Record):
-    """Which postures are tried, and which of them is taken; see `solver`."""
+    """The candidate postures of a stance, and the rule that chooses one of them; see `solver`."""
 
     thresholds: Thresholds
-    """What a node must meet."""
+    """Thresholds of a node."""
     scale_m: float
-    """Limb manipulability that counts as margin 1."""
+    """Limb manipulability at margin 1."""
     scale_b: float
-    """Base manipulability that counts as margin 1."""
-    nodes_margin: float
-    """A margin below that of every node."""
+    """Base manipulability at margin 1."""
+    node_margin: float
+    """A margin slightly below that of every node."""
     nodes_only: bool
-    """Whether of stances that are no nodes nothing need be told: most are then soon rejected."""
-    first_avoid: bool
-    """Whether the best posture of all is known to touch something."""
-    check: bool
-    """Whether branches are checked; if not, every node has all of them."""
-    collide: bool
-    """Whether postures must touch nothing."""
+    """Whether to omit the results for stances that are no nodes; most are then rejected early."""
+    best_touches: bool
+    """Whether the posture with the largest margin is known to touch something."""
+    check_branches: bool
+    """Whether to compute masks of branches; otherwise every node has all branches."""
+    check_contacts: bool
+    """Whether postures must keep the clearance."""
     height_count: int
-    """Number of heights tried."""
+    """Number of candidate heights."""
     heights: Annotated[Array, (MOST_POSES,)]
-    """Heights tried [m]."""
+    """Candidate heights [m]."""
     roll_count: int
-    """Number of rolls tried."""
+    """Number of candidate rolls."""
     rolls: Annotated[Array, (MOST_POSES,)]
-    """Rolls tried [rad]."""
-    wide_height_count: int
-    """Number of heights tried between opposite walls."""
-    wide_heights: Annotated[Array, (MOST_POSES,)]
+    """Candidate rolls [rad]."""
+    opposed_height_count: int
+    """Number of candidate heights between opposite walls."""
+    opposed_heights: Annotated[Array, (MOST_POSES,)]
     """These heights [m]."""
-    wide_roll_count: int
-    """Number of rolls tried there."""
-    wide_rolls: Annotated[Array, (MOST_POSES,)]
+    opposed_roll_count: int
+    """Number of candidate rolls between opposite walls."""
+    opposed_rolls: Annotated[Array, (MOST_POSES,)]
     """These rolls [rad]."""
 
 
-def set_candidates(rule: PostureRule, tries: Sequence[Array]) -> None:
-    """Put what is tried into a rule: heights and rolls, and those between opposite walls."""
-    names = ("height", "roll", "wide_height", "wide_roll")
-    for name, values in zip(names, tries, strict=True):
+def set_candidates(rule: PostureRule, heights_and_rolls: Sequence[Array]) -> None:
+    """Set the candidates of a rule: heights and rolls, and those between opposite walls."""
+    names = ("height", "roll", "opposed_height", "opposed_roll")
+    for name, values in zip(names, heights_and_rolls, strict=True):
         rule[f"{name}_count"] = len(values)
         rule[f"{name}s"][: len(values)] = values
 
 
 class HeldStance(Record):
-    """The grasps of a stance, in a frame about their centroid, and what base poses count from."""
+    """The grasps of a stance relative to their centroid, and axes of the candidate base poses."""
 
     centre: Vector
     """Centroid of the grasps in the world of the boxes [m]."""
     grasps: Annotated[Rows[Grasp], (MOST_LIMBS,)]
-    """The grasp of each limb."""
+    """Grasp of each limb."""
     frame: Matrix
-    """Unrolled body axes, in columns."""
+    """Body axes at roll zero, as columns."""
     out: Vector
     """Outward direction."""
     line: Vector
     """Roll axis."""
     opposed: bool
-    """Whether the walls are opposed."""
+    """Whether the held walls are opposite."""
 
 
 class LimbReach(Record):
-    """How a limb reaches its grasp from a base pose."""
+    """Inverse kinematics of a limb's grasp from a base pose."""
 
     p: Vector
     """Flange position in the limb base frame [m]."""
     z: Vector
-    """Flange axis there."""
+    """Flange axis in the limb base frame."""
     w: Annotated[Array, (CLASSES,)]
-    """`w_m` of each class of branches; 0 out of reach."""
+    """`w_m` of each class of branches; 0 if out of reach."""
 
 
 class CandidatePose(Record):
-    """A base pose that is tried for a stance."""
+    """A candidate base pose of a stance."""
 
     base: Pose
-    """The base, in the frame of the stance's grasps."""
+    """Base pose, in the frame of the stance's grasps."""
     limbs: Annotated[Rows[LimbReach], (MOST_LIMBS,)]
     """How each limb reaches its grasp."""
-    bound: float
-    """Upper bound of the margin: the least over the limbs of the best class."""
-    waiting: float
-    """The same as long as it is to be looked at, then 0."""
+    margin_bound: float
+    """Upper bound of the margin: the minimum over the limbs of their best class."""
+    open_bound: float
+    """The same bound until the candidate is evaluated, then 0."""
 
 
 class PostureSearch(NamedTuple):
-    """What a search for a posture of one stance reads."""
+    """Inputs of the search for a posture of one stance."""
 
     robot: RobotModel
+    """The robot."""
     held: HeldStance
+    """The grasps of the stance."""
     rule: PostureRule
+    """The rule and its candidates."""
     grid: BoxGrid
     """The boxes."""
     clearance: float
-    """Least distance [m]; 0 where only what penetrates counts."""
-    poses: int
-    """Number of base poses tried."""
+    """Clearance to keep [m]; with 0 only penetration counts."""
+    candidate_count: int
+    """Number of candidate base poses."""
 
 
 class Posture(Record):
     """The posture of a stance."""
 
     base: Pose
-    """The base, in the frame of the stance's grasps."""
-    tried: int
-    """Which of the base poses tried it is; -1 for none."""
+    """Base pose, in the frame of the stance's grasps."""
+    pose_number: int
+    """Index of the base pose among the candidates; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
     """Limb manipulability; 0 where the stance cannot be held."""
     w_b: float
     """Base manipulability."""
     branch: Limbs
-    """Branch of each limb that gives the margin."""
+    """Branch of each limb at which the posture has its margin."""
     mask: Limbs
-    """Branches and flips that each limb may hold on."""
+    """Branches and flips on which each limb may hold."""
     cause: int
-    """What the best posture touches where that alone keeps a node away."""
+    """Cause of the collision where only a collision keeps the stance from being a node, else 0."""
 
 
 class PostureScratch(Record):
-    """Room for the selection of one posture."""
+    """Scratch for the choice of one posture."""
 
-    tried: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
-    """Base poses that are tried."""
+    candidates: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
+    """Candidate base poses."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
     work: Annotated[Array, (2, 6, 6)]
+    """Work arrays of determinants."""
     sums: Annotated[Array, (MOST_LIMBS, 6, 6)]
-    """Sum of `K^-1` of each limb and those after it, on the branches `trial`."""
+    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`."""
     roots: Annotated[Array, (MOST_LIMBS,)]
-    """Lower bounds of the sixth roots of the determinants that the limbs before each add."""
-    trial: Limbs
-    """Branch of each limb that is looked at."""
+    """Lower bounds of the summed sixth roots of determinants, over the limbs before each limb."""
+    combination: Limbs
+    """Branch of each limb in the combination that is evaluated."""
     option_count: Limbs
     """Number of branches of each limb that are combined."""
     options: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
     """These branches."""
-    digits: Limbs
-    """Which of them is looked at."""
+    option_index: Limbs
+    """Index of each limb's branch in `combination` among its options."""
     status: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
-    """What a limb touches on a branch, other limbs apart, -1 where unknown."""
+    """What a limb touches on a branch, other limbs excluded; -1 if unknown."""
     pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
-    """What two limbs on their branches do to each other, -1 where unknown."""
+    """Result of comparing two limbs on their branches; -1 if unknown."""
     gaps: Annotated[Array, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES)]
-    """Least distance of two limbs on their branches, and of a limb to itself and the body [m]; of
-    one that is too small any number below it, infinite where unknown."""
+    """Smallest distance of two limbs on their branches, or of a limb from itself and the body [m].
+
+    It is infinite if unknown. A distance below the required one may be stored as any smaller number
+    than that.
+    """
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
-    """Each limb on each branch in the body frame, where its status is known."""
+    """Capsules of each limb on each branch in the body frame, where its status is known."""
     in_world: Shapes
+    """Capsules of a limb in the world frame."""
     placed: Placed
     """A limb that does not move."""
     inversion: Inversion
+    """Work arrays of matrix inversion."""
     behind: Behind
+    """The grasp at which a gripper is."""
     base: Pose
-    """The base that is looked at, in the world of the boxes."""
+    """Base pose that is evaluated, in the world of the boxes."""
     lifted: Pose
+    """Flange pose above a grasp."""
     path: BasePath
+    """Base path that stands for a departure."""
     holding: Holding
+    """Work arrays of departures."""
     allowed: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
+    """Whether each branch of each limb may hold, the other limbs excluded."""
     kept: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
+    """Whether each branch of each limb belongs to the product set."""

@@ -1,4 +1,8 @@
-"""The rule by which one of a stance's candidates becomes its posture (compiled); see `solver`."""
+"""The rule that chooses a stance's posture among its candidates (compiled).
+
+`solver` states the rule. Branch and bound evaluates it: a combination of branches is skipped where
+an upper bound of its margin, or a stored collision, shows that it cannot be chosen.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlivr_gym.collisions.against_boxes import base_against_boxes
+from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
@@ -14,80 +18,82 @@ from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.branches import (
-    apart,
-    clear_branches,
-    combined,
+    combined_w_b,
+    forget_checks,
     limb_status,
+    limbs_keep_apart,
     self_clearance,
 )
 from mlivr_gym.postures.records import CandidatePose, Limbs, PostureScratch, PostureSearch
 
 TIE = 1e-9
-"""Margins that differ by this share or less count as equal."""
+"""Relative difference up to which margins count as equal."""
 
 SLACK = 1e-9
-"""Share by which bounds may fall short: they are worked out in another order."""
+"""Relative tolerance of bounds, which are summed in a different order."""
 
 CLEARANCE_TIE = 1e-9
-"""Clearances of the robot to itself that differ by this or less count as equal [m]."""
+"""Difference up to which clearances of the robot from itself count as equal [m]."""
 
 
-class Chosen(NamedTuple):
-    """What it finds."""
+class ChosenPosture(NamedTuple):
+    """Result of the rule."""
 
     pose: int
-    """Which base pose, or -1 if there is none."""
+    """Index of the base pose, or -1 if none is chosen."""
     w_b: float
     """Its base manipulability."""
-    seen: float
-    """The largest margin that was seen."""
+    largest_margin: float
+    """Largest margin of all candidates evaluated."""
 
 
 @kernel
-def enter(search: PostureSearch, c: int, floor: float, look: bool, scratch: PostureScratch) -> bool:
-    """Prepare base pose `c` of a stance.
+def prepare_candidate(
+    search: PostureSearch, c: int, floor: float, check_contacts: bool, scratch: PostureScratch
+) -> bool:
+    """Prepare the evaluation of candidate base pose `c` of a stance.
 
-    What its branches touch is not known any more; `K^-1` of those above a margin is worked out, and
-    these are combined.
+    Stored collision results are cleared. The options of each limb become its branches above a
+    margin, and their `K^-1` is computed.
 
     Parameters
     ----------
     search
-        What is searched.
+        Inputs of the search.
     c
-        Index of the base pose.
+        Index of the candidate.
     floor
-        Margin that branches must exceed.
-    look
-        Whether the body must touch no box.
+        Margin that the branches must exceed.
+    check_contacts
+        Whether the base must touch no box.
     scratch
         Scratch.
 
     Returns
     -------
     bool
-        Whether the base pose may be looked at.
+        False if the base touches a box.
     """
-    robot, held, rule, tried = search.robot, search.held, search.rule, scratch.tried[c]
+    robot, held, rule, candidate = search.robot, search.held, search.rule, scratch.candidates[c]
     count = robot.limb_count
-    clear_branches(count, scratch)
+    forget_checks(count, scratch)
     for axis in range(3):
-        scratch.base.position[axis] = held.centre[axis] + tried.base.position[axis]
+        scratch.base.position[axis] = held.centre[axis] + candidate.base.position[axis]
         for col in range(3):
-            scratch.base.rotation[axis, col] = tried.base.rotation[axis, col]
-    if look:
+            scratch.base.rotation[axis, col] = candidate.base.rotation[axis, col]
+    if check_contacts:
         still = (0.0, 0.0)
-        found = base_against_boxes(
+        result = compare_base_with_boxes(
             robot, scratch.base, still, search.grid, search.clearance, scratch.behind
         )
-        if found != CLEAR:
+        if result != CLEAR:
             return False
     for i in range(count):
-        reached = tried.limbs[i]
-        flange = FlangeAxis(vector(reached.p), vector(reached.z))
+        limb_reach = candidate.limbs[i]
+        flange = FlangeAxis(vector(limb_reach.p), vector(limb_reach.z))
         scratch.option_count[i] = 0
         for b in range(BRANCHES):
-            if reached.w[class_of(b)] > floor * rule.scale_m:
+            if limb_reach.w[class_of(b)] > floor * rule.scale_m:
                 scratch.options[i, scratch.option_count[i]] = b
                 scratch.option_count[i] += 1
                 limb_information(
@@ -98,28 +104,28 @@ def enter(search: PostureSearch, c: int, floor: float, look: bool, scratch: Post
                     scratch.inversion,
                     scratch.information[i, b],
                 )
-    _bound_roots(tried, count, scratch)
+    _bound_roots(candidate, count, scratch)
     return True
 
 
 @kernel
-def _bound_roots(tried: CandidatePose, count: int, scratch: PostureScratch) -> None:
-    """Lower bounds of the sixth roots of the determinants that limbs add, into `scratch.roots`."""
+def _bound_roots(candidate: CandidatePose, count: int, scratch: PostureScratch) -> None:
+    """Set `scratch.roots`, lower bounds of the sixth roots of the determinants that limbs add."""
     total = 0.0
     for i in range(count):
         scratch.roots[i], best = total, 0.0
         for k in range(scratch.option_count[i]):
-            best = max(best, tried.limbs[i].w[class_of(scratch.options[i, k])])
+            best = max(best, candidate.limbs[i].w[class_of(scratch.options[i, k])])
         total += np.inf if best == 0.0 else best ** (-1.0 / 3.0)
 
 
 @kernel
-def _may_reach(search: PostureSearch, i: int, least: float, scratch: PostureScratch) -> bool:
-    """Whether `w_b` may reach a margin with the branches `trial` of limb `i` and those after it.
+def _may_reach_margin(search: PostureSearch, i: int, least: float, scratch: PostureScratch) -> bool:
+    """Return whether `w_b` may reach a margin with the branches of limb `i` and the limbs after it.
 
-    Sixth roots of determinants of sums are no less than the sums of the roots (Minkowski), and
-    `K^-1` of one limb has the determinant `w_m^-2`. Of one limb alone that says little, and of all
-    `w_b` itself is formed.
+    The sixth root of the determinant of a sum is at least the sum of the sixth roots (Minkowski),
+    and `K^-1` of one limb has the determinant `w_m^-2`. The bound is not evaluated for the last
+    limb alone, where it is weak, nor for all limbs, where `w_b` itself is computed.
     """
     last = search.robot.limb_count - 1
     if i == 0:
@@ -127,14 +133,14 @@ def _may_reach(search: PostureSearch, i: int, least: float, scratch: PostureScra
     sums, work = scratch.sums[i], scratch.work
     for row in range(6):
         for col in range(row + 1):
-            total = scratch.information[i, scratch.trial[i], row, col]
+            total = scratch.information[i, scratch.combination[i], row, col]
             if i < last:
                 total += scratch.sums[i + 1, row, col]
             sums[row, col] = work[0, row, col] = total
     if i == last:
         return True
     w_b = inverse_root_determinant(work)
-    if w_b == 0.0:  # too near a singularity to tell
+    if w_b == 0.0:  # too close to a singularity for a bound
         return True
     bound: float = (w_b ** (-1.0 / 3.0) + scratch.roots[i]) ** -3.0
     return bound * (1.0 + SLACK) >= least * search.rule.scale_b
@@ -142,99 +148,109 @@ def _may_reach(search: PostureSearch, i: int, least: float, scratch: PostureScra
 
 @kernel
 def touches_nothing(search: PostureSearch, c: int, scratch: PostureScratch) -> bool:
-    """Whether the limbs touch nothing on the branches `trial` at base pose `c`."""
-    robot, tried = search.robot, scratch.tried[c]
+    """Return whether the limbs touch nothing in the current combination at base pose `c`."""
+    robot, candidate = search.robot, scratch.candidates[c]
     for i in range(robot.limb_count):
-        found = limb_status(search, tried, i, scratch.trial[i], scratch)
-        if found != CLEAR:
+        result = limb_status(search, candidate, i, scratch.combination[i], scratch)
+        if result != CLEAR:
             return False
-    return apart(search, scratch)
+    return limbs_keep_apart(search, scratch)
 
 
 @kernel
-def _trial_bound(search: PostureSearch, tried: CandidatePose, scratch: PostureScratch) -> float:
-    """Least `w_m` of the branches `trial` as a margin, 0 if one is known to touch something."""
+def _combination_bound(
+    search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch
+) -> float:
+    """Return the smallest `w_m` of the combination as a margin.
+
+    It is 0 if a branch is known to touch something.
+    """
     bound = np.inf
     for i in range(search.robot.limb_count):
-        b = scratch.trial[i]
-        bound = min(bound, tried.limbs[i].w[class_of(b)] if scratch.status[i, b] <= CLEAR else 0.0)
+        b = scratch.combination[i]
+        bound = min(
+            bound, candidate.limbs[i].w[class_of(b)] if scratch.status[i, b] <= CLEAR else 0.0
+        )
     return bound / search.rule.scale_m
 
 
 @kernel
-def _begin(count: int, scratch: PostureScratch) -> None:
-    """Make `_next_hopeful` begin with the first combination."""
-    scratch.digits[count - 1] = -1
+def _reset_combinations(count: int, scratch: PostureScratch) -> None:
+    """Make `_next_useful` start from the first combination."""
+    scratch.option_index[count - 1] = -1
 
 
 @kernel
-def _next_hopeful(
+def _next_useful(
     search: PostureSearch,
-    tried: CandidatePose,
+    candidate: CandidatePose,
     least: tuple[float, float],
     least_gap: float,
     depth: int,
     scratch: PostureScratch,
 ) -> bool:
-    """Set `trial` to the next combination of `options` that may serve; whether there is one.
+    """Set the combination to the next one that may be chosen; return whether there is one.
 
-    Limb 0 runs fastest. Combinations are passed over together that share a branch whose `w_m` is
-    below a margin or that is known to touch something, two branches that are known to touch or be
-    near each other, or some with which `w_b` stays below a margin whatever the others are.
+    Limb 0 changes fastest. Combinations are skipped as a group if they share a branch whose `w_m`
+    is below a margin or that is known to touch something, two branches known to touch or to be too
+    close to each other, or branches with which `w_b` stays below a margin whatever the others are.
 
     Parameters
     ----------
     search
-        What is searched.
-    tried
-        The base pose that is looked at.
+        Inputs of the search.
+    candidate
+        Base pose that is evaluated.
     least
         The margins of `w_m` and of `w_b`.
     least_gap
-        Distance up to which branches are near each other [m].
+        Distance up to which branches are too close to each other [m].
     depth
-        The limb whose branch changes: the last to begin with, 0 after a combination.
+        Limb whose branch changes: the last limb at the start, 0 after a combination.
     scratch
         Scratch.
     """
     limbs, i = search.robot.limb_count, depth
     if depth == 0:
-        # What was found out of the last combination may rule out more than that.
+        # Results for the last combination may exclude branches of later limbs too.
         for k in range(1, limbs):
-            if not _serves(search, tried, k, least[0], least_gap, scratch):
+            if not _may_serve(search, candidate, k, least[0], least_gap, scratch):
                 i = k
     while i < limbs:
-        scratch.digits[i] += 1
-        if scratch.digits[i] >= scratch.option_count[i]:
+        scratch.option_index[i] += 1
+        if scratch.option_index[i] >= scratch.option_count[i]:
             i += 1
             continue
-        scratch.trial[i] = scratch.options[i, scratch.digits[i]]
-        if not _serves(search, tried, i, least[0], least_gap, scratch):
+        scratch.combination[i] = scratch.options[i, scratch.option_index[i]]
+        if not _may_serve(search, candidate, i, least[0], least_gap, scratch):
             continue
-        if not _may_reach(search, i, least[1], scratch):
+        if not _may_reach_margin(search, i, least[1], scratch):
             continue
         if i == 0:
             return True
         i -= 1
-        scratch.digits[i] = -1
+        scratch.option_index[i] = -1
     return False
 
 
 @kernel
-def _serves(
+def _may_serve(
     search: PostureSearch,
-    tried: CandidatePose,
+    candidate: CandidatePose,
     i: int,
     least: float,
     least_gap: float,
     scratch: PostureScratch,
 ) -> bool:
-    """Whether the branch `trial` of limb `i` may serve with those of the limbs after it."""
-    b = scratch.trial[i]
-    if tried.limbs[i].w[class_of(b)] < least * search.rule.scale_m or scratch.status[i, b] > CLEAR:
+    """Return whether the branch of limb `i` may be chosen with those of the limbs after it."""
+    b = scratch.combination[i]
+    if (
+        candidate.limbs[i].w[class_of(b)] < least * search.rule.scale_m
+        or scratch.status[i, b] > CLEAR
+    ):
         return False
     for j in range(i + 1, search.robot.limb_count):
-        c = scratch.trial[j]
+        c = scratch.combination[j]
         if scratch.pairs[i, b, j, c] > CLEAR or scratch.gaps[i, b, j, c] <= least_gap:
             return False
     to_itself: float = scratch.gaps[i, b, i, b]
@@ -243,96 +259,102 @@ def _serves(
 
 @kernel
 def _largest_margin(
-    search: PostureSearch, floor: float, look: bool, scratch: PostureScratch
+    search: PostureSearch, floor: float, check_contacts: bool, scratch: PostureScratch
 ) -> float:
-    """Largest margin above `floor` of all base poses and branches of one stance, or `floor`.
+    """Return the largest margin above `floor` of all candidates of a stance, or `floor`.
 
-    With `look` only those count that touch nothing; they are checked when their margin would be the
-    largest. `w_b` is formed only where `w_m` leaves room for a larger margin.
+    With `check_contacts` only postures that touch nothing count; contacts are checked only where
+    the margin would be the largest. `w_b` is computed only where `w_m` permits a larger margin.
     """
     limbs, margin = search.robot.limb_count, floor
-    for c in range(search.poses):
-        scratch.tried[c].waiting = scratch.tried[c].bound
+    for c in range(search.candidate_count):
+        scratch.candidates[c].open_bound = scratch.candidates[c].margin_bound
     while True:
         c = EMPTY
-        for other in range(1, search.poses):
-            if scratch.tried[other].waiting > scratch.tried[c].waiting:
+        for other in range(1, search.candidate_count):
+            if scratch.candidates[other].open_bound > scratch.candidates[c].open_bound:
                 c = other
-        tried = scratch.tried[c]
-        top = tried.waiting
+        candidate = scratch.candidates[c]
+        top = candidate.open_bound
         if top <= margin or top <= 0.0:
             return margin
-        tried.waiting = 0.0
-        if not enter(search, c, margin, look, scratch):
+        candidate.open_bound = 0.0
+        if not prepare_candidate(search, c, margin, check_contacts, scratch):
             continue
-        for turn in range(2):
-            # The first round takes those whose least `w_m` is the largest there is.
-            least, depth = top * (1.0 - TIE) if turn == 0 else 0.0, limbs - 1
-            _begin(limbs, scratch)
+        for stage in range(2):
+            # The first stage takes only combinations whose smallest `w_m` is the largest one.
+            least, depth = top * (1.0 - TIE) if stage == 0 else 0.0, limbs - 1
+            _reset_combinations(limbs, scratch)
             while margin < top:
                 floors = max(least, margin), margin
-                if not _next_hopeful(search, tried, floors, -np.inf, depth, scratch):
+                if not _next_useful(search, candidate, floors, -np.inf, depth, scratch):
                     break
                 depth = 0
-                bound = _trial_bound(search, tried, scratch)
+                bound = _combination_bound(search, candidate, scratch)
                 if bound > margin and bound >= least:
-                    found = min(bound, combined(limbs, scratch) / search.rule.scale_b)
-                    if found > margin and (not look or touches_nothing(search, c, scratch)):
-                        margin = found
+                    result = min(bound, combined_w_b(limbs, scratch) / search.rule.scale_b)
+                    if result > margin and (
+                        not check_contacts or touches_nothing(search, c, scratch)
+                    ):
+                        margin = result
 
 
 @kernel
-def _choose(search: PostureSearch, margin: float, scratch: PostureScratch, branch: Limbs) -> Chosen:
-    """The posture that the rule takes of those that tie with the largest margin and touch nothing.
+def _break_ties(
+    search: PostureSearch, margin: float, scratch: PostureScratch, branch: Limbs
+) -> ChosenPosture:
+    """Choose the posture among those that tie with the largest margin and touch nothing.
 
-    They tie if their margin is `margin` within `TIE`. The rule takes that with the largest
-    clearance of the robot to itself; of those within `CLEARANCE_TIE` the first, in the order of
-    base poses and then of branch labels. `branch` is filled.
+    Margins within `TIE` of `margin` tie. Among them the largest clearance of the robot from itself
+    decides; among those within `CLEARANCE_TIE` the first in the order of candidates and then of
+    branches. `branch` is set to its branches.
     """
     limbs, least = search.robot.limb_count, margin * (1.0 - TIE)
     chosen, gap, best_wb = NONE, -np.inf, 0.0
-    look = margin == margin
-    for c in range(search.poses):
-        tried = scratch.tried[c]
-        if tried.bound < least or not enter(search, c, least * (1.0 - TIE), look, scratch):
+    check_contacts = margin == margin
+    for c in range(search.candidate_count):
+        candidate = scratch.candidates[c]
+        if candidate.margin_bound < least or not prepare_candidate(
+            search, c, least * (1.0 - TIE), check_contacts, scratch
+        ):
             continue
         depth, least_gap = limbs - 1, -np.inf
-        _begin(limbs, scratch)
+        _reset_combinations(limbs, scratch)
         while True:
             if chosen >= 0:
                 least_gap = gap + CLEARANCE_TIE
-            if not _next_hopeful(search, tried, (least, least), least_gap, depth, scratch):
+            if not _next_useful(search, candidate, (least, least), least_gap, depth, scratch):
                 break
             depth = 0
-            w_b = combined(limbs, scratch)
+            w_b = combined_w_b(limbs, scratch)
             if w_b / search.rule.scale_b >= least and touches_nothing(search, c, scratch):
-                found = self_clearance(search.robot, gap, scratch)
-                if chosen < 0 or found > gap + CLEARANCE_TIE:
-                    chosen, gap, best_wb = c, found, w_b
+                result = self_clearance(search.robot, gap, scratch)
+                if chosen < 0 or result > gap + CLEARANCE_TIE:
+                    chosen, gap, best_wb = c, result, w_b
                     for i in range(limbs):
-                        branch[i] = scratch.trial[i]
-    return Chosen(chosen, best_wb, margin)
+                        branch[i] = scratch.combination[i]
+    return ChosenPosture(chosen, best_wb, margin)
 
 
 @part
 def best_posture(
     search: PostureSearch, floor: float, lazily: bool, scratch: PostureScratch, branch: Limbs
-) -> Chosen:
-    """The posture that the rule takes of those of a margin above `floor` that touch nothing.
+) -> ChosenPosture:
+    """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
-    With `lazily` shapes are compared only where the margin is the largest of all, touching or not;
-    what is found is the same. `branch` is filled.
+    With `lazily`, contacts are checked first only for the postures of the largest margin of all,
+    touching or not; the result is the same. `branch` is set to the chosen branches.
     """
-    chosen, w_b, seen = NONE, 0.0, floor
-    for turn in range(2):
-        look = turn > 0
-        if not look and not lazily:
+    chosen, w_b, largest = NONE, 0.0, floor
+    for stage in range(2):
+        check_contacts = stage > 0
+        if not check_contacts and not lazily:
             continue
-        margin = _largest_margin(search, floor, look, scratch)
-        seen = max(seen, margin)
+        margin = _largest_margin(search, floor, check_contacts, scratch)
+        largest = max(largest, margin)
         if margin > floor:
-            found = _choose(search, margin, scratch, branch)
-            chosen, w_b = found.pose, found.w_b
+            result = _break_ties(search, margin, scratch, branch)
+            chosen, w_b = result.pose, result.w_b
         if chosen >= 0 or margin <= floor:
             break
-    return Chosen(chosen, w_b, seen)
+    return ChosenPosture(chosen, w_b, largest)

@@ -1,4 +1,7 @@
-"""Selection of postures among candidates (compiled); see `solver` for what it serves."""
+"""Computation of postures from their candidates, for many stances (compiled).
+
+`rule` chooses among the candidates, `branches` computes the masks; `solver` is the caller.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
-from mlivr_gym.postures.branches import combined, hold_masks
+from mlivr_gym.postures.branches import combined_w_b, set_hold_masks
 from mlivr_gym.postures.records import (
     CandidatePose,
     HeldStance,
@@ -26,34 +29,41 @@ from mlivr_gym.postures.records import (
     PostureScratch,
     PostureSearch,
 )
-from mlivr_gym.postures.rule import best_posture, enter, touches_nothing
+from mlivr_gym.postures.rule import best_posture, prepare_candidate, touches_nothing
 
 
 @kernel
-def reach(
-    robot: RobotModel, held: HeldStance, floor: float, tried: CandidatePose, scratch: PostureScratch
+def evaluate_reach(
+    robot: RobotModel,
+    held: HeldStance,
+    floor: float,
+    candidate: CandidatePose,
+    scratch: PostureScratch,
 ) -> float:
-    """Flange poses and `w_m` of the classes of each limb at a base pose, into `tried.limbs`.
+    """Compute flange poses and `w_m` of the branch classes of each limb at a base pose.
+
+    The results are stored in `candidate.limbs`.
 
     Returns
     -------
     float
-        The least over the limbs of the best class; 0 as soon as that of one is below `floor`.
+        The minimum over the limbs of the `w_m` of their best class; 0 as soon as one is below
+        `floor`.
     """
     least = np.inf
     terms = scratch.holding.proof.terms
     for i in range(robot.limb_count):
-        limb, reached = robot.limbs[i], tried.limbs[i]
+        limb, limb_reach = robot.limbs[i], candidate.limbs[i]
         unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
-        seen, _ = flange_seen(limb, tried.base, held.grasps[i].flange)
+        seen, _ = flange_seen(limb, candidate.base, held.grasps[i].flange)
         branch_terms(limb.arm, seen, terms)
         best = 0.0
         for k in range(3):
-            reached.p[k], reached.z[k] = seen.p[k], seen.z[k]
+            limb_reach.p[k], limb_reach.z[k] = seen.p[k], seen.z[k]
         for c in range(CLASSES):
             square = terms[c, 3]
-            reached.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
-            best = max(best, reached.w[c])
+            limb_reach.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
+            best = max(best, limb_reach.w[c])
         if best < floor:
             return 0.0
         least = min(least, best)
@@ -61,34 +71,46 @@ def reach(
 
 
 @entry
-def reach_all(robots: Any, held: Any, tried: Any, scratch_rows: Any) -> None:
-    """`reach` of K stances, each at one base pose.
+def reach_all(robots: Any, held: Any, candidates: Any, scratch_rows: Any) -> None:
+    """Evaluate the reach of K stances, each at one base pose.
 
-    Rows of `RobotModel`, shape (1,), `HeldStance` and `CandidatePose`, shape (K,), and
-    `PostureScratch`, shape (1,).
+    Parameters
+    ----------
+    robots
+        A record of `RobotModel`, shape (1,).
+    held
+        Records of `HeldStance`, shape (K,).
+    candidates
+        Records of `CandidatePose` with the base poses, shape (K,); the results are filled.
+    scratch_rows
+        A record of `PostureScratch`, shape (1,).
     """
     for k in range(len(held)):
-        tried[k].bound = reach(robots[0], held[k], 0.0, tried[k], scratch_rows[0])
+        candidates[k].margin_bound = evaluate_reach(
+            robots[0], held[k], 0.0, candidates[k], scratch_rows[0]
+        )
 
 
 @entry
-def base_along(robots: Any, tried: Any, branches: IntArray, scratch_rows: Any, w_b: Array) -> None:
-    """`w_b` of K stances on given branches, shape (K, N), from what `reach_all` has found."""
+def base_along(
+    robots: Any, candidates: Any, branches: IntArray, scratch_rows: Any, w_b: Array
+) -> None:
+    """Compute `w_b` of K stances on given branches, shape (K, N), after `reach_all`."""
     robot, scratch = robots[0], scratch_rows[0]
     count = robot.limb_count
-    for k in range(len(tried)):
+    for k in range(len(candidates)):
         for i in range(count):
-            reached, b = tried[k].limbs[i], branches[k, i]
-            scratch.trial[i] = b
+            limb_reach, b = candidates[k].limbs[i], branches[k, i]
+            scratch.combination[i] = b
             limb_information(
                 robot.limbs[i],
-                FlangeAxis(vector(reached.p), vector(reached.z)),
+                FlangeAxis(vector(limb_reach.p), vector(limb_reach.z)),
                 b,
                 robot.characteristic_length,
                 scratch.inversion,
                 scratch.information[i, b],
             )
-        w_b[k] = combined(count, scratch)
+        w_b[k] = combined_w_b(count, scratch)
 
 
 @entry
@@ -102,28 +124,28 @@ def solve_postures(
     out: Any,
     scratch_rows: Any,
 ) -> None:
-    """Best posture of each stance from `start` to `stop`.
+    """Compute the posture of each stance from `start` to `stop`.
 
-    Grasps, directions and base poses of a stance are given in a frame about the grasps' centroid.
+    Grasps, directions and base poses of a stance are relative to the centroid of its grasps.
 
     Parameters
     ----------
     start
         First stance.
     stop
-        One past the last.
+        One past the last stance.
     stances
-        Rows of `HeldStance`, shape (k,).
+        Records of `HeldStance`, shape (k,).
     robots
-        A row of `RobotModel`, shape (1,).
+        A record of `RobotModel`, shape (1,).
     rules
-        A row of `PostureRule`: which base poses are tried, and which is taken.
+        A record of `PostureRule`, shape (1,).
     grid
         The boxes.
     out
-        Rows of `Posture`, shape (k,), zeros; filled.
+        Records of `Posture`, shape (k,), initially zero; filled.
     scratch_rows
-        A row of `PostureScratch`, shape (1,).
+        A record of `PostureScratch`, shape (1,).
     """
     scratch = scratch_rows[0]
     for g in range(start, stop):
@@ -139,65 +161,71 @@ def _solve(
     out: Posture,
     scratch: PostureScratch,
 ) -> None:
-    """The best posture of one stance, see `solve_postures`."""
-    count = _try_poses(held, robot, rule, scratch)
+    """Compute the posture of one stance, see `solve_postures`."""
+    count = _evaluate_candidates(held, robot, rule, scratch)
     limits = rule.thresholds
-    # First the best posture that does not penetrate the robot itself; only if that comes too close
-    # to something, the best of those that keep the clearance.
+    # First the best posture without self-penetration; only if it comes closer to something than
+    # the clearance, the best posture that keeps the clearance.
     chosen, node, touches = NONE, False, CLEAR
     loose = PostureSearch(robot, held, rule, grid, 0.0, count)
     strict = PostureSearch(robot, held, rule, grid, limits.clearance, count)
     for avoid in range(2):
-        if (avoid == 0 and rule.first_avoid) or (
-            avoid == 1 and not (rule.first_avoid or touches != CLEAR)
+        if (avoid == 0 and rule.best_touches) or (
+            avoid == 1 and not (rule.best_touches or touches != CLEAR)
         ):
             continue
         search, lowest = (strict if avoid else loose), 0.0
         if avoid or rule.nodes_only:
-            lowest = rule.nodes_margin
+            lowest = rule.node_margin
         out.cause = touches
-        found = best_posture(search, lowest, avoid == 0, scratch, out.branch)
-        chosen = found.pose
-        node = _take(robot, rule, scratch, found.pose, found.w_b, out)
+        best = best_posture(search, lowest, avoid == 0, scratch, out.branch)
+        chosen = best.pose
+        node = _store(robot, rule, scratch, best.pose, best.w_b, out)
         if avoid == 0:
-            if not node and found.seen > rule.nodes_margin:
+            if not node and best.largest_margin > rule.node_margin:
                 out.cause = SELF
-            if node and rule.collide and not _clear(strict, chosen, out, scratch):
+            if node and rule.check_contacts and not _keeps_clearance(strict, chosen, out, scratch):
                 touches = SELF
         elif node:
             out.cause = CLEAR
-    if node and rule.check:
-        search = strict if rule.collide else loose
-        enter(search, chosen, np.inf, chosen < 0, scratch)
-        tried = scratch.tried[chosen]
-        hold_masks(search, tried, scratch, out)
+    if node and rule.check_branches:
+        search = strict if rule.check_contacts else loose
+        prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
+        candidate = scratch.candidates[chosen]
+        set_hold_masks(search, candidate, scratch, out)
     elif node:
         for i in range(robot.limb_count):
             out.mask[i] = ALL
 
 
 @kernel
-def _try_poses(
+def _evaluate_candidates(
     held: HeldStance, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
 ) -> int:
-    """Set up the base poses of a stance; returns their number."""
-    floor = rule.nodes_margin * rule.scale_m if rule.nodes_only else 0.0
+    """Set up the candidate base poses of a stance and return their number."""
+    floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
     count = rule.roll_count * rule.height_count
     if held.opposed:
-        count = rule.wide_roll_count * rule.wide_height_count
+        count = rule.opposed_roll_count * rule.opposed_height_count
     for c in range(count):
-        tried = scratch.tried[c]
-        _set_pose(held, rule, c, tried.base)
-        tried.bound = reach(robot, held, floor, tried, scratch) / rule.scale_m
+        candidate = scratch.candidates[c]
+        _set_pose(held, rule, c, candidate.base)
+        candidate.margin_bound = (
+            evaluate_reach(robot, held, floor, candidate, scratch) / rule.scale_m
+        )
     return count
 
 
 @kernel
 def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
-    """Base pose `c` of a stance, from the centroid of its grasps, into `base`."""
+    """Set `base` to candidate base pose `c` of a stance, relative to the centroid of its grasps."""
     rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
     if held.opposed:
-        rolls, heights, height_count = rule.wide_rolls, rule.wide_heights, rule.wide_height_count
+        rolls, heights, height_count = (
+            rule.opposed_rolls,
+            rule.opposed_heights,
+            rule.opposed_height_count,
+        )
     line = vector(held.line)
     x, y, z = columns(held.frame)
     roll, height = rolls[c // height_count], heights[c % height_count]
@@ -212,30 +240,30 @@ def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
 
 @entry
 def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
-    """A base pose of each of k stances, from the centroid of its grasps.
+    """Compute one candidate base pose of each of k stances, relative to the centroid of its grasps.
 
     Parameters
     ----------
     stances
-        Rows of `HeldStance`, shape (k,).
+        Records of `HeldStance`, shape (k,).
     rules
-        A row of `PostureRule`, which tells what is tried.
+        A record of `PostureRule` with the candidates, shape (1,).
     numbers
-        Which of those of the stance, shape (k,); what is none is passed over.
+        Index of the base pose among the candidates, shape (k,); skipped if it does not exist.
     out
-        Rows of `Pose`, shape (k,), filled.
+        Records of `Pose`, shape (k,), filled.
     """
     rule = rules[0]
     for k in range(len(numbers)):
         count = rule.roll_count * rule.height_count
         if stances[k].opposed:
-            count = rule.wide_roll_count * rule.wide_height_count
+            count = rule.opposed_roll_count * rule.opposed_height_count
         if numbers[k] < count:
             _set_pose(stances[k], rule, numbers[k], out[k])
 
 
 @kernel
-def _take(
+def _store(
     robot: RobotModel,
     rule: PostureRule,
     scratch: PostureScratch,
@@ -243,16 +271,16 @@ def _take(
     w_b: float,
     out: Posture,
 ) -> bool:
-    """Make base pose `chosen` the posture; whether it meets the thresholds. -1: there is none."""
+    """Store candidate `chosen` (-1: none) as the posture; return whether it meets thresholds."""
     node = chosen >= 0 and w_b >= rule.thresholds.w_b
-    out.w_b, out.tried = w_b, chosen
+    out.w_b, out.pose_number = w_b, chosen
     for i in range(robot.limb_count):
         out.w_m[i] = 0.0
         if chosen >= 0:
-            out.w_m[i] = scratch.tried[chosen].limbs[i].w[class_of(out.branch[i])]
+            out.w_m[i] = scratch.candidates[chosen].limbs[i].w[class_of(out.branch[i])]
         node = node and out.w_m[i] >= rule.thresholds.w_m
     if chosen >= 0:
-        base = scratch.tried[chosen].base
+        base = scratch.candidates[chosen].base
         for k in range(3):
             out.base.position[k] = base.position[k]
             for col in range(3):
@@ -261,9 +289,11 @@ def _take(
 
 
 @part
-def _clear(search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch) -> bool:
-    """Whether a posture touches nothing, boxes apart."""
-    enter(search, chosen, np.inf, chosen < 0, scratch)
+def _keeps_clearance(
+    search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch
+) -> bool:
+    """Return whether a posture touches nothing, without comparing the base with boxes."""
+    prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
     for i in range(search.robot.limb_count):
-        scratch.trial[i] = out.branch[i]
+        scratch.combination[i] = out.branch[i]
     return touches_nothing(search, chosen, scratch)

@@ -1,26 +1,26 @@
-"""Postures: the base pose that belongs to a stance.
+"""Computation of postures: the base pose of a stance, and the branches on which limbs may hold.
 
-Body z lies along the mean outward normal of the held points, for two limbs along its part across
-the line through the grasps; yaw (and, for N > 2, the sense of z) follows from the Procrustes fit
-of the mounts' azimuths to the grasps; the origin is the grasps' centroid plus a height along that
-direction. Candidates are heights, rolls about the line through the grasps, and the branches of each
-limb. Between opposite walls the mean normal vanishes: there the body rolls right round that
-line, from the rail of the first grasp on.
+The body's z axis lies along the mean outward normal of the held points; with two limbs, along its
+part perpendicular to the line through the grasps. The yaw (and, for N > 2, the sense of z) follows
+from the Procrustes fit of the mounts' azimuths to the grasps. The origin is the centroid of the
+grasps plus a height along that direction. The candidates are heights, rolls about the line through
+the grasps, and the branches of each limb. Between opposite walls the mean normal vanishes; there
+the rolls about that line span a full turn, starting from the rail of the first grasp.
 
-**The rule.** A candidate in which the robot penetrates itself is none. Of the others the one with
-the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is taken. Margins within `TIE`
-count as equal, as those of mirror postures are: then the largest clearance of the robot to itself
-decides, and if that is equal within `CLEARANCE_TIE` too, a fixed order in the frame of the grasps:
-the smaller roll, of two opposite ones the positive about the line from the centroid to the grasp of
-the first limb, the lower base, the lower branch labels from the last limb to the first. The first
-of two limbs is limb 0: the line turns round when they change places, so no side of the module is
-favoured; of more it is the one with the grasp nearest to the centroid, see `turns`. Only between
-opposite walls does the sign of the rail's direction enter. With collisions checked the rule is the
-same among candidates that touch nothing.
+**The rule.** Candidates in which the robot penetrates itself are excluded. Of the others, the one
+with the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is chosen. Margins within
+`TIE` count as equal, as those of mirror postures are: then the largest clearance of the robot from
+itself decides, and if that is equal within `CLEARANCE_TIE`, a fixed order in the frame of the
+grasps. It prefers the smaller roll, of two opposite rolls the positive one about the line from the
+centroid to the grasp of the first limb, then the lower base, then the lower branch numbers from the
+last limb to the first. The first limb of two is limb 0: the line reverses when they are exchanged,
+so no side of the module is favoured. Of more limbs it is the one with the grasp closest to the
+centroid, see `turns`. Only between opposite walls does the sign of the rail direction matter. With
+collisions checked, the same rule applies to the candidates that touch nothing.
 
-But for the surroundings, the result depends on the relative geometry of the grasps alone. It is
-worked out in the frame of the first grasp on rounded figures, see `geometries`, once for each
-geometry; where that posture touches the surroundings, the candidates are tried once more in place.
+Except for the surroundings, the result depends only on the relative geometry of the grasps. It is
+computed in the frame of the first grasp from rounded coordinates, see `geometries`, once for each
+geometry. Where that posture touches the surroundings, the candidates are evaluated again in place.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import (
-    PosturesHeld,
+    CheckedPostures,
     QueryScratch,
     Surroundings,
-    clear_of_boxes,
-    hands_clear,
+    check_hands,
+    remove_touching_branches,
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
@@ -62,18 +62,23 @@ from mlivr_gym.postures.records import (
 )
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
-from mlivr_gym.postures.tried_poses import Candidates, bases_of, held_in_world, rounded_in_world
+from mlivr_gym.postures.tried_poses import (
+    Candidates,
+    bases_of_ordered,
+    held_in_world,
+    rounded_in_world,
+)
 from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
 
 LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
-"""Stances of two, and of more limbs from which on postures are worked out in threads."""
+"""Minimum number of stances of two, and of more limbs that are computed in threads."""
 
 
 class PostureSolver:
-    """Postures of stances on a map, each relative geometry solved once.
+    """Postures of stances on a map, computed once for each relative geometry.
 
     Attributes
     ----------
@@ -82,22 +87,22 @@ class PostureSolver:
     robot
         The robot.
     settings
-        Thresholds and switches.
+        Thresholds and options.
     shapes
-        The robot's shapes; `shapes.rows` is the robot as compiled code reads it.
+        Collision shapes; `shapes.rows` is the robot as compiled code reads it.
     grasps
-        Points of the map in the world, rows of `Grasp`, shape (m,).
+        Points of the map in the world, records of `Grasp`, shape (m,).
     boxes
-        The map's boxes.
+        Boxes of the map.
     thresholds
-        What stances and steps must meet, a row of `Thresholds`, shape (1,).
+        Thresholds of stances and steps, a record of `Thresholds`, shape (1,).
     point_cause
-        What a hand touches that holds each point, one of the causes in `distances`, 0
-        if nothing; shape (m,).
+        Cause of the collision of a hand that holds each point, 0 for none, shape (m,); see
+        `distances`.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Keep map, robot and thresholds in the form that compiled code reads."""
+        """Prepare map, robot and thresholds as compiled code reads them."""
         self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
         self.shapes = LimbShapes(robot)
         rails = grasp_map.rotations[:, :, 0]
@@ -107,32 +112,35 @@ class PostureSolver:
         self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
         if settings.collisions:
             self.point_cause = self.hands_touch(self.boxes)
-        self._rows: dict[bytes, int] = {}
+        self._index_of: dict[bytes, int] = {}
         self._rejected: set[int] = set()
-        """Solved geometries of which it is known that they are no nodes, and no more."""
+        """Indices of geometries that are known to be no nodes, without further results."""
         self._solved = PostureTable(robot.limbs)
 
     def _thresholds(self, least: tuple[float, float]) -> Any:
-        """What stances and steps must meet, by the least `w_m` and `w_b`: a row of `Thresholds`."""
+        """Return the thresholds of stances and steps as a record of `Thresholds`, shape (1,).
+
+        `least` holds the minimum `w_m` and `w_b`.
+        """
         out = Thresholds.rows(1)
         out["w_m"], out["w_b"] = least
         out["floor"], out["clearance"] = self.settings.path_floor, self.settings.clearance
         return out
 
     def surroundings(self, grid: BoxGrid) -> Surroundings:
-        """The map's points among some boxes."""
+        """Return the points of the map together with given boxes."""
         return Surroundings(self.grasps, grid, self.settings.clearance)
 
     def hands_touch(self, grid: BoxGrid) -> IntArray:
-        """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
+        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,)."""
         out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
+        check_hands(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
         return out
 
     def clear_of_boxes(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
     ) -> None:
-        """Take the branches that touch a box out of the masks of some stances.
+        """Remove the branches that touch a box from the masks of selected stances.
 
         Parameters
         ----------
@@ -145,9 +153,10 @@ class PostureSolver:
         grid
             The boxes.
         others
-            Whether branches other than those of the postures count.
+            Whether to check all branches and remove them from the masks; otherwise only the
+            causes on the branches of the postures are set.
         """
-        held = PosturesHeld(
+        held = CheckedPostures(
             np.ascontiguousarray(stances),
             postures.base_rows,
             postures.branch,
@@ -155,27 +164,22 @@ class PostureSolver:
             postures.cause,
             np.array([others]),
         )
-        robots, around = self.shapes.rows, self.surroundings(grid)
+        world, rows = self.surroundings(grid), QueryScratch.rows
         in_parallel(
-            len(chosen),
-            clear_of_boxes,
-            chosen,
-            held,
-            robots,
-            around,
-            scratch_rows=QueryScratch.rows,
-        )
+            len(chosen), remove_touching_branches, chosen, held, self.shapes.rows, world,
+            scratch_rows=rows,
+        )  # fmt: skip
 
     @property
     def geometries(self) -> int:
         """Number of relative geometries solved so far."""
-        return len(self._rows)
+        return len(self._index_of)
 
     def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
-        """Postures of stances given as point indices, shape (k, N).
+        """Compute the postures of stances given by point indices, shape (k, N).
 
-        With `nodes_only` nothing but its zero masks is told of a stance that cannot be held, which
-        is found much sooner.
+        With `nodes_only` a stance that cannot be held has zero masks and no other result; this is
+        much faster.
         """
         if self.robot.limbs == 2:
             return self._solve(stances, nodes_only)
@@ -183,15 +187,15 @@ class PostureSolver:
         return self._solve(permuted_limbs(stances, turns), nodes_only).permuted_limbs(-turns)
 
     def _solve(self, stances: IntArray, nodes_only: bool) -> Postures:
-        """Postures of stances with whose limb 0 the rule begins; see `solve`."""
+        """Compute postures of stances whose limb 0 is the first limb of the rule; see `solve`."""
         rows, inverse = relative_geometries(self.grasp_map, stances)
         new: list[int] = []
         where = np.empty(len(rows), dtype=np.int64)
         for r, row in enumerate(rows):
             key = row.tobytes()
-            found = self._rows.get(key)
+            found = self._index_of.get(key)
             if found is None or (not nodes_only and found in self._rejected):
-                found = self._rows[key] = self._solved.used + len(new)
+                found = self._index_of[key] = self._solved.used + len(new)
                 new.append(r)
             where[r] = found
         if new:
@@ -205,10 +209,7 @@ class PostureSolver:
         return postures
 
     def _avoid_boxes(self, stances: IntArray, postures: Postures) -> None:
-        """Take branches that touch a box out of the postures.
-
-        Where those of the posture itself do, another posture is chosen.
-        """
+        """Remove branches that touch a box; choose another posture if its own branches do."""
         nodes = np.flatnonzero(np.all(postures.mask > 0, axis=1))
         touching = self.point_cause[stances[nodes]].max(axis=1)
         postures.cause[nodes] = touching
@@ -223,8 +224,8 @@ class PostureSolver:
         better = np.all(new.mask > 0, axis=1)
         postures.mask[again] = 0
         again, new = again[better], new.take(better)
-        # Equal but for rounding: a base pose has the same figures wherever it is worked out.
-        bases = bases_of(self.grasp_map, self.robot, stances[again], new.tried)
+        # Equal up to rounding; this way a base pose has the same digits wherever it is computed.
+        bases = bases_of_ordered(self.grasp_map, self.robot, stances[again], new.tried)
         new = replace(new, base_position=bases[0], base_rotation=bases[1])
         for name in FIELDS:
             getattr(postures, name)[again] = getattr(new, name)
@@ -240,7 +241,7 @@ class PostureSolver:
 
     @cached_property
     def _scales(self) -> tuple[float, float]:
-        """Limb and base manipulability that count as margin 1."""
+        """Limb and base manipulability at margin 1."""
         given = self.settings.thresholds(self.robot.limbs)
         default = Settings().thresholds(self.robot.limbs)
         return given[0] or default[0], given[1] or default[1]
@@ -254,9 +255,9 @@ class PostureSolver:
         thresholds: tuple[float, float] = (0.0, 0.0),
         collisions: bool | None = None,
     ) -> Postures:
-        """Postures of stances at given base poses.
+        """Compute the branches of stances at given base poses.
 
-        The floor of departures applies whatever the thresholds.
+        The floor of `w_m` on departures applies whatever the thresholds.
 
         Parameters
         ----------
@@ -267,20 +268,20 @@ class PostureSolver:
         rotations
             Base rotations in the world, shape (k, 3, 3).
         thresholds
-            Least `w_m` and `w_b` they must meet.
+            Minimum `w_m` and `w_b`.
         collisions
-            Whether branches that touch something are left out; by default as in the
-            settings.
+            Whether to exclude branches that touch something; by default as in the settings.
         """
         collisions = self.settings.collisions if collisions is None else collisions
         count = len(stances)
         held = held_in_world(self.grasp_map, stances)
         away = positions - held.centres
         frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
-        once, none = np.ones(1), np.zeros(1)
+        # One candidate: height 1 along the vector from the centroid to the base, roll 0.
+        one, zero = np.ones(1), np.zeros(1)
         out = self._run(
             held,
-            Candidates(frames, once, none, once, none),
+            Candidates(frames, one, zero, one, zero),
             self.boxes if collisions else self._no_boxes,
             thresholds=thresholds,
             avoid=collisions,
@@ -292,20 +293,18 @@ class PostureSolver:
         return out
 
     def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
-        """Base poses that are tried for a stance given by point indices.
+        """Return the candidate base poses of a stance given by point indices, in the world.
 
-        Returns
-        -------
-        tuple[Array, Array]
-            Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), in the world.
+        These are positions [m], shape (k, 3), and rotations, shape (k, 3, 3). Rolls change fastest;
+        in the numbers of `Postures.tried` heights do.
         """
         points = np.array([stance], dtype=np.int64)
         turns = first_limbs(self.grasp_map, points)
         held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
-        frames, heights, rolls, *wide = Candidates.of(self.robot, held)
+        frames, heights, rolls, *between_walls = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
-            heights, rolls = wide
+            heights, rolls = between_walls
         rolled = scipy.spatial.transform.Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
         positions = held.centres[0] + heights[:, None, None] * (rolled @ out)
         rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
@@ -315,23 +314,23 @@ class PostureSolver:
     def in_reach(
         self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
     ) -> BoolArray:
-        """Which sets of points may be held at once as far as reach and `w_m` tell, see `in_reach`.
+        """Return which sets of points may be held at once, see `in_reach`.
 
-        Of a node, and so of every state, the points are such a set.
+        The points of every node, and so of every state, are such a set.
 
         Parameters
         ----------
         sets
             Points, in any order, shape (k, N).
         target
-            Where the base is to be [m], shape (3,); by default anywhere.
+            Requested base position [m], shape (3,); by default any.
         tolerance
-            How near to it [m].
+            Maximum distance of the base from it [m].
         """
         robot = self.robot
-        tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]
+        candidates = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))
         w_m = self.settings.thresholds(robot.limbs)[0]
-        queries = reach_queries(robot, w_m, tries, target, tolerance)
+        queries = reach_queries(robot, w_m, candidates[1:], target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
         world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
         in_parallel(len(sets), sets_in_reach, sets, world, out, scratch_rows=ReachScratch.rows)
@@ -340,9 +339,9 @@ class PostureSolver:
     def _solve_in_place(
         self, held: Grasps, grid: BoxGrid, *, avoid: bool, nodes_only: bool = False
     ) -> Postures:
-        """Postures among the robot's candidates, base positions from the grasps' centroids.
+        """Compute postures among the robot's candidates, relative to the centroids of the grasps.
 
-        With `avoid` the best posture of all is known to touch something; see `solve`.
+        With `avoid` the posture of the largest margin is known to touch something.
         """
         return self._run(
             held,
@@ -365,7 +364,7 @@ class PostureSolver:
         collisions: bool,
         nodes_only: bool = False,
     ) -> Postures:
-        """The posture that the rule takes of some candidates, for each stance."""
+        """Choose the posture of each stance among given candidates."""
         settings, k = self.settings, len(held.grasps)
         rules, count = PostureRule.rows(1), held.grasps.shape[1]
         rule = rules[0]
@@ -377,8 +376,8 @@ class PostureSolver:
         rule["thresholds"] = self._thresholds(thresholds)[0]
         rule["scale_m"], rule["scale_b"] = self._scales
         margin = min(a / b for a, b in zip(thresholds, self._scales, strict=True))
-        rule["nodes_margin"], rule["first_avoid"] = margin * (1.0 - 3.0 * TIE), avoid
-        rule["check"], rule["collide"] = settings.transitions, collisions
+        rule["node_margin"], rule["best_touches"] = margin * (1.0 - 3.0 * TIE), avoid
+        rule["check_branches"], rule["check_contacts"] = settings.transitions, collisions
         rule["nodes_only"] = nodes_only
         out = Posture.rows(k)
         robots, least = self.shapes.rows, LEAST_IN_THREADS if count == 2 else MANY_LIMBS_IN_THREADS
@@ -393,6 +392,6 @@ class PostureSolver:
             out["w_b"].copy(),
             out["branch"][:, :count].copy(),
             out["mask"][:, :count].copy(),
-            out["tried"].copy(),
+            out["pose_number"].copy(),
             out["cause"].copy(),
         )

@@ -1,7 +1,6 @@
-"""Base poses that are tried for a stance, and which of them its posture has, by number.
+"""Candidate base poses of a stance, and the number of a base pose among them.
 
-With the number the base pose of a node is found again without what led to it, see
-`stances.node_table`.
+The number of its base pose is all that a stored node needs to recover it, see `stances.node_table`.
 """
 
 from __future__ import annotations
@@ -27,19 +26,19 @@ from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.world.grasp_map import GraspMap
 
 OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
-"""Distances of the base from the line through the grasps tried there [m]."""
+"""Candidate distances of the base from the line through the grasps between opposite walls [m]."""
 
 OPPOSED_ROLLS = 12
-"""Rolls over the full circle tried there."""
+"""Number of candidate rolls between opposite walls, over a full turn."""
 
 
 class Candidates(NamedTuple):
-    """Base poses that are tried."""
+    """Candidate base poses of k stances."""
 
     frames: tuple[Array, Array, Array, BoolArray]
-    """What `base_frames` returns."""
+    """Body axes, outward directions, roll axes and opposed walls, see `base_frames`."""
     heights: Array
-    """Heights over the centroid [m]."""
+    """Heights above the centroid [m]."""
     rolls: Array
     """Rolls [rad]."""
     opposed_heights: Array
@@ -49,30 +48,27 @@ class Candidates(NamedTuple):
 
     @classmethod
     def of(cls, robot: RobotSpec, held: Grasps) -> Candidates:
-        """A robot's candidates for some grasps."""
-        wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
+        """Return a robot's candidates for given grasps."""
+        opposed_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         return cls(
             base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
             np.array(robot.heights),
             np.array(robot.rolls),
             np.array(OPPOSED_HEIGHTS),
-            np.array(geometric_order(wide_rolls)),
+            np.array(geometric_order(opposed_rolls)),
         )
 
     def write(self, stances: Any, rules: Any) -> None:
-        """Put them into rows of `HeldStance` and a row of `PostureRule`."""
+        """Write the candidates into records of `HeldStance` and a record of `PostureRule`."""
         for name, array in zip(("frame", "out", "line", "opposed"), self.frames, strict=True):
             stances[name] = array
         set_candidates(rules[0], self[1:])
 
-    @property
-    def most(self) -> int:
-        """The most base poses of one stance."""
-        heights, rolls, opposed_heights, opposed_rolls = map(len, self[1:])
-        return max(heights * rolls, opposed_heights * opposed_rolls)
-
     def poses(self, numbers: IntArray) -> Any:
-        """One base pose of each stance, from the centroid of its grasps: rows of `Pose`, (k,)."""
+        """Return one base pose of each stance by number, relative to the centroid of its grasps.
+
+        They are records of `Pose`, shape (k,).
+        """
         count, rules = len(numbers), PostureRule.rows(1)
         stances, out = HeldStance.rows(count), Pose.rows(count)
         self.write(stances, rules)
@@ -81,14 +77,14 @@ class Candidates(NamedTuple):
 
 
 def held_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
-    """Grasps of stances about their centroids, in the axes of the world."""
+    """Return the grasps of stances relative to their centroids, in the axes of the world."""
     points, rotations = grasp_map.positions[stances], grasp_map.rotations[stances]
     centres = mean_of_limbs(points)
     return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
 
 
 def rounded_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
-    """As `held_in_world`, but on the rounded figures of the relative geometry."""
+    """Return grasps like `held_in_world`, from the rounded coordinates of the relative geometry."""
     rows, inverse = relative_geometries(grasp_map, stances)
     held, centroids = grasps_of_geometries(rows[inverse], stances.shape[1])
     first = stances[:, 0]
@@ -97,10 +93,13 @@ def rounded_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
     return Grasps(grasps, normals, rails, grasp_map.positions[first] + rotate(frames, centroids))
 
 
-def bases_of(
+def bases_of_ordered(
     grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray
 ) -> tuple[Array, Array]:
-    """Base poses by their numbers of stances with whose limb 0 the rule begins, see `bases_at`."""
+    """Return base poses by number, of stances whose limb 0 is the first limb of the rule.
+
+    See `bases_at`.
+    """
     rows, inverse = relative_geometries(grasp_map, stances)
     held, centroids = grasps_of_geometries(rows[inverse], robot.limbs)
     found = Candidates.of(robot, held).poses(numbers)
@@ -111,9 +110,9 @@ def bases_of(
 def bases_at(
     grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray
 ) -> tuple[Array, Array]:
-    """Base poses of stances in the world, by their numbers.
+    """Return the base poses of stances in the world by their numbers among the candidates.
 
-    They are those of `Postures` to the last bit.
+    They equal those of `Postures` to the last bit.
 
     Parameters
     ----------
@@ -124,13 +123,15 @@ def bases_at(
     stances
         Point indices, shape (k, N).
     numbers
-        Which of those tried, shape (k,).
+        Indices among the candidates, shape (k,).
 
     Returns
     -------
     tuple[Array, Array]
-        Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
+        Positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
     """
     turns = first_limbs(grasp_map, stances)
-    positions, rotations = bases_of(grasp_map, robot, permuted_limbs(stances, turns), numbers)
+    positions, rotations = bases_of_ordered(
+        grasp_map, robot, permuted_limbs(stances, turns), numbers
+    )
     return positions, turned_frames(rotations, -turns, robot.limbs)

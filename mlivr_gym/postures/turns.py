@@ -1,11 +1,11 @@
-"""Turns of a robot about its own axis: every limb takes the place of another, and all is as before.
+"""Cyclic relabellings of the limbs, which stand for turns of the robot about its own axis.
 
-The limbs of a robot are alike and mounted at equal angles, so a stance whose points change limbs in
-turn is the same stance of a robot that has turned. With more than two limbs its posture is the same
-too: the rule of postures begins with a limb that the grasps decide, not with limb 0, see
-`first_limbs`. So are its steps if the body looks the same too, which is a cube: with four limbs,
-see `same_after_turns`; with three a few are not. A turn `t` puts limb `(t + i) % N` in the place of
-limb `i`.
+The limbs are alike and mounted at equal angles, so a stance whose points are exchanged cyclically
+among the limbs is the same stance of a robot that has turned. With more than two limbs its posture
+is the same too: the rule of postures starts with a limb that the grasps determine, not with limb 0,
+see `first_limbs`. Its steps are the same if the body, a cube, also looks the same, which holds for
+four limbs, see `same_after_turns`; with three limbs a few steps differ. A relabelling `t` puts limb
+`(t + i) % N` in the place of limb `i`.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 
 def same_after_turns(limbs: int) -> bool:
-    """Whether all of a robot, the cube of its body too, is as before after any turn.
+    """Return whether the robot, its cubic body included, is unchanged by cyclic relabellings.
 
-    Of two limbs the rule of postures begins with limb 0, which a half turn makes the other.
+    With two limbs it is not, since the rule of postures starts with limb 0.
     """
     return limbs == 4
 
 
 def permuted_limbs(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
-    """Values of the limbs after turns, shape (k, N, ...) and (k,) -> (k, N, ...)."""
+    """Return values of the limbs after relabellings, shape (k, N, ...) and (k,) -> (k, N, ...)."""
     limbs = np.arange(values.shape[1])
     places = (limbs + turns[:, None]) % len(limbs)
     taken: NDArray[Any] = values[np.arange(len(values))[:, None], places]
@@ -38,7 +38,7 @@ def permuted_limbs(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
 
 
 def turned_frames(rotations: Array, turns: IntArray, limbs: int) -> Array:
-    """Base rotations of a robot that has turned, shape (k, 3, 3) and (k,) -> (k, 3, 3).
+    """Return base rotations after relabellings, shape (k, 3, 3) and (k,) -> (k, 3, 3).
 
     The x axis of the base points to the mount of limb 0.
     """
@@ -51,18 +51,18 @@ def turned_frames(rotations: Array, turns: IntArray, limbs: int) -> Array:
 
 
 def lowest_first(stances: IntArray) -> IntArray:
-    """Turns after which limb 0 holds the point of lowest index, (k, N) -> (k,)."""
+    """Return the relabellings after which limb 0 holds the lowest point index, (k, N) -> (k,)."""
     turns: IntArray = stances.argmin(axis=1)
     return turns
 
 
 def first_limbs(grasp_map: GraspMap, stances: IntArray) -> IntArray:
-    """Limbs with which the rule of postures begins, (k, N) -> (k,), at most N - 1.
+    """Return the limbs with which the rule of postures starts, shape (k, N) -> (k,).
 
-    The one whose point is nearest to the centroid; of equally near ones the one from which on, limb
-    by limb, the distances from the centroid and then those to the next point are smaller. Only in
-    stances that are their own image the axes of the map decide: the lower x, y, z. Of two limbs it
-    is limb 0.
+    It is the limb whose point is closest to the centroid. Among limbs at equal distances, it is the
+    one from which on, limb by limb, the distances from the centroid and then the distances to the
+    next point are smaller. Only in stances that are images of themselves the axes of the map
+    decide: the lower x, y, z. Of two limbs it is limb 0.
     """
     if stances.shape[1] == 2:
         return np.zeros(len(stances), dtype=np.int64)
@@ -73,18 +73,21 @@ def first_limbs(grasp_map: GraspMap, stances: IntArray) -> IntArray:
     if len(tied):
         some = positions[tied]
         apart = _rounded(np.roll(some, -1, axis=1) - some)
-        limbs[tied] = _least_turn(away[tied], apart, *np.moveaxis(some, 2, 0))
+        limbs[tied] = _smallest_relabelling(away[tied], apart, *np.moveaxis(some, 2, 0))
     return limbs
 
 
 def _rounded(vectors: Array) -> Array:
-    """Lengths as whole multiples of `RESOLUTION`, shape (k, N, 3) -> (k, N)."""
+    """Return lengths as whole multiples of `RESOLUTION`, shape (k, N, 3) -> (k, N)."""
     lengths: Array = np.rint(np.linalg.norm(vectors, axis=2) / RESOLUTION)
     return lengths
 
 
-def _least_turn(*values: Array) -> IntArray:
-    """Turns that make the values of the limbs, some after the others, least; each (k, N)."""
+def _smallest_relabelling(*values: Array) -> IntArray:
+    """Return the relabellings that make the values of the limbs lexicographically smallest.
+
+    Each array of values has shape (k, N); the first array counts first.
+    """
     count, limbs = values[0].shape
     alive = np.ones((count, limbs), dtype=np.bool_)
     for one in values:

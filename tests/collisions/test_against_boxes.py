@@ -1,4 +1,4 @@
-"""Capsules against turned boxes, some of which lie behind a grasp: coal measures how far."""
+"""Capsules against rotated boxes, some of which lie behind a grasp, compared with Coal."""
 
 import itertools
 
@@ -9,7 +9,13 @@ from compiled import called
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.against_boxes import FLUSH, Behind, axis_answer, lies_behind, set_behind
+from mlivr_gym.collisions.against_boxes import (
+    FLUSH,
+    Behind,
+    compare_with_grid,
+    lies_behind,
+    set_behind,
+)
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED
 
@@ -17,7 +23,7 @@ SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 
 def random_boxes(rng, count, upright=False):
-    """Boxes in any posture about the origin."""
+    """Return boxes in random poses about the origin."""
     turns = [np.eye(3) if upright else Rotation.random(rng=rng).as_matrix() for _ in range(count)]
     return [
         Box(f"b{k}", "obstacle", tuple(rng.uniform(-0.6, 0.6, 3)), tuple(rng.uniform(0.02, 0.3, 3)),
@@ -27,13 +33,13 @@ def random_boxes(rng, count, upright=False):
 
 
 def surface(rng, boxes):
-    """A point and a normal, in front of some of the boxes and of others not."""
+    """Return a point and a normal; some of the boxes lie behind that surface and some do not."""
     normal = Rotation.random(rng=rng).as_matrix()[:, 2]
     return tuple(rng.uniform(-0.3, 0.3) * normal), tuple(normal)
 
 
 def at(point, normal):
-    """A grasp there."""
+    """Return the grasp at that surface."""
     row = Behind.row()
     called(set_behind)(row, point, normal)
     return row
@@ -41,7 +47,7 @@ def at(point, normal):
 
 @pytest.mark.parametrize("upright", [False, True])
 def test_a_box_lies_behind_a_surface_if_no_corner_stands_out_of_it(upright):
-    """Just within what counts as flush, and just not."""
+    """Corners just below and just above the `FLUSH` limit are tested."""
     rng = np.random.default_rng(0)
     for box in random_boxes(rng, 60, upright):
         normal = Rotation.random(rng=rng).as_matrix()[:, 2]
@@ -55,7 +61,7 @@ def test_a_box_lies_behind_a_surface_if_no_corner_stands_out_of_it(upright):
 @pytest.mark.parametrize("at_grasp", [False, True])
 @pytest.mark.parametrize("upright", [False, True])
 def test_a_capsule_meets_boxes_exactly_as_far_as_coal_says(upright, at_grasp):
-    """What is behind a grasp does not count for what is at it; a motion is told from both sides."""
+    """Boxes behind a grasp are omitted; results are checked just below and above each limit."""
     rng, skipped = np.random.default_rng(1), 0
     for _ in range(40):
         boxes = random_boxes(rng, 6, upright)
@@ -72,7 +78,7 @@ def test_a_capsule_meets_boxes_exactly_as_far_as_coal_says(upright, at_grasp):
 
         def answer(inner, motion, axis=(start, end), world=(grid, grasp)):
             ends = tuple(map(tuple, axis))
-            return called(axis_answer)(ends, inner, motion, *world, at_grasp)
+            return called(compare_with_grid)(ends, inner, motion, *world, at_grasp)
 
         near = 1e-5
         assert answer(away - near, (0.0, 0.0)) == CLEAR

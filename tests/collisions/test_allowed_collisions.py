@@ -1,4 +1,4 @@
-"""Kernels, plain definition and MuJoCo leave out what the table says, no more and no less."""
+"""Kernels, plain definition and MuJoCo omit exactly the pairs of the allowed collisions."""
 
 import itertools
 from dataclasses import replace
@@ -9,14 +9,18 @@ from coal_ruler import mujoco_pairs
 from compiled import called
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.against_robot import against_body, against_itself, against_limb
+from mlivr_gym.collisions.against_robot import (
+    compare_limb_with_body,
+    compare_limb_with_itself,
+    compare_limbs,
+)
 from mlivr_gym.collisions.allowed_collisions import (
     ALLOWED_COLLISIONS,
     ANY,
     BOXES,
     OTHER,
     SAME,
-    is_allowed,
+    allowed_pair,
 )
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
@@ -38,7 +42,7 @@ FAT = {
 
 
 def fat(robot):
-    """A robot whose capsules are so thick that nothing but joints keeps links apart."""
+    """Return a robot whose capsules are so thick that only joints separate its links."""
     shapes = tuple(replace(c, radius=FAT.get(c.link, 1.0) * c.radius) for c in robot.shapes)
     return replace(robot, name="fat", capsules=shapes)
 
@@ -47,7 +51,7 @@ ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3"))]
 
 
 def left_out(robot):
-    """What the table leaves out for a robot: pairs of links, and whether they are of one limb."""
+    """Return the pairs of links that the table omits, and whether they belong to one limb."""
     checked = robot.name != "fat"
     rows = [
         row for row in ALLOWED_COLLISIONS if row.whose != BOXES and (checked or not row.checked)
@@ -60,7 +64,7 @@ def left_out(robot):
 
 
 def every_pair():
-    """All pairs of links, of one limb and of two, and of the body with each."""
+    """Return all pairs of links, of one limb and of two, and of the body with each link."""
     links = list(itertools.combinations_with_replacement(sorted(LINKS), 2))
     return {(*pair, whose) for pair in links for whose in (SAME, OTHER)} | {
         (*sorted(("body", link)), SAME) for link in LINKS
@@ -68,7 +72,7 @@ def every_pair():
 
 
 def compared_by_name(names):
-    """Pairs of links from pairs of names like `limb0/forearm/0` and `body`."""
+    """Return pairs of links from pairs of names like `limb0/forearm/0` and `body`."""
     found = set()
     for first, second in names:
         a, b = first.split("/"), second.split("/")
@@ -83,7 +87,7 @@ def compared_by_name(names):
 
 
 def compared_by_kernels(robot):
-    """Pairs that a kernel reports when they, and nothing else, overlap."""
+    """Return the pairs that a kernel reports when they, and no other shapes, overlap."""
     shapes = LimbShapes(robot)
     count, still = len(shapes), Placed.row()
     lonely = np.empty((count, 2, 3))
@@ -97,8 +101,8 @@ def compared_by_kernels(robot):
     def against_own(ends, row=shapes.robot):
         """A limb against itself, the body and the mounts."""
         limb, here = row["limbs"][0], at(ends)
-        itself, _ = called(against_itself)(limb, here, still, EVERY, 0.0)
-        return max(itself, called(against_body)(row, limb, here, EVERY, 0.0)[0])
+        itself, _ = called(compare_limb_with_itself)(limb, here, still, EVERY, 0.0)
+        return max(itself, called(compare_limb_with_body)(row, limb, here, EVERY, 0.0)[0])
 
     assert against_own(lonely) == CLEAR
     found = set()
@@ -125,7 +129,7 @@ def compared_by_kernels(robot):
             away = lonely + 1000.0
             away[d] = lonely[c]
             limbs = shapes.limb, at(lonely), shapes.robot["limbs"][1], at(away)
-            if called(against_limb)(*limbs, EVERY, 0.0)[0] == SELF:
+            if called(compare_limbs)(*limbs, EVERY, 0.0)[0] == SELF:
                 found.add((*sorted((name, other)), OTHER))
     return found
 
@@ -137,7 +141,7 @@ def test_the_kernels_leave_out_what_the_table_says(robot):
 
 @pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
 def test_the_plain_definition_leaves_out_what_the_table_says(robot):
-    """A clearance above every distance finds all pairs; every shape is compared with a box."""
+    """A clearance above every distance yields all pairs; every shape is compared with a box."""
     box = Box.between("crate", "obstacle", (1.0, 1.0, 1.0), (2.0, 2.0, 2.0))
     here = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.full((robot.limbs, 6), 0.3))
     found = contacts(robot, (box,), here, 100.0)
@@ -145,7 +149,7 @@ def test_the_plain_definition_leaves_out_what_the_table_says(robot):
     assert every_pair() - compared_by_name(among) == left_out(robot)
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
     assert {c.first for c in found if c.second == "box/crate"} == names
-    # At a grasp in front of the box the gripper, and nothing else, may come close to it.
+    # At a grasp in front of the box only the gripper may touch it.
     grasp = (1, np.array([2.0, 1.5, 1.5]), np.array([1.0, 0.0, 0.0]))
     at_grasp = contacts(robot, (box,), here, 100.0, [grasp])
     assert {c.first for c in at_grasp if c.second == "box/crate"} == names - {"limb1/gripper/0"}
@@ -167,6 +171,6 @@ def test_every_row_has_a_reason_and_a_place():
     rows = [(frozenset((row.first, row.second)), row.whose) for row in ALLOWED_COLLISIONS]
     assert len(set(rows)) == len(rows)
     assert all(row.reason for row in ALLOWED_COLLISIONS)
-    assert is_allowed("forearm", "upper_arm") == is_allowed("upper_arm", "forearm")
-    assert is_allowed("forearm", "upper_arm", OTHER) is None
-    assert is_allowed("shoulder", "base", OTHER) is not None
+    assert allowed_pair("forearm", "upper_arm") == allowed_pair("upper_arm", "forearm")
+    assert allowed_pair("forearm", "upper_arm", OTHER) is None
+    assert allowed_pair("shoulder", "base", OTHER) is not None

@@ -3,19 +3,19 @@ import pytest
 from compiled import called
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.against_boxes import Behind, axis_answer
-from mlivr_gym.collisions.box_grid import CELL, MOST_CELLS, MOST_ENTRIES, box_grid
+from mlivr_gym.collisions.against_boxes import Behind, compare_with_grid
+from mlivr_gym.collisions.box_grid import CELL_EDGE, MOST_CELLS, MOST_ENTRIES, box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED, segment_box_distance
 
 
 def answer(grid, start, end, radius, motion=(0.0, 0.0)):
-    """What the grid finds of a capsule whose ends may move."""
+    """Return the result of comparing a capsule whose ends may move with a grid."""
     axis = tuple(start), tuple(end)
-    return called(axis_answer)(axis, radius, motion, grid, Behind.row(), False)
+    return called(compare_with_grid)(axis, radius, motion, grid, Behind.row(), False)
 
 
 def touched(grid, start, end, radius):
-    """Whether the grid finds that a capsule touches a box."""
+    """Return whether the grid reports that a capsule touches a box."""
     return answer(grid, start, end, radius) != CLEAR
 
 
@@ -29,7 +29,7 @@ FAR = [Box(f"far{side}", "obstacle", (side * 990.0,) * 3, (10.0,) * 3) for side 
 
 @pytest.mark.parametrize("far", [[], FAR], ids=["close", "far"])
 def test_the_grid_finds_what_pairwise_distances_find(far):
-    """Brute force over the boxes; where some are 2 km apart the cells are large."""
+    """Compare with all boxes one by one; where some are 2 km away the cells are large."""
     rng = np.random.default_rng(0)
     boxes = random_boxes(rng, 12) + far
     grid = box_grid(boxes)
@@ -45,7 +45,7 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
             for box in boxes
         ]
         assert touched(grid, start, end, radius) == (min(apart) < 0.0)
-        # Where it is touched as it lies its motion plays no part, nor what is close besides.
+        # Where it touches at its midpoint, neither its motion nor other close boxes matter.
         moving = answer(grid, start, end, radius, tuple(rng.uniform(0.0, 0.5, 2)))
         assert (moving > UNDECIDED) == (min(apart) < 0.0)
         found.append(min(apart) < 0.0)
@@ -56,7 +56,7 @@ def test_the_grid_finds_what_pairwise_distances_find(far):
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_box_that_the_tip_touches_is_found_after_one_that_is_only_close(axis, sign):
-    """A plate 0.2 m beside a capsule that may move by 0.15 m, and a crate 1 cm inside its tip."""
+    """A plate is 0.2 m from a capsule that may move by 0.15 m, and a crate 1 cm inside its tip."""
     along, across = np.eye(3)[axis], np.eye(3)[(axis + 1) % 3]
     plate = Box("plate", "panel", tuple(-0.3 * across), tuple(1.0 - 0.9 * across))
     crate = Box("crate", "obstacle", tuple(0.21 * sign * along), (0.02, 0.02, 0.02))
@@ -68,7 +68,7 @@ def test_a_box_that_the_tip_touches_is_found_after_one_that_is_only_close(axis, 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_capsule_may_reach_far_out_of_the_grid(axis, sign):
-    """From 90 m away into one of two boxes, and past them."""
+    """A capsule reaches from 90 m away into one of two boxes, or past them."""
     boxes = [Box(f"b{k}", "obstacle", (k, k, k), (0.2, 0.2, 0.2)) for k in range(2)]
     grid, along = box_grid(boxes), 90.0 * sign * np.eye(3)[axis]
     for k in range(2):
@@ -90,11 +90,11 @@ def test_a_capsule_may_reach_far_out_of_the_grid(axis, sign):
 def test_the_grid_stays_small_however_far_boxes_reach(boxes):
     grid = box_grid(boxes)
     frame = grid.frames[0]
-    assert frame["edge"] > CELL
+    assert frame["edge"] > CELL_EDGE
     assert frame["cells"].prod() <= MOST_CELLS
     assert len(grid.items) <= MOST_ENTRIES
-    assert len(grid.filled) == len(grid.start) - 1 == frame["cells"].prod()
+    assert len(grid.fill_bounds) == len(grid.start) - 1 == frame["cells"].prod()
 
 
 def test_the_cells_of_a_module_keep_their_size(jem):
-    assert box_grid(jem.boxes).frames[0]["edge"] == CELL
+    assert box_grid(jem.boxes).frames[0]["edge"] == CELL_EDGE

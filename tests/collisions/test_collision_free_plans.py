@@ -1,4 +1,4 @@
-"""Stances and plans that are called free touch nothing; coal is the ruler."""
+"""Stances and plans reported as free of collisions touch nothing, as measured by Coal."""
 
 import numpy as np
 import pytest
@@ -15,14 +15,17 @@ CLEARANCE = 0.02
 
 
 def nearest(graph, plan, ruler, samples):
-    """Distances at samples of a plan's steps, grippers at grasps left out, the least first."""
+    """Return distances at samples of a plan's steps, in ascending order.
+
+    Grippers at grasps are excluded.
+    """
     found = []
     for k, step in enumerate(plan.steps):
         motion = step_motion(graph, plan, k, samples)
         before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
         for n, phase in enumerate(motion.phase):
             points = [(i, p) for i, p in enumerate(before) if i != step.limb]
-            # It departs along one normal and approaches along the other; between it is at no grasp.
+            # It departs along one normal and approaches along another; between them it is free.
             points += {
                 0: [(step.limb, before[step.limb])],
                 1: [],
@@ -35,7 +38,7 @@ def nearest(graph, plan, ruler, samples):
 
 @pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 12)])
 def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, plans):
-    """Between all shapes that are compared, at every sample of every step."""
+    """All shapes that are compared keep the clearance at every sample of every step."""
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)
     rng, ruler, planner = np.random.default_rng(5), Ruler(graph.robot, jem.boxes), Planner(graph)
     found = []
@@ -46,7 +49,7 @@ def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, pla
         plan = planner.plan(start.stance, goal, cost, **price).unwrap()
         found += nearest(graph, plan, ruler, 12)
     assert min(found)[0] >= CLEARANCE - 1e-9
-    # They come so close that the clearance decides.
+    # They come so close that the clearance is decisive.
     ids = {box.id for box in jem.boxes}
     assert min(gap for gap, _, other in found if other in ids) < 1.5 * CLEARANCE
     if robot == "mlivr3":
@@ -55,7 +58,7 @@ def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, pla
 
 
 def test_free_stances_keep_the_clearance(checked_graph, jem):
-    """All shapes that are compared, on random ones of the branches allowed."""
+    """All shapes that are compared keep the clearance on random branches of the masks."""
     graph, rng, ruler = checked_graph, np.random.default_rng(3), Ruler(ROBOT, jem.boxes)
     found = []
     for s in rng.choice(len(graph), 500, replace=False):

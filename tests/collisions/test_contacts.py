@@ -1,4 +1,4 @@
-"""The plain definition of what is close to what, against MuJoCo and coal."""
+"""The plain definition of contacts, compared with MuJoCo and Coal."""
 
 import mujoco
 import numpy as np
@@ -40,7 +40,7 @@ def test_capsules_lie_where_mujoco_has_them(jem):
 
 
 def test_every_stance_left_out_touches_something(checked_graph, graph):
-    """The best posture of a stance that only collisions keep out is closer than the clearance."""
+    """The best posture of a stance that only collisions exclude is closer than the clearance."""
     rng = np.random.default_rng(3)
     missing = [s for s in range(len(graph)) if checked_graph.find(graph.points[s].tolist()) < 0]
     assert len(missing) == sum(checked_graph.removed.values())
@@ -53,7 +53,7 @@ def test_every_stance_left_out_touches_something(checked_graph, graph):
 
 
 def test_the_plain_definition_measures_what_coal_measures():
-    """Every pair of shapes nearer than 0.3 m, a turned box among them, and no other."""
+    """All pairs of shapes closer than 0.3 m are found, a rotated box among them, and no others."""
     rng, ruler = np.random.default_rng(6), Ruler(ROBOT)
     met = set()
     for _ in range(40):
@@ -77,7 +77,7 @@ def test_the_plain_definition_measures_what_coal_measures():
 
 
 def test_at_a_grasp_a_gripper_may_come_close_to_what_coal_leaves_out_too():
-    """Turned boxes at the gripper, whose farthest corner stands out a little, or not."""
+    """The farthest corner of rotated boxes at the gripper protrudes a little, or not."""
     rng, ruler, left_out = np.random.default_rng(7), Ruler(ROBOT), 0
     for k in range(60):
         turn = Rotation.random(rng=rng).as_quat(scalar_first=True)

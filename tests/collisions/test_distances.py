@@ -1,4 +1,4 @@
-"""Distances and how they compare with lengths; coal and dense samples are the rulers."""
+"""Distances and their comparison with lengths, against Coal and dense samples."""
 
 import coal
 import numpy as np
@@ -15,11 +15,11 @@ from mlivr_gym.collisions.distances import (
     SEGMENT,
     SELF,
     UNDECIDED,
-    box_answer,
+    compare_capsule_with_box,
+    compare_capsules,
+    keeps_distance,
     segment_box_distance,
-    segments_answer,
     segments_distance,
-    stays_away,
 )
 
 
@@ -57,10 +57,10 @@ def test_segment_to_segment_agrees_with_coal(a, b, c, d):
 )
 @examples(max_examples=300, deadline=None)
 def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, other, lengths):
-    """Told apart as samples tell it, but for what rounding or the number of places leaves open."""
+    """The result agrees with samples, unless rounding or the number of places leaves it open."""
     (start, end), (first, second), (at_start, at_end) = axis, other, lengths
     shape = np.abs(first) + 0.05 if box else first
-    answer = called(stays_away)(
+    answer = called(keeps_distance)(
         BOX if box else SEGMENT,
         tuple(shape),
         tuple(second - first),
@@ -96,18 +96,18 @@ def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, othe
 def test_capsules_are_clear_as_far_as_samples_of_their_motion_tell(
     box, axis, other, inner, moves, more
 ):
-    """Either end of the first may be the one that moves far; coal says how far they are apart."""
+    """Either end of the first capsule may move farther; Coal measures the distances."""
     (start, end), (first, second) = axis, other
     if min(np.linalg.norm(end - start), np.linalg.norm(second - first)) < 1e-3:
         return
     shape, given = np.abs(first) + 0.05, (tuple(start), tuple(end - start))
     if box:
-        answer = called(box_answer)(*given, tuple(shape), inner, moves)
+        answer = called(compare_capsule_with_box)(*given, tuple(shape), inner, moves)
         body = coal.Box(*(2.0 * shape)), coal.Transform3s.Identity()
         more = 0.0
     else:
         ends = tuple(first), tuple(second - first)
-        answer = called(segments_answer)(*given, *ends, inner, more, moves)
+        answer = called(compare_capsules)(*given, *ends, inner, more, moves)
         body = capsule(1e-6, first, second)
     gap = max(apart(capsule(1e-6, start, end), body), 0.0)
     places = start + np.linspace(0.0, 1.0, 41)[:, None] * (end - start)

@@ -1,4 +1,4 @@
-"""What is left out cannot meet; what contains body and mounts contains them."""
+"""Pairs that are not compared cannot touch; the capsules of the base contain body and mounts."""
 
 import itertools
 
@@ -6,11 +6,11 @@ import numpy as np
 from compiled import called
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.against_boxes import Behind, base_against_boxes
+from mlivr_gym.collisions.against_boxes import Behind, compare_base_with_boxes
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_distance
-from mlivr_gym.collisions.limb_shapes import NEVER_NEARER, LimbShapes
+from mlivr_gym.collisions.limb_shapes import OFFSET_PAIRS, LimbShapes
 from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
@@ -20,8 +20,8 @@ SHAPES = LimbShapes(ROBOT)
 
 
 def test_links_that_are_not_compared_never_meet():
-    """No posture brings two of those that are two joints apart closer than touching."""
-    left_out = {tuple(sorted((a, b))) for a, b in NEVER_NEARER}
+    """No posture brings uncompared links two joints apart closer than touching."""
+    left_out = {tuple(sorted((a, b))) for a, b in OFFSET_PAIRS}
     compared = {tuple(SHAPES.links[[i, j]].tolist()) for i, j in SHAPES.pairs}
     rng = np.random.default_rng(1)
     least = dict.fromkeys(left_out, np.inf)
@@ -42,7 +42,7 @@ def test_links_that_are_not_compared_never_meet():
 
 
 def test_what_moves_with_the_base_contains_body_and_mounts():
-    """A millimetre box anywhere in the body or a mount is found, one 22 cm away is not."""
+    """A box of 1 mm anywhere in the body or a mount is reported; one 22 cm away is not."""
     robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
     shapes = LimbShapes(robot)
     mounts, radius = shapes.mounts["ends"], shapes.mounts["radius"]
@@ -51,7 +51,7 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
         grid, nothing = box_grid((speck,)), Behind.row()
-        return called(base_against_boxes)(shapes.robot, origin, still, grid, 0.0, nothing)
+        return called(compare_base_with_boxes)(shapes.robot, origin, still, grid, 0.0, nothing)
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
     inside = [*corners, *rng.uniform(-half, half, (200, 3))]

@@ -1,4 +1,4 @@
-"""Graphs and plans among obstacles and occupied points, and with shapes of a user."""
+"""Graphs and plans among obstacles and occupied points, and with shapes given by the user."""
 
 import json
 from dataclasses import replace
@@ -77,7 +77,7 @@ CLEARANCE = 0.02
 
 
 def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):
-    """The limb that moves grasps on the same; the one that holds keeps some of them, mostly all."""
+    """The moving limb grasps on the same branches; the holding limb keeps some or all of them."""
     graph, rng = small_checked_graph, np.random.default_rng(1)
     lazy = LazyGraph(small_map, graph.robot, graph.settings)
     same = []
@@ -97,7 +97,7 @@ def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):
 
 
 def best_postures(graph, stances):
-    """Configuration of each stance in its best posture, and its grasps."""
+    """Return the configuration of each stance in its best posture, and its grasps."""
     for stance in stances:
         s = graph.find(stance)
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
@@ -105,9 +105,9 @@ def best_postures(graph, stances):
 
 
 def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):
-    """A map's box, and a capsule across each forearm.
+    """The shapes are a box of the map, and a capsule across each forearm.
 
-    Stances that are gone touch in their best posture, those that remain keep the clearance.
+    Stances that are removed touch something in their best posture; the others keep the clearance.
     """
     settings = Settings(limb_threshold=0.05)
     shelf = Box.between("shelf", "obstacle", (0.3, -0.5, 0.5), (0.6, 0.5, 0.55))

@@ -1,4 +1,4 @@
-"""Bounds of how far shapes move hold, and are no more than three times too large."""
+"""Bounds of how far shapes move hold, and exceed the real motion at most threefold."""
 
 import mujoco
 import numpy as np
@@ -12,11 +12,11 @@ from mlivr_gym import GraspMap, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.placement import (
     Placed,
-    capsule_motion,
-    joint_motion,
-    moved_by_base,
-    seen_from_grasp,
-    seen_from_link,
+    bound_capsules,
+    bound_from_grasp,
+    bound_in_world,
+    bound_links,
+    motion_from_link,
 )
 from mlivr_gym.kinematics.turns import Turns
 from mlivr_gym.robot.capsules import LINKS
@@ -39,13 +39,13 @@ def numbers(low, high, count=6):
 
 
 def turns():
-    """Changes of six joint angles, often of a few joints alone [rad]."""
+    """Return changes of six joint angles, often of a few joints alone [rad]."""
     one = st.one_of(st.just(0.0), st.floats(-0.3, 0.3))
     return st.lists(one, min_size=6, max_size=6).map(np.array)
 
 
 def postures(rng):
-    """Joint angles that nearly reach the bounds: arms bent in all directions in their plane."""
+    """Return joint angles that nearly reach the bounds: arms bent in all directions in a plane."""
     right = 0.5 * np.pi * np.arange(4)
     plane = np.stack(np.meshgrid(right, right, right), axis=-1).reshape(-1, 3)
     other = rng.uniform(-np.pi, np.pi, (len(plane), 3))
@@ -53,7 +53,7 @@ def postures(rng):
 
 
 def ends_seen(q):
-    """Ends of the moving capsules seen from each of the links 0 to 6, shape (7, c, 2, 3) [m]."""
+    """Return the ends of moving capsules seen from each of the links 0 to 6 [m], (7, c, 2, 3)."""
     DATA.qpos[FIRST : FIRST + 6] = q
     mujoco.mj_kinematics(MODEL, DATA)
     origins, axes = DATA.xpos[BODIES], DATA.xmat[BODIES].reshape(-1, 3, 3)
@@ -62,9 +62,9 @@ def ends_seen(q):
 
 
 def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
-    """How far each end moves from the middle of a motion, shape (7, c, 2) [m].
+    """Return how far each end moves from the midpoint of a motion [m], shape (7, c, 2).
 
-    Joint angles go on a parabola from `q + minus` through `q` to `q + plus`, a line where these
+    Joint angles follow a parabola from `q + minus` through `q` to `q + plus`, a line where these
     are opposite.
     """
     middle, out = ends_seen(q), np.zeros((7, len(LINK), 2))
@@ -75,7 +75,7 @@ def farthest(q, minus, plus, shares=(-1.0, -0.6, -0.3, 0.3, 0.6, 1.0)):
 
 
 def turns_of(minus, plus):
-    """How far joints and sums of joints turn at most on that motion."""
+    """Return the largest rotations of joints and of sums of joints on that motion."""
     out, along = Turns.row(), np.linspace(-1.0, 1.0, 401)[:, None]
     angles = 0.5 * along * (plus - minus) + 0.5 * along**2 * (plus + minus)
     for name in Turns.dtype.names:
@@ -85,29 +85,29 @@ def turns_of(minus, plus):
 
 
 def bounds(minus, plus):
-    """Bound of each end's motion seen from each of the links 0 to 4, shape (5, c, 2) [m].
+    """Return the bound of each end's motion as seen from each of the links 0 to 4 [m], (5, c, 2).
 
-    NaN for ends on that link or before.
+    It is NaN for ends on that link or before it.
     """
     placed = Placed.row()
-    placed["turns"], placed["share"] = turns_of(minus, plus), 1.0
-    called(joint_motion)(SHAPES.limb["arm"], placed)
+    placed["turns"], placed["fraction"] = turns_of(minus, plus), 1.0
+    called(bound_links)(SHAPES.limb["arm"], placed)
     out = np.full((5, len(LINK), 2), np.nan)
     for row in range(5):
         for c in np.flatnonzero(row < LINK):
-            out[row, c] = called(seen_from_link)(row, SHAPES.limb["capsules"][c], placed)
-    placed["share"] = 0.5
-    called(capsule_motion)(SHAPES.limb, placed)
+            out[row, c] = called(motion_from_link)(row, SHAPES.limb["capsules"][c], placed)
+    placed["fraction"] = 0.5
+    called(bound_capsules)(SHAPES.limb, placed)
     np.testing.assert_allclose(placed["in_body"]["motion"][: len(LINK)], 0.5 * out[0], rtol=1e-12)
     return out
 
 
 def from_grasp(minus, plus):
-    """Bound of each end's motion seen from the flange, infinite where there is none, (c, 2) [m]."""
+    """Return the bound of each end's motion from the grasp [m], infinite if none exists, (c, 2)."""
     placed = Placed.row()
     placed["turns"] = turns_of(minus, plus)
     placed["in_world"]["motion"] = np.inf
-    called(seen_from_grasp)(SHAPES.limb, placed)
+    called(bound_from_grasp)(SHAPES.limb, placed)
     return placed["in_world"]["motion"][: len(LINK)]
 
 
@@ -124,15 +124,15 @@ def test_no_end_moves_farther_than_its_bound(q, minus, plus, line):
 @given(turns())
 @examples(max_examples=25, deadline=None)
 def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
-    """The farthest motion on lines in joint space among many postures, from links and grasp."""
+    """Compare with the farthest motion on lines in joint space among many postures."""
     many = postures(np.random.default_rng(0))
     found = np.max([farthest(q, -plus, plus, (1.0,)) for q in many], axis=0)
     for row, limit in enumerate(bounds(-plus, plus)):
-        # Seen from the base the shoulder turns in place.
+        # Seen from the base the shoulder rotates in place.
         after = max(row, 1) < LINK
         assert limit[after].max() <= LOOSE * found[row][after].max() + 1e-9
     followed = from_grasp(-plus, plus)
-    # Both ends of the upper arm have a bound from the grasp only where they hang on the elbow.
+    # Ends of the upper arm have a bound from the grasp only where their anchor is the elbow.
     assert np.isfinite(followed[LINK > 2]).all()
     assert np.isfinite(followed[LINK == 2]).any()
     assert followed[LINK > 2].max() <= LOOSE * found[6][LINK > 2].max() + 1e-9
@@ -147,11 +147,11 @@ def test_bounds_are_no_more_than_three_times_what_some_posture_needs(plus):
 )
 @examples(max_examples=100, deadline=None)
 def test_a_moving_base_adds_no_more_than_its_bound(place, travel, swing, moved, seed):
-    """An end that moves by `moved` in the body frame while the base travels and turns."""
+    """An end moves by `moved` in the body frame while the base travels and rotates."""
     rng = np.random.default_rng(seed)
     placed = Placed.row()
     placed["in_body"]["ends"], placed["in_body"]["motion"] = (place, -place), moved
-    called(moved_by_base)(SHAPES.limb, travel, swing, placed)
+    called(bound_in_world)(SHAPES.limb, travel, swing, placed)
     out = placed["in_world"]["motion"][: len(SHAPES)]
     across = np.cross(place, rng.normal(size=3))
     farthest = 0.0

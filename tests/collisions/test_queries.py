@@ -1,4 +1,4 @@
-"""Stances among boxes: body, mounts and limbs are compared with every box; coal is the ruler."""
+"""Stances among boxes: body, mounts and limbs are compared with every box, against Coal."""
 
 from dataclasses import replace
 
@@ -20,20 +20,20 @@ ROBOT = robot_spec("mlivr2")
 
 
 def rod(centre, axes, thickness, length):
-    """A rod along the third of some axes, the columns of a rotation."""
+    """Return a rod along the third of given axes, the columns of a rotation."""
     half = (0.5 * thickness, 0.5 * thickness, 0.5 * length)
     return Box("rod", "obstacle", tuple(centre), half, Box.rows(axes))
 
 
 def configuration(graph, s, rng):
-    """A stance on random ones of the branches it allows, and its mask."""
+    """Return a configuration of a stance on random branches of its mask, and these branches."""
     bits = ([b for b in range(16) if m >> b & 1] for m in graph.mask[s].tolist())
     mask = tuple(1 << int(rng.choice(some)) for some in bits)
     return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
 
 
 def test_further_capsules_on_the_base_touch_nothing(small_map):
-    """A robot with a long arm on each mount: stances called free keep the clearance to racks."""
+    """Stances of a robot with a long arm on each mount keep the clearance from the racks."""
     arm = Capsule("base", (0.0, 0.0, 0.05), (-0.6, 0.0, 0.05), 0.03)
     robot = replace(ROBOT, name="long", capsules=(*ROBOT.shapes, arm))
     graph, rng = stance_graph(small_map, robot), np.random.default_rng(2)
@@ -47,7 +47,7 @@ def test_further_capsules_on_the_base_touch_nothing(small_map):
 
 
 def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
-    """An obstacle counts wherever a robot's shapes reach to."""
+    """An obstacle counts wherever a robot's shapes reach."""
     mast = Capsule("base", (0.0, 0.0, 0.05), (2.5, 0.0, 0.05), 0.03)
     robot = replace(ROBOT, name="mast", capsules=(*ROBOT.shapes, mast))
     graph, rng = stance_graph(ladder, robot), np.random.default_rng(3)
@@ -62,7 +62,7 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
 
 @pytest.mark.parametrize("link", ["body", *LINKS])
 def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
-    """A box of a millimetre in the middle of each shape in turn, for both limbs."""
+    """A box of 1 mm lies in the middle of each shape in turn, for both limbs."""
     graph, rng = small_checked_graph, np.random.default_rng(5)
     ruler = Ruler(ROBOT)
     for s in rng.choice(len(graph), 5, replace=False):
@@ -79,7 +79,7 @@ def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
 
 @pytest.mark.parametrize(("height", "held"), [(0.001, True), (0.004, False)])
 def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_graph, height, held):
-    """A block under the gripper that stands out by one millimetre, or by four."""
+    """A block under the gripper protrudes by 1 mm, or by 4 mm."""
     graph, rng = small_checked_graph, np.random.default_rng(3)
     for point in rng.choice(np.unique(graph.points), 10, replace=False).tolist():
         turn, middle = graph.grasp_map.rotations[point], graph.solver.grasps["point"][point]
@@ -93,7 +93,7 @@ def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_gra
 
 
 def close_to(graph, s, limb, branch, box, clearance):
-    """Limb, if any, and link of the shapes that a box is close to, a limb on some branch."""
+    """Return limb, if any, and link of the shapes close to a box, a limb on a given branch."""
     stance = tuple(graph.points[s].tolist())
     bits = [1 << int(mask).bit_length() - 1 for mask in graph.mask[s]]
     bits[limb] = 1 << branch
@@ -104,9 +104,9 @@ def close_to(graph, s, limb, branch, box, clearance):
 
 
 def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_graph):
-    """By the plain definition, branch by branch; all where it touches the base or a hand.
+    """Compare with the plain definition by branch; a touched base or hand removes all branches.
 
-    Compiled code takes the body for something larger: by up to 3 cm more it may take all away.
+    Compiled code uses a larger body: within 3 cm more of it, all branches may be removed.
     """
     graph, rng, shapes = small_checked_graph, np.random.default_rng(6), LimbShapes(ROBOT)
     hand = shapes.names[int(shapes.limb["hand"]) :]

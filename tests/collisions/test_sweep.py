@@ -1,8 +1,8 @@
-"""Motions are called clear at less than five sixths of their least distance, and never at 5/4.
+"""Motions are clear at less than five sixths of their smallest distance, and never at 5/4 of it.
 
-Motions of limb 0 are drawn at random and sampled densely; coal measures at every sample how far
-what is compared is apart. The check must refuse a clearance that is a quarter larger than the least
-distance, and accept one that is a sixth smaller.
+Motions of limb 0 are drawn at random and sampled densely; at every sample Coal measures the
+distances of the shapes that are compared. The check must reject a clearance that is a quarter
+larger than the smallest distance, and accept one that is a sixth smaller.
 """
 
 from collections import Counter
@@ -43,20 +43,20 @@ SHARES = np.linspace(0.0, 1.0, 121)
 """Samples of a motion."""
 
 STANDS_OUT = 0.37 * 0.5 * ROBOT.body_size
-"""How far the capsules that boxes are compared with stand out of the body."""
+"""How far the base capsules that boxes are compared with protrude from the body."""
 
 HANDS = {f"limb0/{link}/0" for link in SHAPES.names[HAND:]}
 
 
 class Case(NamedTuple):
-    """A motion to be checked, and where the robot is at samples of it."""
+    """A motion to be checked, and the configuration of the robot at samples of it."""
 
     scratch: object
     moments: list
     grasps: tuple = ()
 
     def compared(self, first, second):
-        """Whether two shapes, the second of which may be the box, are compared."""
+        """Return whether two shapes, the second of which may be the box, are compared."""
         moves = self.scratch["motion"]
         fixed = [name == "body" or "/base/" in name for name in (first, second)]
         checked = [name.startswith("limb0/") for name in (first, second)]
@@ -75,9 +75,10 @@ class Case(NamedTuple):
         return self.scratch["motion"]["first"]["kind"] == 1
 
     def least(self, ruler, below):
-        """Least distance, the same with a body that is larger, and the two shapes.
+        """Return the smallest distance, the same with a larger body, and the two shapes.
 
-        The first is what the check has to refuse a larger clearance than, the second what it may.
+        The check must reject clearances above the first, and may reject clearances above the
+        second.
         """
         exact, wide = (below, "", ""), below
         for here in self.moments:
@@ -88,7 +89,7 @@ class Case(NamedTuple):
         return exact, wide
 
     def agrees(self, ruler, boxes=(), most=0.1):
-        """Check at both clearances; the nearest shapes, or None if they are too near or too far."""
+        """Check at both clearances; return the closest shapes, or None if too close or too far."""
         middle = Case(self.scratch, self.moments[60:61], self.grasps).least(ruler, 1.5 * most)[0][0]
         if not 0.0 < middle < 1.5 * most:
             return None
@@ -102,7 +103,7 @@ class Case(NamedTuple):
 
 
 def along(start, corner, end, rounded):
-    """Samples of a line or a rounded corner between values, shape (k, n)."""
+    """Return samples of a line or a rounded corner between values, shape (k, n)."""
     start, corner, end = (np.asarray(values, dtype=float) for values in (start, corner, end))
     if rounded:
         return at_corner(start, corner, end, SHARES)
@@ -110,13 +111,13 @@ def along(start, corner, end, rounded):
 
 
 def knots(rng, size=0.3):
-    """Joint angles at the start, the corner and the end of a swing."""
+    """Return joint angles at the start, the corner and the end of a swing."""
     start = rng.uniform(-np.pi, np.pi, 6)
     return np.array([start, *(start + rng.uniform(-size, size, (2, 6)))])
 
 
 def base_motion(rng, kind):
-    """A path of a kind, or at rest if that is None, and where the base is at start, corner, end."""
+    """Return a path of a kind, or at rest if None, and its parameter at start, corner and end."""
     if kind is None:
         return REST, np.zeros(3)
     turn = Rotation.random(rng=rng)
@@ -127,14 +128,14 @@ def base_motion(rng, kind):
 
 
 def moments_of(path, places, first, second):
-    """Configurations at samples: base places (k,), joint angles of both limbs (k, 6)."""
+    """Return configurations at samples: base positions (k,), joint angles of both limbs (k, 6)."""
     where, turned = base_poses(path, places)
     joints = np.stack([first, np.broadcast_to(second, first.shape)], axis=1)
     return [(w, quaternion(r), q) for w, r, q in zip(where, turned, joints, strict=True)]
 
 
 def thin_box(rng, case, n):
-    """A plate, a rod or a crate beside a limb somewhere on its way."""
+    """Return a plate, a rod or a crate next to a limb somewhere along its motion."""
     here = case.moments[int(rng.integers(len(case.moments)))]
     turn = Rotation.from_quat(here[1], scalar_first=True).as_matrix()
     ends = in_body(0, [here[2][0]])[0]
@@ -146,7 +147,7 @@ def thin_box(rng, case, n):
 
 
 def carry_on(rng, make, boxes, wanted, most=0.1):
-    """Draw cases until enough of them were near enough; how often each pair was the nearest."""
+    """Draw cases until enough of them come close; count how often each pair was the closest."""
     ruler, found = Ruler(ROBOT), Counter()
     for n in range(400):
         case = make()
@@ -164,7 +165,7 @@ def carry_on(rng, make, boxes, wanted, most=0.1):
 @pytest.mark.parametrize("kind", [None, STRAIGHT, ARC], ids=["rest", "straight", "arc"])
 @pytest.mark.parametrize("compared", ["boxes", "body", "limb"])
 def test_a_swing_keeps_clear_and_no_more(compared, kind, rounded):
-    """Limb 1 rests on one of three branches, or swings meanwhile where the base moves."""
+    """Limb 1 rests on one of three branches, or swings at the same time where the base moves."""
     rng = np.random.default_rng(0)
 
     def make():
@@ -188,7 +189,7 @@ def test_a_swing_keeps_clear_and_no_more(compared, kind, rounded):
 
 
 def holding_on_a_step(graph, rng):
-    """How limb 0 holds on a random edge: base path, point, branch, and what the limb does."""
+    """Return how limb 0 holds on a random edge: base path, point, branch, and its motion."""
     mask = 0
     while not mask:
         s0 = int(rng.integers(len(graph)))
@@ -207,7 +208,7 @@ def holding_on_a_step(graph, rng):
 
 @pytest.mark.parametrize("compared", ["boxes", "body", "line", "corner"])
 def test_a_limb_that_holds_keeps_clear_and_no_more(small_checked_graph, compared):
-    """While the base follows a path; of boxes its hand aside, and of a limb that swings."""
+    """While the base follows a path, compare with boxes (the hand excluded) and a swinging limb."""
     rng, rounded = np.random.default_rng(1), compared == "corner"
 
     def make():
@@ -226,7 +227,7 @@ def test_a_limb_that_holds_keeps_clear_and_no_more(small_checked_graph, compared
 
 
 def test_two_limbs_that_hold_keep_clear_and_no_more(small_checked_graph):
-    """While the base moves a little: they are far apart, and so is the clearance."""
+    """The base moves a little; the limbs are far from each other, and the clearance is as large."""
     rng, graph = np.random.default_rng(2), small_checked_graph
 
     def make():
@@ -255,7 +256,7 @@ def test_two_limbs_that_hold_keep_clear_and_no_more(small_checked_graph):
 
 @pytest.mark.parametrize("compared", ["boxes", "body", "resting"])
 def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
-    """Along the normal of a point from a random stance; what lies behind the point is left out."""
+    """A limb departs along the normal in a random stance; boxes behind the point are omitted."""
     rng, graph = np.random.default_rng(3), small_checked_graph
 
     def make():
@@ -285,7 +286,7 @@ def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
 
 
 def test_no_thin_plate_is_skipped():
-    """Long swings that are called clear of plates of a millimetre are so at every sample."""
+    """Long swings reported clear of plates of 1 mm are clear at every sample."""
     rng, ruler, clear = np.random.default_rng(4), Ruler(ROBOT), 0
     for n in range(60):
         path, base = base_motion(rng, STRAIGHT)

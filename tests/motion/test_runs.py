@@ -11,7 +11,7 @@ from limb_motions import REST, ROBOT, at_corner, motion, round_corner, swinging
 from mlivr_gym import Box
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.sweep import joints_at
+from mlivr_gym.collisions.sweep import set_joints
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.runs import Run
@@ -47,7 +47,9 @@ def test_a_run_rounds_the_corner_that_the_sweep_checks():
     round_corner(scratch, 0.5, knots[1, 1:])
     q = np.zeros(6)
     for t in np.linspace(0.0, 1.0, 9):
-        assert called(joints_at)(LimbShapes(ROBOT).robot, scratch["motion"]["first"], t, scratch, q)
+        assert called(set_joints)(
+            LimbShapes(ROBOT).robot, scratch["motion"]["first"], t, scratch, q
+        )
         values = Run(knots, np.ones((1, 2))).at(np.array([t]))[0]
         np.testing.assert_allclose(q, values[1:], atol=1e-12)
         np.testing.assert_allclose(values, at_corner(*knots, np.array([t]))[0], atol=1e-12)

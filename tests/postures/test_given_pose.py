@@ -1,4 +1,4 @@
-"""A robot that stands where it stands: base pose and joint angles given at the start."""
+"""Base pose and joint angles that the user gives for the start."""
 
 import re
 
@@ -25,7 +25,7 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
 def moved_pose(graph, stance, shift, turn=(0.0, 0.0, 0.0)):
-    """The posture of a stance, shifted [m] and turned [rad] in its axes."""
+    """Return the posture of a stance, shifted [m] and rotated [rad] in its own axes."""
     posture = graph.posture(graph.indices(stance))
     rotation = posture.base_rotation[0] @ Rotation.from_rotvec(turn).as_matrix()
     position = posture.base_position[0] + posture.base_rotation[0] @ np.array(shift)
@@ -44,14 +44,14 @@ def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_g
         checked_graph.successors(checked_graph.state(START)),
         checked_graph.successors(checked_graph.state(START, pose)),
     )
-    # Worked out one by one, and from the start on: other branches may be gained, no step more or
+    # Computed one by one, and from the start on: other branches may be gained, no step more or
     # less.
     np.testing.assert_array_equal(steps.limb, given.limb)
     np.testing.assert_array_equal(steps.point, given.point)
 
 
 class Reached:
-    """All that steps lead to in one graph from some states, put together as they are asked for.
+    """Everything that steps lead to in one graph from given states, in one `networkx` graph.
 
     Edges of `truth` have the attributes `base`, the displacement of the base [m], and `steps`, 1.
     """
@@ -60,7 +60,7 @@ class Reached:
         self.graph, self.truth, self.places = graph, nx.DiGraph(), {}
 
     def least_cost(self, first, goal, cost):
-        """Cost of the cheapest walk from a state to a base close to the goal, by Dijkstra."""
+        """Return the least cost of a walk from a state to a base close to the goal, by Dijkstra."""
         self._follow(first)
         costs = nx.single_source_dijkstra_path_length(self.truth, first, weight=cost)
         close = (c for s, c in costs.items() if np.linalg.norm(self.places[s] - goal) <= 0.1)
@@ -91,10 +91,10 @@ def reached(small_map):
 
 @pytest.mark.parametrize("cost", ["base", "steps"])
 def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, monkeypatch):
-    """Against networkx over `successors`, with an edge for every step that leaves the pose.
+    """Compare with networkx over `successors`, with an edge for every step that leaves the pose.
 
-    Where a plan cannot be put together the planner does without one of its steps, of which
-    `successors` knows nothing.
+    Where a plan cannot be committed the planner excludes one of its steps, which `successors` does
+    not know.
     """
     not_executable = []
 
@@ -131,7 +131,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, mo
 
 @pytest.fixture(scope="module")
 def from_pose(checked_graph, pose):
-    """The plan from the start in the given pose."""
+    """Return the plan from the start in the given pose."""
     return Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose).unwrap()
 
 
@@ -170,8 +170,8 @@ def test_given_joint_angles_are_kept(checked_graph, pose, from_pose):
 
 
 @pytest.mark.parametrize("joint", range(6))
-def test_a_joint_that_is_a_turn_off_is_told(checked_graph, pose, from_pose, joint):
-    """Within the limits of the joint, but not in its window: the swings are not made for it."""
+def test_a_joint_outside_its_window_is_reported(checked_graph, pose, from_pose, joint):
+    """The joint is within its limits but outside its window, for which no swings are made."""
     joints = from_pose.motion.joint_positions[0].copy()
     joints[1, joint] += -2.0 * np.pi if joints[1, joint] > 0.0 else 2.0 * np.pi
     how = {"start_pose": pose, "start_joints": joints}
@@ -192,8 +192,8 @@ def test_joint_angles_without_a_pose_belong_to_the_posture_of_the_graph(checked_
     assert plan.statistics.cost == free.cost
 
 
-def test_joint_angles_from_which_no_limb_can_let_go_are_told(checked_graph, pose):
-    """The first branch of each limb: it can hold there, but a limb on it cannot move away."""
+def test_joint_angles_from_which_no_limb_can_be_released_are_reported(checked_graph, pose):
+    """On the first branch of each limb it can hold the start, but cannot be released."""
     joints = checked_graph.configuration(checked_graph.state(START, pose))[2]
     result = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose, start_joints=joints)
     assert result.plan is None
@@ -303,7 +303,7 @@ def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, pose, from_pos
     np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
 
 
-def test_a_pose_that_cannot_be_held_is_told_why(checked_graph):
+def test_a_pose_that_cannot_be_held_is_explained(checked_graph):
     graph = checked_graph
     for shift, turn, words in (
         ((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), "limb 0 does not reach point 'D2a:4'"),
@@ -314,14 +314,14 @@ def test_a_pose_that_cannot_be_held_is_told_why(checked_graph):
         assert re.search(words, result.message), result.message
 
 
-def test_joint_angles_that_do_not_fit_are_told_why(checked_graph, pose):
+def test_joint_angles_that_do_not_fit_are_explained(checked_graph, pose):
     graph = checked_graph
     joints = graph.configuration(graph.state(START, pose))[2]
     wrong = joints.copy()
     wrong[1, 2] += 0.2
     result = Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
     assert "start_joints of limb 1 do not hold 'D2b:4'" in result.message
-    with pytest.raises(SettingError, match=r"a row of six angles a limb .* has shape"):
+    with pytest.raises(SettingError, match=r"six angles for each limb .* has shape"):
         Planner(graph).plan(START, GOAL, start_joints=[0.0] * 5)
     wrong = joints.copy()
     wrong[0, 1] += 4.0 * np.pi

@@ -1,4 +1,4 @@
-"""Which points limbs may hold at once, against every order of the limbs and every base pose."""
+"""Sets of points in reach, compared with every order of the limbs and every candidate base pose."""
 
 from itertools import permutations
 
@@ -11,7 +11,8 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.postures.in_reach import farthest_flange, orders_of
+from mlivr_gym.postures.flange_bound import farthest_flange
+from mlivr_gym.postures.in_reach import orders_of
 from mlivr_gym.robot.limb import Limb
 
 
@@ -21,7 +22,7 @@ def graph(request):
 
 
 def closed_w_m(q, robot):
-    """`w_m` by the closed form, of joint angles of shape (..., 6)."""
+    """Return `w_m` by the closed form, for joint angles of shape (..., 6)."""
     limb = robot.limb
     u = limb.a2 * np.cos(q[..., 1]) + limb.a3 * np.cos(q[..., 1] + q[..., 2])
     u = u + limb.d5 * np.sin(q[..., 1:4].sum(axis=-1))
@@ -30,7 +31,7 @@ def closed_w_m(q, robot):
 
 
 def least_w_m(graph, stance):
-    """Best `w_m` of the worst limb at each base pose that the solver tries for a stance."""
+    """Return the best `w_m` of the worst limb at each candidate base pose of a stance."""
     positions, rotations = graph.solver.poses_tried(stance)
     bases = Pose.rows(len(positions))
     bases["position"], bases["rotation"] = positions, rotations
@@ -43,7 +44,7 @@ def least_w_m(graph, stance):
 
 
 def random_sets(graph, count, seed):
-    """Points of which each two may be held at once, about one place."""
+    """Return sets of neighbouring points, any two of which may be held at once."""
     rng, sets = np.random.default_rng(seed), []
     while len(sets) < count:
         chosen = [int(rng.integers(len(graph.grasp_map)))]
@@ -55,7 +56,7 @@ def random_sets(graph, count, seed):
 
 
 def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
-    """Wherever the base may be, and near a target; what is within rounding may be either."""
+    """The base may be anywhere, or close to a target; values within rounding may go either way."""
     sets = random_sets(graph, 150 if graph.limbs == 3 else 300, 0)
     found, asked = graph.solver.in_reach(sets), graph.solver.thresholds[0]["w_m"]
     target = graph.grasp_map.positions.mean(axis=0)
@@ -75,7 +76,7 @@ def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
 
 
 def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_heights():
-    """Two points on the deck and two overhead, at the best of the base poses tried there."""
+    """Two points on the deck and two overhead, at the best of their candidate base poses."""
     graph = stance_graph(
         robot="mlivr4", settings=Settings(collisions=False, limb_threshold=0.02)
     )  # more of them are in reach
@@ -103,7 +104,7 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
 
 @pytest.mark.parametrize("collisions", [True, False])
 def test_every_node_is_in_reach(collisions):
-    """Also of stances that are worked out anew where they touch something, and at its base."""
+    """Every node is in reach at its own base, also where its first posture touches something."""
     for limbs in (3, 4):
         graph = stance_graph(robot=f"mlivr{limbs}", settings=Settings(collisions=collisions))
         stances = random_sets(graph, 4000, 1)
@@ -140,8 +141,8 @@ def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
     assert farthest_flange(robot.limb, robot.characteristic_length, 10.0) == 0.0
 
 
-def test_orders_are_told_apart_by_neighbours_about_the_body():
-    """Each order of points on a circle occurs once, first point and sense apart."""
+def test_orders_differ_by_neighbours_around_the_body():
+    """Each order of points on a circle occurs once, regardless of first point and sense."""
     for limbs, count in ((2, 1), (3, 1), (4, 3), (5, 12)):
         found = orders_of(limbs)
         around = {

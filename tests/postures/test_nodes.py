@@ -1,4 +1,4 @@
-"""Nodes are those of the postures; what is no node is told sooner, and told in full when asked."""
+"""Nodes agree with their postures; other stances are rejected early, and solved on request."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_nodes_are_those_of_the_postures(small_map, robot, rules):
     nodes, postures = graph.nodes(rows), again.postures(rows)
     node = again.is_node(postures)
     np.testing.assert_array_equal(graph.is_node(nodes), node)
-    # Asked for in full afterwards, rejected stances are told as by a graph that never saw them.
+    # Solved on request afterwards, rejected stances have the results of a fresh graph.
     for found, kept in ((nodes, node), (graph.postures(rows), slice(None))):
         for name in FIELDS:
             np.testing.assert_array_equal(getattr(found, name)[kept], getattr(postures, name)[kept])

@@ -1,4 +1,4 @@
-"""The rule by which a stance gets its base pose, against its definition."""
+"""The rule that gives a stance its base pose, compared with its plain definition."""
 
 from dataclasses import replace
 from itertools import product
@@ -27,9 +27,9 @@ TIE = 1e-9
 
 
 def choices(graph, stance, position, rotation):
-    """Branches of each limb at a base pose.
+    """Return the branches of each limb at a base pose.
 
-    Label, joint angles, `w_m`, and Jacobian at the grasp in body axes.
+    Each has its number, joint angles, `w_m`, and the Jacobian at the grasp in body axes.
     """
     robot, arm, out = graph.robot, pinocchio_arm(graph.robot.limb), []
     for i, point in enumerate(stance):
@@ -54,7 +54,7 @@ def choices(graph, stance, position, rotation):
 
 
 def candidates(graph, stance):
-    """Margin, order, base pose, branches and joint angles of every candidate of a stance."""
+    """Return margin, order, base pose, branches and joint angles of every candidate of a stance."""
     grasp_map, robot = graph.grasp_map, graph.robot
     grasps, normals = grasp_map.positions[stance], grasp_map.normals[stance]
     centre, rail = grasps.mean(axis=0), grasp_map.rotations[stance[0], :, 0]
@@ -83,14 +83,14 @@ def candidates(graph, stance):
 
 
 def among(graph):
-    """Clearance and boxes that postures keep; the robot itself is never penetrated."""
+    """Return the clearance and boxes that postures keep; the robot never penetrates itself."""
     if graph.settings.collisions:
         return graph.settings.clearance, graph.grasp_map.boxes
     return 0.0, ()
 
 
 def chosen_by_definition(graph, stance):
-    """What the rule takes, and how many candidates tied in the margin: the definition."""
+    """Return the posture chosen by definition, and how many candidates tied in the margin."""
     clearance, boxes = among(graph)
     grasps = [
         (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
@@ -126,7 +126,7 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
 
 
 def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
-    """Combinations are passed over together by bounds of `w_b`: some of all, by the definition."""
+    """Bounds of `w_b` skip groups of combinations; a sample of them is evaluated by definition."""
     robot = replace(
         robot_spec("mlivr2"), limb=arm_limb("ur10e"), limbs=6, mount_radius=0.21, body_size=0.36,
         heights=(0.8, 0.9), rolls=(0.0,), span=3.0,
@@ -158,9 +158,9 @@ def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
 
 
 def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
-    """Combinations of branches are passed over together; none may be that is the best.
+    """Groups of combinations of branches are skipped; the best one must not be among them.
 
-    The rule begins with the limb whose grasp is nearest to the centroid, whichever it is.
+    The rule starts with the limb whose grasp is closest to the centroid, whichever it is.
     """
     graph = stance_graph(jem, "mlivr3", Settings(collisions=False))
     points = np.array(graph.indices(("D2a:2", "D2b:2", "D2b:8")))
@@ -177,7 +177,7 @@ def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
 
 
 def departing(graph, s, i, branches):
-    """Branches and flips on which a limb can depart from its point, by what follows base paths."""
+    """Return the branches and flips on which a limb can depart from its point along a path."""
     grasp, limits = graph.solver.grasps[graph.points[s, i]], graph.solver.thresholds[0]
     path, l_c = BasePath.row(), graph.robot.characteristic_length
     base = pose_row(graph.base_in_world[s], graph.base_axes_in_world[s])
@@ -188,7 +188,7 @@ def departing(graph, s, i, branches):
 
 
 def masks_by_definition(graph, s):
-    """Branches and flips that limbs may hold on: a product, grown from those of the posture."""
+    """Return the branches and flips on which limbs may hold: a product set grown from a posture."""
     stance, robot = graph.points[s], graph.robot
     base, axes = graph.base_in_world[s], graph.base_axes_in_world[s]
     held = (graph.grasp_map.positions[stance] - base) @ axes
@@ -257,7 +257,7 @@ def best_configuration(graph, s):
 def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_close(
     graph, checked_graph
 ):
-    """The robot itself is not penetrated in the world without collisions either."""
+    """Self-penetration is excluded without collision checks too."""
     at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
     rng, moved = np.random.default_rng(3), 0
     for c in rng.integers(0, len(checked_graph), 150):
@@ -278,7 +278,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
 
 
 def test_no_side_is_favoured_when_two_limbs_change_places(graph):
-    """On one wall the posture of (b, a) is that of (a, b) after half a turn about the normal."""
+    """On one wall the posture of (b, a) is that of (a, b) after a half turn about the normal."""
     at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
     same = np.flatnonzero(
         (
@@ -338,7 +338,7 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
 
 
 def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named(small_map):
-    """A ball on the body where the limbs would be, then a body round their mounts."""
+    """A ball on the body occupies the place of the limbs, then a body encloses their mounts."""
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
     graph = stance_graph(small_map, spec, settings)
     ball = Capsule("base", (-0.3, 0.0, 0.4), (-0.3, 0.0, 0.4), 0.1)
@@ -367,7 +367,7 @@ def test_a_stance_that_collisions_alone_keep_out_is_refused_for_what_it_touches(
 
 
 def test_what_is_out_of_reach_is_so_with_and_without_collisions(small_graph, small_checked_graph):
-    """Inverse kinematics knows of no shapes."""
+    """Inverse kinematics does not depend on shapes."""
     graphs = small_graph, small_checked_graph
     free, checked = (graph.postures(graph.pairs).reachable for graph in graphs)
     np.testing.assert_array_equal(free, checked)
@@ -379,7 +379,7 @@ def test_what_is_out_of_reach_is_so_with_and_without_collisions(small_graph, sma
 
 
 def test_what_is_left_out_without_thresholds_is_counted(small_map):
-    """By a second graph without the floor, and by distances."""
+    """Compare with a second graph without the floor, and with distances."""
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
     graph = stance_graph(small_map, spec, settings)
     unchecked = stance_graph(small_map, spec, replace(settings, transitions=False))

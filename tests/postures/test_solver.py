@@ -13,7 +13,7 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 
 
 def truth(graph, postures, k, stance, branch):
-    """`w_m` of each limb and `w_b` of a posture, by Pinocchio and the null-space definition."""
+    """Return `w_m` of each limb and `w_b` of a posture by Pinocchio and their definition."""
     robot = graph.robot
     arm = pinocchio_arm(robot.limb)
     jacobians, grasps, w_m = [], [], []
@@ -64,7 +64,7 @@ def test_postures_have_the_manipulability_they_claim(jem, limbs):
 @given(st.integers(0, 10**6))
 @settings(max_examples=15, deadline=None)
 def test_postures_move_with_the_grasps(seed):
-    """A map turned and shifted as a whole has the same postures, turned and shifted."""
+    """A map that is rotated and shifted as a whole has the same postures, rotated and shifted."""
     rng = np.random.default_rng(seed)
     turn, shift = Rotation.random(rng=rng).as_matrix(), rng.uniform(-3, 3, 3)
     rows = []
@@ -121,7 +121,7 @@ def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):
 
 
 def test_counts_agree_with_the_independent_calculation(jem):
-    """43,540 ordered pairs within 2.4 m; 27,010 in reach by heights alone, no opposite walls."""
+    """43,540 ordered pairs within 2.4 m, 27,010 in reach by heights alone, no opposite walls."""
     from dataclasses import replace
 
     graph = stance_graph(

@@ -1,4 +1,4 @@
-"""Numbers of base poses against the postures that have them."""
+"""Numbers of candidate base poses, compared with the postures that have them."""
 
 from dataclasses import replace
 
@@ -12,8 +12,8 @@ from mlivr_gym.stances.random_states import random_state
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
 @pytest.mark.parametrize("moved", [0.0, 4e-8])
-def test_a_number_tells_the_base_pose_of_a_node_to_the_last_bit(small_map, robot, moved):
-    """With points moved by less than the rounded figures tell, too."""
+def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, robot, moved):
+    """Also with points moved by less than the rounded coordinates resolve."""
     rng = np.random.default_rng(4)
     places = small_map.positions + rng.uniform(-moved, moved, small_map.positions.shape)
     graph = stance_graph(replace(small_map, positions=places), robot)
@@ -28,7 +28,7 @@ def test_a_number_tells_the_base_pose_of_a_node_to_the_last_bit(small_map, robot
     ):
         tried, _ = graph.solver.poses_tried(stance)
         apart = np.linalg.norm(tried - base, axis=1)
-        # Heights run fastest in numbers, rolls in the list of the solver.
+        # Heights change fastest in the numbers, rolls in the list of the solver.
         rolls, heights = len(graph.robot.rolls), len(graph.robot.heights)
         if len(tried) == rolls * heights:
             assert apart[number % heights * rolls + number // heights] < 1e-6
@@ -36,7 +36,7 @@ def test_a_number_tells_the_base_pose_of_a_node_to_the_last_bit(small_map, robot
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-def test_postures_do_not_depend_on_what_they_are_worked_out_with(small_map, robot):
+def test_postures_do_not_depend_on_what_they_are_computed_with(small_map, robot):
     graph, rng = stance_graph(small_map, robot), np.random.default_rng(7)
     stances = np.array([random_state(graph, rng).stance for _ in range(20)])
     others = stance_graph(small_map, robot).solver

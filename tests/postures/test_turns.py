@@ -1,4 +1,4 @@
-"""A robot of many limbs that has turned about its own axis is the same robot."""
+"""A robot of many limbs is the same robot after a cyclic relabelling of its limbs."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from mlivr_gym.postures.turns import first_limbs, lowest_first, permuted_limbs, 
 
 
 def stances_of(graph, count, seed):
-    """Random stances whose points may be held two by two, about one place."""
+    """Return random stances of neighbouring points, any two of which may be held at once."""
     rng, rows = np.random.default_rng(seed), []
     while len(rows) < count:
         chosen = [int(rng.integers(len(graph.grasp_map)))]
@@ -57,14 +57,14 @@ def test_the_poses_tried_turn_with_the_limbs(jem):
 
 
 def random_map(rng, count):
-    """Points at small whole numbers, of which some stances are their own image."""
+    """Return a map of points at small integers, of which some stances are images of themselves."""
     places = np.unique(rng.integers(0, 4, (4 * count, 3)), axis=0)
     places = places[rng.permutation(len(places))[:count]]
     return map_of([f"p{k}" for k in range(count)], places)
 
 
 def map_of(ids, places):
-    """A map of points on one face."""
+    """Return a map of points on one face."""
     points = [
         {"id": name, "face": "deck", "position": p, "normal": [0, 0, 1], "rail": [1, 0, 0]}
         for name, p in zip(ids, places.tolist(), strict=True)
@@ -75,7 +75,7 @@ def map_of(ids, places):
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), limbs=st.integers(3, 5))
 def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
-    """Also in stances that are their own image, and whatever the points are numbered by."""
+    """Also in stances that are images of themselves, and for any numbering of the points."""
     rng = np.random.default_rng(seed)
     grasp_map = random_map(rng, 12)
     stances = np.array([rng.choice(12, limbs, replace=False) for _ in range(30)])
@@ -96,7 +96,7 @@ def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
 
 
 def test_of_a_rectangle_the_limb_before_a_short_side_is_the_first():
-    """However it lies: its four points are equally near, and no axis of the map is favoured."""
+    """In any pose its four points are at equal distances, and no axis of the map is favoured."""
     rng, corners = np.random.default_rng(5), np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
     for _ in range(10):
         grasp_map = map_of("abcd", Rotation.random(random_state=rng).apply(corners))
