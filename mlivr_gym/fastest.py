@@ -45,7 +45,7 @@ class Candidate(NamedTuple):
 
 
 @checked({**QUERY, "timing": TIMING})
-def step_seconds(
+def step_durations(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
 ) -> list[float]:
     """How long each step of a plan takes [s].
@@ -111,6 +111,6 @@ def fastest_plan(
             goal_face=goal_face,
         ).unwrap()  # fmt: skip
         if plan.stances not in found:
-            seconds = sum(step_seconds(planner.graph, plan, limits))
+            seconds = sum(step_durations(planner.graph, plan, limits))
             found[plan.stances] = Candidate(plan, cost, price, seconds)
     return sorted(found.values(), key=lambda one: (one.seconds, one.plan.base_translation))

@@ -11,7 +11,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-LONGEST_PERIOD = 60.0
+MAXIMUM_PERIOD = 60.0
 """Largest spacing of a time grid [s]."""
 
 WALK: Kinds = {
@@ -22,7 +22,7 @@ WALK: Kinds = {
     "plan": Of(Plan),
     "index": Whole(0, 10**6),
     "trajectory": Of(Trajectory),
-    "period": Tuples((), 1e-12, LONGEST_PERIOD, "s"),
+    "period": Tuples((), 1e-12, MAXIMUM_PERIOD, "s"),
     "path": FileName(),
     "title": Text(0),
     "progress": Maybe(Called()),

@@ -1,7 +1,7 @@
-"""Clocks: how a piece of a path is run through in time, from rest to rest.
+"""Clocks: how a segment of a path is run through in time, from rest to rest.
 
 A clock is a piecewise polynomial of time, SciPy's `PPoly`, that goes from 0 to 1, with velocity and
-acceleration zero at both ends. Its last breakpoint is the duration of the piece [s].
+acceleration zero at both ends. Its last breakpoint is the duration of the segment [s].
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 
-LONGEST_STEP = 3600.0
+MAXIMUM_DURATION = 3600.0
 """Largest duration of a step [s]; the paper's is 50 s."""
 
 
@@ -63,9 +63,9 @@ class Durations:
     def __post_init__(self) -> None:
         """Check that each is above zero, and the whole not too long."""
         DURATIONS.check(self, FieldPath("duration", SettingError))
-        if self.total > LONGEST_STEP:
+        if self.total > MAXIMUM_DURATION:
             raise SettingError(
-                f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
+                f"duration of a step is {self.total:g} s; it must be at most {MAXIMUM_DURATION:g} s"
             )
 
     @property
@@ -79,18 +79,18 @@ class Durations:
         total = DURATION.read(total, FieldPath("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def clocks(self, pieces: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
-        """Quintics for the pieces of a step.
+    def clocks(self, segments: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
+        """Quintics for the segments of a step.
 
         Those of the swing share its time with the square root of the farthest travel of a joint,
         since accelerations go with travel over time squared.
         """
-        roots: Array = np.sqrt([piece.travel for piece in pieces[1:-1]])
+        roots: Array = np.sqrt([segment.travel for segment in segments[1:-1]])
         swing = self.swing * roots / roots.sum()
         return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))
 
 
-DURATION = Tuples((), 1e-9, LONGEST_STEP, "s")
+DURATION = Tuples((), 1e-9, MAXIMUM_DURATION, "s")
 """How long something takes."""
 
 DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))

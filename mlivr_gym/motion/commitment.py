@@ -29,10 +29,10 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
-KEPT_STEPS = 4096
+CACHED_STEPS = 4096
 """Steps that `CommittedSteps` keeps."""
 
-LENGTH_SAMPLES = 17
+TRAVEL_SAMPLES = 17
 """Places on a base path at which joints of limbs that hold are looked at to tell its length."""
 
 
@@ -79,12 +79,12 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
         return None
     rounded = np.zeros((2, 2))
     if len(swing.knots) > 2:
-        rounded = finder.rounded(swing.knots, _lengths(path, swing.knots))
+        rounded = finder.round_corners(swing.knots, _line_travels(path, swing.knots))
     return Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
 
 
 class CommittedSteps:
-    """Steps to which a robot was committed before, the last `KEPT_STEPS`: walks share many.
+    """Steps to which a robot was committed before, the last `CACHED_STEPS`: walks share many.
 
     They are found again by all that tells what the robot does on a step, and forgotten when the
     obstacles change.
@@ -93,11 +93,11 @@ class CommittedSteps:
     def __init__(self, graph: StanceGraph) -> None:
         """Know no step of `graph`."""
         self.graph, self._obstacles = graph, graph.obstacles
-        self._kept: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
+        self._cached: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
 
     def commit(self, regrasp: Regrasp, edge: Edge) -> Committed | None:
         """See `commit`."""
-        graph, kept, step = self.graph, self._kept, regrasp
+        graph, kept, step = self.graph, self._cached, regrasp
         if self._obstacles != graph.obstacles:
             kept.clear()
             self._obstacles = graph.obstacles
@@ -108,35 +108,35 @@ class CommittedSteps:
         )  # fmt: skip
         if key not in kept:
             kept[key] = commit(graph, regrasp, edge)
-            if len(kept) > KEPT_STEPS:
+            if len(kept) > CACHED_STEPS:
                 kept.popitem(last=False)
         return kept[key]
 
 
-def _lengths(path: RegraspPath, knots: Array) -> Array:
+def _line_travels(path: RegraspPath, knots: Array) -> Array:
     """How far any joint turns on the lines between knots, about, shape (k - 1,) [rad]."""
-    holding = path.supports(np.linspace(0.0, 1.0, LENGTH_SAMPLES))
+    holding = path.supports(np.linspace(0.0, 1.0, TRAVEL_SAMPLES))
     turned = np.nanmax(np.abs(np.diff(holding, axis=0)).sum(axis=0))
     lines = np.abs(np.diff(knots, axis=0))
     longest: Array = np.maximum(lines[:, 1:].max(axis=1), turned * lines[:, 0])
     return longest
 
 
-def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
+def hold_intervals(points: IntArray, limb: int) -> list[tuple[int, int]]:
     """First and last stance of each time `limb` holds one point; `points` has shape (K, N)."""
-    spans, first = [], 0
+    intervals, first = [], 0
     for k in range(1, len(points) + 1):
         if k == len(points) or points[k, limb] != points[first, limb]:
-            spans.append((first, k - 1))
+            intervals.append((first, k - 1))
             first = k
-    return spans
+    return intervals
 
 
 def committed_motion(
     graph: StanceGraph,
     states: Sequence[State],
     postures: Postures | None = None,
-    known: CommittedSteps | None = None,
+    cache: CommittedSteps | None = None,
 ) -> CommittedMotion:
     """The motion of a walk.
 
@@ -151,8 +151,8 @@ def committed_motion(
         K states, each with the branches kept.
     postures
         Postures in which the robot stands in them; by default those of the graph.
-    known
-        Steps that are known, to which those of this walk are added.
+    cache
+        Steps that are cache, to which those of this walk are added.
 
     Raises
     ------
@@ -160,10 +160,10 @@ def committed_motion(
         If a limb is on no branch on which it can be released where it moves next; no
         walk of the graph is such.
     """
-    draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
-    known, steps = known or CommittedSteps(graph), []
+    draft = _MotionDraft(graph, states, graph.postures_of(states) if postures is None else postures)
+    cache, steps = cache or CommittedSteps(graph), []
     for k in range(len(states) - 1):
-        committed = draft.commit(k, known)
+        committed = draft.commit(k, cache)
         if committed is None:
             return CommittedMotion(None, k, tuple(draft.edges))
         steps.append(draft.step(k, committed))
@@ -181,29 +181,29 @@ def committed_motion(
     return CommittedMotion(motion, None, tuple(draft.edges))
 
 
-class _Draft:
+class _MotionDraft:
     """A motion in the making: branches first, which tell the joint angles, then swings."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._tried, self._room = (
+        held, self._candidate, self._scratch = (
             HeldStance.rows(count),
             CandidatePose.rows(count),
             PostureScratch.rows(1),
         )
         held["grasps"][:, :limbs] = solver.grasps[self.points]
-        self._tried["base"] = self.postures.base_rows
-        reach_all(graph.checks.robots, held, self._tried, self._room)
-        self._w: Array = self._tried["limbs"]["w"][:, :limbs]
+        self._candidate["base"] = self.postures.base_rows
+        reach_all(graph.checks.robots, held, self._candidate, self._scratch)
+        self._w: Array = self._candidate["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
         self.edges: list[Edge] = []
         if graph.settings.transitions:
             allowed = [self._choose_branches(limb) for limb in range(limbs)]
             self.edges = self._edges()
-            if self._take_lines(allowed):
+            if self._take_line_branches(allowed):
                 self.edges = self._edges()
         self.pivots = self._pivots()
         bits = self.branches + 8 * self.flips
@@ -212,7 +212,7 @@ class _Draft:
     def _choose_branches(self, limb: int) -> dict[int, int]:
         """Choose the branch of each hold; returns the branches allowed, by its first stance."""
         graph, allowed = self.graph, {}
-        for first, last in holds(self.points, limb):
+        for first, last in hold_intervals(self.points, limb):
             mask = self.states[last].masks[limb]
             if graph.settings.collisions and last < len(self.points) - 1:
                 here = self.postures.take(slice(last, last + 1))
@@ -238,7 +238,7 @@ class _Draft:
             edges.append(self.graph.edge(state, self.states[k + 1].stance, both))
         return edges
 
-    def _take_lines(self, allowed: list[dict[int, int]]) -> bool:
+    def _take_line_branches(self, allowed: list[dict[int, int]]) -> bool:
         """Put limbs on the branches of the line swings that the graph knows, where they may be.
 
         Returns whether any was changed.
@@ -248,12 +248,14 @@ class _Draft:
             if edge.pair < 0:
                 continue
             limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
-            spans = holds(self.points, limb)
-            for stance, wanted in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
-                first, last = next(span for span in spans if span[0] <= stance <= span[1])
-                bit = wanted + 8 * int(self.flips[first, limb])
-                if self.branches[first, limb] != wanted and allowed[limb][first] >> bit & 1:
-                    self.branches[first : last + 1, limb] = wanted
+            intervals = hold_intervals(self.points, limb)
+            for stance, branch in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
+                first, last = next(
+                    interval for interval in intervals if interval[0] <= stance <= interval[1]
+                )
+                bit = branch + 8 * int(self.flips[first, limb])
+                if self.branches[first, limb] != branch and allowed[limb][first] >> bit & 1:
+                    self.branches[first : last + 1, limb] = branch
                     changed = True
         return changed
 
@@ -264,7 +266,7 @@ class _Draft:
         centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
         return centres
 
-    def commit(self, k: int, known: CommittedSteps) -> Committed | None:
+    def commit(self, k: int, cache: CommittedSteps) -> Committed | None:
         """Commit the robot to step `k`."""
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
         regrasp = Regrasp(
@@ -282,7 +284,7 @@ class _Draft:
         )
         if not self.edges:
             return Committed(regrasp, "unchecked")
-        return known.commit(regrasp, self.edges[k])
+        return cache.commit(regrasp, self.edges[k])
 
     def step(self, k: int, committed: Committed) -> Step:
         """Step `k` as a plan has it."""
@@ -304,5 +306,5 @@ class _Draft:
         """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
         w_b = np.empty(len(self.points))
-        base_along(self.graph.checks.robots, self._tried, self.branches, self._room, w_b)
+        base_along(self.graph.checks.robots, self._candidate, self.branches, self._scratch, w_b)
         return w_m, w_b

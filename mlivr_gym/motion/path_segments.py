@@ -16,7 +16,7 @@ import scipy
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.regrasp import RegraspPath
 
-NODES = 97
+LINE_SAMPLES = 97
 """Places at which a line, departure or approach is looked at."""
 
 
@@ -57,7 +57,7 @@ class PathSegment:
         return float(np.abs(np.diff(self.joints, axis=0)).sum(axis=0).max())
 
 
-def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, ...]:
+def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSegment, ...]:
     """The pieces of a step in their order.
 
     Parameters
@@ -76,7 +76,7 @@ def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, .
     shares = [
         share, *(np.linspace(0.0, 1.0, lines * (nodes - 1) + 1) for lines in path.lines), share
     ]  # fmt: skip
-    swings = [path.swing(piece, at) for piece, at in enumerate(shares[1:-1])]
+    swings = [path.swing(segment, at) for segment, at in enumerate(shares[1:-1])]
     parts = [
         (np.zeros(nodes), path.departure(share)), *swings, (np.ones(nodes), path.approach(share))
     ]  # fmt: skip
@@ -85,11 +85,11 @@ def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, .
     joints[:, limb] = np.concatenate([moving for _, moving in parts])
     positions, rotations = path.base(u)
     turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
-    found = []
+    segments = []
     ends = np.cumsum([0, *map(len, shares)])
     for k, at in enumerate(shares):
         here = slice(ends[k], ends[k + 1])
-        found.append(
+        segments.append(
             PathSegment(
                 0 if k == 0 else 2 if k == len(parts) - 1 else 1,
                 at,
@@ -99,7 +99,7 @@ def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, .
                 _curve(at, positions[here], turned[here], joints[here]),
             )
         )
-    return tuple(found)
+    return tuple(segments)
 
 
 def _curve(

@@ -13,7 +13,7 @@ from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.motion.plan_checks import check_counts, check_motion
+from mlivr_gym.motion.plan_checks import check_motion, check_totals
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, Maybe
@@ -36,7 +36,7 @@ class Plan:
     motion
         Stances, steps and configurations.
     statistics
-        What the search found and spent.
+        What the search expected and spent.
     """
 
     query: Query
@@ -138,11 +138,11 @@ class Plan:
         if grasp_map is not None:
             plan.check_map(grasp_map)
             check_motion(plan.query, plan.world, plan.motion, grasp_map)
-        check_counts(plan.query, plan.motion, plan.statistics)
-        told, found = data.get("checksum"), plan.to_dict()["checksum"]
-        if told is not None and told != found:
+        check_totals(plan.query, plan.motion, plan.statistics)
+        given, expected = data.get("checksum"), plan.to_dict()["checksum"]
+        if given is not None and given != expected:
             raise PlanError(
-                f"checksum is {shortened(told)}; that of the other fields is {found!r}: a field "
+                f"checksum is {shortened(given)}; that of the other fields is {expected!r}: a field "
                 "that does not follow from others was altered"
             )
         return plan

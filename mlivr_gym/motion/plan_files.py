@@ -57,7 +57,7 @@ MOST_STEPS = 10_000
 COUNT = Whole(0, 1 << 62)
 """States that a search has seen."""
 
-SPENT = Tuples((), 0.0)
+NON_NEGATIVE = Tuples((), 0.0)
 """A cost, or a time [s]."""
 
 QUERY = Struct(
@@ -66,7 +66,7 @@ QUERY = Struct(
         "goal": Tuples((3,), most=LONGEST, unit="m"),
         "goal_tolerance": Tuples((), 0.0),
         "cost_name": Choice(COSTS),
-        "regrasp_price": Maybe(SPENT),
+        "regrasp_price": Maybe(NON_NEGATIVE),
         "method": NAME,
         "heuristic": NAME,
         "goal_face": Maybe(NAME),
@@ -92,19 +92,19 @@ WORLD = Struct(
 STATISTICS = Struct(
     Statistics,
     {
-        "cost": SPENT,
+        "cost": NON_NEGATIVE,
         "expanded": COUNT,
         "generated": COUNT,
         "backward": COUNT,
         "bound": Maybe(Tuples((), 1.0)),
-        "feasibility_time": SPENT,
-        "search_time": SPENT,
+        "feasibility_time": NON_NEGATIVE,
+        "search_time": NON_NEGATIVE,
     },
     complete=True,
 )
 """Fields of `Statistics`."""
 
-FORM = Fields(
+PLAN_FILE = Fields(
     {
         "format": Anything(),
         "rules": Anything(),
@@ -185,7 +185,7 @@ def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
         given = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise PlanError(f"not a plan of format {FORMAT}: found format {shortened(given)}")
     check_rules("the plan", data.get("rules"), "plan it anew", PlanError)
-    parts = FORM.read(data, FieldPath("", PlanError))
+    parts = PLAN_FILE.read(data, FieldPath("", PlanError))
     motion = _motion(parts["motion"], parts["world"].robot.limbs)
     return parts["query"], parts["world"], motion, parts["statistics"]
 

@@ -72,14 +72,14 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
 def path_motion(path: RegraspPath, samples: int) -> StepMotion:
     """Configurations along a regrasp; see `step_motion`."""
     limb, share = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
-    pieces = [
-        path.swing(piece, np.linspace(0.0, 1.0, samples * lines))
-        for piece, lines in enumerate(path.lines)
+    swings = [
+        path.swing(segment, np.linspace(0.0, 1.0, samples * lines))
+        for segment, lines in enumerate(path.lines)
     ]
-    u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
+    u = np.concatenate([np.zeros(samples), *(u for u, _ in swings), np.ones(samples)])
     joints = path.supports(u)
     joints[:, limb] = np.concatenate(
-        [path.departure(share), *(joints for _, joints in pieces), path.approach(share)]
+        [path.departure(share), *(joints for _, joints in swings), path.approach(share)]
     )
     positions, rotations = path.base(u)
     phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])

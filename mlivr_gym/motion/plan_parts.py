@@ -45,7 +45,7 @@ class Step:
         change linearly.
     rounded
         Shares of the lines before and after each knot that lie on its rounded corner,
-        see `mlivr_gym.motion.runs`; 0 and 0 where the swing comes to rest.
+        see `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing comes to rest.
     """
 
     limb: int

@@ -22,7 +22,7 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan_parts import Motion
-from mlivr_gym.motion.runs import Run
+from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 UNCHECKED_KNOTS: Array = np.zeros((0, 7))
@@ -114,7 +114,7 @@ class RegraspPath:
         self.graph, self.regrasp = graph, regrasp
 
     @cached_property
-    def _kept(self) -> BoolArray:
+    def _is_distinct(self) -> BoolArray:
         """Which knots count: each once."""
         moved = np.abs(np.diff(self.regrasp.knots, axis=0)).max(axis=1) > SAME_KNOT
         kept: BoolArray = np.concatenate([[True], moved])
@@ -124,46 +124,46 @@ class RegraspPath:
     def _knots(self) -> Array:
         """Knots of the swing, each once; of one that was not checked, those at its ends."""
         if len(self.regrasp.knots):
-            return self.regrasp.knots[self._kept]
+            return self.regrasp.knots[self._is_distinct]
         ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
         return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
 
     @cached_property
     def in_task_space(self) -> bool:
         """Whether the gripper swings on a straight line."""
-        return not len(self.regrasp.knots) and self._serves_in_task_space()
+        return not len(self.regrasp.knots) and self._is_feasible_in_task_space()
 
     @cached_property
-    def _runs(self) -> list[Run]:
+    def _swing_segments(self) -> list[RoundedLines]:
         """The pieces of the swing, chains of lines with rounded corners between them."""
         rounded, corners = self.regrasp.rounded, np.zeros((len(self._knots), 2))
         if len(rounded):
-            corners[1:-1] = rounded[self._kept][1:-1]
+            corners[1:-1] = rounded[self._is_distinct][1:-1]
         stops = np.flatnonzero((corners == 0.0).any(axis=1))
         return [
-            Run(self._knots[first : last + 1], corners[first + 1 : last])
+            RoundedLines(self._knots[first : last + 1], corners[first + 1 : last])
             for first, last in pairwise(stops)
         ]
 
     @property
-    def pieces(self) -> int:
+    def segments(self) -> int:
         """Number of pieces of the swing, each from rest to rest."""
-        return len(self._runs)
+        return len(self._swing_segments)
 
     @property
     def lines(self) -> list[int]:
         """Number of lines between knots in each of them."""
-        return [len(run.knots) - 1 for run in self._runs]
+        return [len(lines.knots) - 1 for lines in self._swing_segments]
 
     def departure(self, share: Array) -> Array:
         """Joint angles of the moving limb at shares of its departure, shape (k, 6) [rad]."""
-        return self._lifted(0, share)
+        return self._along_normal(0, share)
 
     def approach(self, share: Array) -> Array:
         """Joint angles of the moving limb at shares of its approach, shape (k, 6) [rad]."""
-        return self._lifted(1, 1.0 - share)
+        return self._along_normal(1, 1.0 - share)
 
-    def _lifted(self, end: int, height: Array) -> Array:
+    def _along_normal(self, end: int, height: Array) -> Array:
         step, graph = self.regrasp, self.graph
         point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
@@ -178,17 +178,17 @@ class RegraspPath:
         out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
 
-    def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
-        """Base parameter and joint angles of the moving limb at shares of one piece of its swing.
+    def swing(self, segment: int, share: Array) -> tuple[Array, Array]:
+        """Base parameter and joint angles of the moving limb at shares of one segment of its swing.
 
         Shapes (k,) and (k, 6) [rad].
         """
         if self.in_task_space:
             return share, self._in_a_straight_line(share)
-        values = self._runs[piece].at(share)
+        values = self._swing_segments[segment].at(share)
         return values[:, 0], values[:, 1:]
 
-    def _serves_in_task_space(self) -> bool:
+    def _is_feasible_in_task_space(self) -> bool:
         limits = self.graph.robot.limb.limits
         try:
             joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))
@@ -254,8 +254,8 @@ class RegraspPath:
         out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
         reference["q"] = start
         robots = self.graph.checks.robots
-        found = joints_along(robots, limb, bases, flanges, branch, reference, out)
-        if found < len(out):
+        followed = joints_along(robots, limb, bases, flanges, branch, reference, out)
+        if followed < len(out):
             target = self.graph.grasp_map.ids[self.regrasp.to_point]
             raise PlanError(
                 f"limb {limb} cannot stay on its branch while limb {self.regrasp.limb} moves to "
@@ -266,7 +266,7 @@ class RegraspPath:
         return joints
 
 
-class Planned(Protocol):
+class HasMotion(Protocol):
     """What has a motion, as a plan has."""
 
     @property
@@ -274,7 +274,7 @@ class Planned(Protocol):
         """Stances, steps and configurations."""
 
 
-def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
+def planned_regrasp(graph: StanceGraph, plan: HasMotion, index: int) -> Regrasp:
     """What is needed to execute one step of a plan.
 
     Parameters

@@ -8,10 +8,10 @@ taken:
 * `over`: through one of the robot's folds, the base moving all along;
 * `folded`: fold, move the base, unfold; this is what the stance graph has shown to be possible for
   most steps;
-* `changed`: change to another branch at rest, swing in a line while the base moves, change again;
+* `changed`: change to another branch at others, swing in a line while the base moves, change again;
   this is what it has shown for the others.
 
-At rest a limb goes from fold to fold and branch to branch by the fewest lines that are free; those
+At others a limb goes from fold to fold and branch to branch by the fewest lines that are free; those
 by which the graph has shown that it can be released are among them. So an edge of the graph has a
 swing: every line of `folded` and `changed` was found free when it was checked. Joint 6 turns while
 the base moves, and of a limb's shapes moves none.
@@ -39,10 +39,10 @@ from mlivr_gym.transitions import motions
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
 
-ROUNDINGS = (1.0, 0.8, 0.6, 0.4, 0.2)
+ROUNDING_FRACTIONS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Parts of the most that the rounding of a corner may take of two lines, which are tried."""
 
-SHARPEST = 0.2
+MINIMUM_SHARE = 0.2
 """Least share of either line that the rounding of a corner takes; on a sharper one a robot that
 does not slow down would pull harder on its grasps than one that stops."""
 
@@ -57,8 +57,8 @@ class Swing(NamedTuple):
     knots: Array
 
 
-class Support(NamedTuple):
-    """A limb that holds a point on a branch while another moves."""
+class SupportLimb(NamedTuple):
+    """A limb that supports a point on a branch while another moves."""
 
     limb: int
     point: int
@@ -76,31 +76,31 @@ class SwingFinder:
         The limb that moves.
     path
         Base path.
-    holds
-        The limbs that hold.
+    supports
+        The limbs that support.
     """
 
     def __init__(
-        self, graph: StanceGraph, limb: int, path: BasePath, holds: Sequence[Support]
+        self, graph: StanceGraph, limb: int, path: BasePath, supports: Sequence[SupportLimb]
     ) -> None:
         """Look at the step in which `limb` moves while the base follows `path`."""
-        self.graph, self.limb, self.path, self.holds = graph, limb, path, holds
+        self.graph, self.limb, self.path, self.supports = graph, limb, path, supports
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        self._rows = motions.SupportRecord.rows(len(holds))
-        for row, hold in zip(self._rows, holds, strict=True):
-            row["limb"], row["point"], row["branch"] = hold
-        self._pieces, self._rooms = motions.SwingSegment.rows(1), Sweep.rows(1)
-        self._pieces["path"], self._pieces["limb"] = path, limb
+        self._rows = motions.SupportRecord.rows(len(supports))
+        for row, support in zip(self._rows, supports, strict=True):
+            row["limb"], row["point"], row["branch"] = support
+        self._segments, self._scratch = motions.SwingSegment.rows(1), Sweep.rows(1)
+        self._segments["path"], self._segments["limb"] = path, limb
 
     @classmethod
     def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
         """Look at the step `regrasp`, whose swing is not looked at."""
-        holds = [
-            Support(limb, point, regrasp.branches[limb])
+        supports = [
+            SupportLimb(limb, point, regrasp.branches[limb])
             for limb, point in enumerate(regrasp.after)
             if limb != regrasp.limb
         ]
-        return cls(graph, regrasp.limb, regrasp.base_path, holds)
+        return cls(graph, regrasp.limb, regrasp.base_path, supports)
 
     def find(self, start: Array, end: Array, points: tuple[int, int], edge: Edge) -> Swing | None:
         """The shortest swing between lifted postures.
@@ -119,23 +119,23 @@ class SwingFinder:
         first, last = _knot(0.0, start), _knot(1.0, end)
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
         for knots in ((first, last), *((first, _knot(0.5, fold, end), last) for fold in folds)):
-            if self.clear(np.stack(knots)):
+            if self.is_clear(np.stack(knots)):
                 return Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
-        rest = [
-            [_knot(u, joints, tool) for joints in (*folds, *self._lifted(side, points[side]))]
+        others = [
+            [_knot(u, joints, tool) for joints in (*folds, *self._above_all(side, points[side]))]
             for side, (u, tool) in enumerate(((0.0, start), (1.0, end)))
         ]
-        for kind, before, after in self._shown(folds, points, edge):
+        for kind, before, after in self._candidates(folds, points, edge):
             middle = _knot(0.0, before, start), _knot(1.0, after, end)
-            if not self._clear_line(*middle):
+            if not self._is_line_clear(*middle):
                 continue
-            away = self._at_rest(first, middle[0], rest[0])
-            back = away and self._at_rest(middle[1], last, rest[1])
+            away = self._chain_at_rest(first, middle[0], others[0])
+            back = away and self._chain_at_rest(middle[1], last, others[1])
             if away and back:
                 return Swing(kind, np.stack([*away, *back]))
         return None
 
-    def _shown(
+    def _candidates(
         self, folds: Array, points: tuple[int, int], edge: Edge
     ) -> Iterator[tuple[str, Array, Array]]:
         """Kinds of swing and joint angles before and after the base moves.
@@ -150,21 +150,21 @@ class SwingFinder:
         for k in sorted(range(len(folds)), key=lambda k: k != edge.fold):
             yield "folded", folds[k], folds[k]
 
-    def _at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
+    def _chain_at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
         """The fewest free lines from one knot to another, through others, as a chain of knots."""
         if (first == last).all():
             return [first]
         chains = [[first]]
         for chain in chains:
-            if self._clear_line(chain[-1], last):
+            if self._is_line_clear(chain[-1], last):
                 return [*chain, last]
             for other in list(others):
-                if (other != first).any() and self._clear_line(chain[-1], other):
+                if (other != first).any() and self._is_line_clear(chain[-1], other):
                     chains.append([*chain, other])
                     others = [knot for knot in others if knot is not other]
         return None
 
-    def _lifted(self, side: int, point: int) -> list[Array]:
+    def _above_all(self, side: int, point: int) -> list[Array]:
         """Joint angles above a point at one end of the base path, on each branch [rad]."""
         angles = [self._above(side, point, branch) for branch in range(8)]
         return [joints for joints in angles if joints is not None]
@@ -175,11 +175,11 @@ class SwingFinder:
         grasp = self.graph.solver.grasps[point]
         return out["q"] if angles_above(self._robots, self.limb, base, grasp, branch, out) else None
 
-    def clear(self, knots: Array) -> bool:
+    def is_clear(self, knots: Array) -> bool:
         """Whether the robot touches nothing along a chain of knots."""
-        return all(self._clear_line(a, b) for a, b in pairwise(knots))
+        return all(self._is_line_clear(a, b) for a, b in pairwise(knots))
 
-    def rounded(self, knots: Array, lengths: Array) -> Array:
+    def round_corners(self, knots: Array, lengths: Array) -> Array:
         """Shares of the lines before and after each knot on which its corner can be rounded.
 
         Parameters
@@ -201,32 +201,32 @@ class SwingFinder:
             pair = lengths[k - 1 : k + 1]
             if pair.min() < SHORTEST_LINE:
                 continue
-            for part in ROUNDINGS:
+            for part in ROUNDING_FRACTIONS:
                 before, after = part * most[k - 1 : k + 1].min() / pair
-                if min(before, after) < SHARPEST:
+                if min(before, after) < MINIMUM_SHARE:
                     break
                 first = knots[k] + before * (knots[k - 1] - knots[k])
                 last = knots[k] + after * (knots[k + 1] - knots[k])
-                if self.clear_corner(first, knots[k], last):
+                if self.is_corner_clear(first, knots[k], last):
                     shares[k] = before, after
                     break
         return shares
 
-    def clear_corner(self, first: Array, corner: Array, last: Array) -> bool:
+    def is_corner_clear(self, first: Array, corner: Array, last: Array) -> bool:
         """Whether the robot touches nothing on the rounding of a corner, from its first place."""
-        piece = self._pieces[0]
-        piece["rounded"], piece["turning"], piece["corner"]["q"] = True, corner[0], corner[1:]
-        clear = self._clear_line(first, last)
-        piece["rounded"] = False
+        segment = self._segments[0]
+        segment["rounded"], segment["turning"], segment["corner"]["q"] = True, corner[0], corner[1:]
+        clear = self._is_line_clear(first, last)
+        segment["rounded"] = False
         return clear
 
-    def _clear_line(self, a: Array, b: Array) -> bool:
+    def _is_line_clear(self, a: Array, b: Array) -> bool:
         """Whether the robot touches nothing from one knot to the next."""
-        piece = self._pieces[0]
-        piece["begin"], piece["finish"] = a[0], b[0]
-        piece["start"]["q"], piece["end"]["q"] = a[1:], b[1:]
+        segment = self._segments[0]
+        segment["begin"], segment["finish"] = a[0], b[0]
+        segment["start"]["q"], segment["end"]["q"] = a[1:], b[1:]
         clear = motions.segment_clear(
-            self._pieces, self._rows, self._robots, self._world, self._rooms
+            self._segments, self._rows, self._robots, self._world, self._scratch
         )
         return bool(clear)
 

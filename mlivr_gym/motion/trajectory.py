@@ -1,6 +1,6 @@
 """Trajectories: steps with a clock.
 
-Each piece of a step runs from rest to rest on its clock, and the path that was checked is kept
+Each segment of a step runs from rest to rest on its clock, and the path that was checked is kept
 exactly: on lines, on corners that are rounded, and at those that are not, where velocity and
 acceleration vanish.
 """
@@ -23,20 +23,20 @@ from mlivr_gym.motion.regrasp import RegraspPath
 FREE = -1
 """Grasp state of a limb that holds nothing."""
 
-MOST_SAMPLES = 1_000_000
+MAXIMUM_SAMPLES = 1_000_000
 """Most samples of a step's trajectory, half an hour at 2 ms; they take about a gigabyte."""
 
 
 class TimedPath(NamedTuple):
-    """A step with a clock for each of its pieces."""
+    """A step with a clock for each of its segments."""
 
     path: RegraspPath
-    pieces: tuple[PathSegment, ...]
+    segments: tuple[PathSegment, ...]
     clocks: tuple[scipy.interpolate.PPoly, ...]
 
     @property
     def ends(self) -> Array:
-        """When each piece ends [s]."""
+        """When each segment ends [s]."""
         ends: Array = np.cumsum([duration_of(clock) for clock in self.clocks])
         return ends
 
@@ -147,10 +147,10 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):
         raise SettingError(f"period is {period!r}; it must be above 0 and below {duration:g} [s]")
-    if duration / period > MOST_SAMPLES:
+    if duration / period > MAXIMUM_SAMPLES:
         raise SettingError(
-            f"period is {period!r}: a step of {duration:g} s has more than {MOST_SAMPLES} "
-            f"samples; take at least {duration / MOST_SAMPLES:g} s"
+            f"period is {period!r}: a step of {duration:g} s has more than {MAXIMUM_SAMPLES} "
+            f"samples; take at least {duration / MAXIMUM_SAMPLES:g} s"
         )
     step, graph = path.regrasp, path.graph
     count = int(np.ceil(duration / period - 1e-9)) + 1
@@ -162,7 +162,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     u, moving = np.zeros(count), np.empty((count, 6))
     speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
     last = len(ends) - 1
-    for k, (piece, clock) in enumerate(zip(timed.pieces, timed.clocks, strict=True)):
+    for k, (segment, clock) in enumerate(zip(timed.segments, timed.clocks, strict=True)):
         here = part == k
         since = np.clip(times[here] / slower - starts[k], 0.0, clock.x[-1])
         share = np.clip(clock(since), 0.0, 1.0)
@@ -173,7 +173,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
         else:
             u[here], moving[here] = path.swing(k - 1, share)
         rate, change = clock(since, 1) / slower, clock(since, 2) / slower**2
-        first, second = piece.curve(share, 1), piece.curve(share, 2)
+        first, second = segment.curve(share, 1), segment.curve(share, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
     positions, rotations = path.base(u)
@@ -183,7 +183,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
     grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
-    phases = np.array([piece.phase for piece in timed.pieces])
+    phases = np.array([segment.phase for segment in timed.segments])
     return Trajectory(
         times=times,
         step=np.zeros(count, dtype=np.int64),

@@ -101,7 +101,7 @@ class Disturbances(Figures):
         """One of them, the others as they are by default."""
         return replace(Disturbances(), **{name: getattr(self, name)})
 
-    def draw(self, seed: int, parts: int, limbs: int, points: int) -> Disturbance:
+    def draw(self, seed: int, body_count: int, limbs: int, points: int) -> Disturbance:
         """One robot and module.
 
         Each figure has a stream of its own, so that it is the same whatever the others are.
@@ -110,7 +110,7 @@ class Disturbances(Figures):
         ----------
         seed
             Seed; the same one draws the same.
-        parts
+        body_count
             Parts of the robot that have a mass, MuJoCo's bodies.
         limbs
             Its limbs, N.
@@ -140,7 +140,7 @@ class Disturbances(Figures):
             * STANDARD_GRAVITY
             * _directions(streams["acceleration"], 1)[0],
             payload=self.payload * float(streams["payload"].uniform()),
-            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, parts),
+            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, body_count),
             stiffness=self.stiffness**grasps,
             point_offsets=self.point_position * offsets,
             point_turns=self.point_angle * turns,
@@ -191,7 +191,7 @@ class Disturbance:
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Change a model of `dynamics.dynamics_spec`; nothing but the points is left out."""
-        robot = parts_of_robot(model)
+        robot = robot_body_ids(model)
         model.body_mass[robot] *= self.masses
         model.body_inertia[robot] *= self.masses[:, None]
         base = model.body("base").id
@@ -210,10 +210,10 @@ class Disturbance:
         return Rotation.from_rotvec(self.point_turns)
 
 
-def parts_of_robot(model: mujoco.MjModel) -> IntArray:
+def robot_body_ids(model: mujoco.MjModel) -> IntArray:
     """Indices of the robot's bodies."""
-    found: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
-    return found
+    indices: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
+    return indices
 
 
 def _directions(rng: np.random.Generator, count: int) -> Array:
@@ -242,7 +242,7 @@ ALL = Disturbances(
 )
 """All of them at once, at the sizes that are studied."""
 
-KNOWN = {"none": NONE, "all": ALL}
+DISTURBANCES = {"none": NONE, "all": ALL}
 """Disturbances by name."""
 
-Disturbances.named = KNOWN
+Disturbances.named = DISTURBANCES

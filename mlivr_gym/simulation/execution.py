@@ -30,7 +30,7 @@ from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-REST = 2.0
+FINAL_HOLD = 2.0
 """How long the last grasp is held at the end of a walk [s]."""
 
 
@@ -173,7 +173,7 @@ def execute(
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = carry_out(simulation, walk, progress)
+    done = execute_walk(simulation, walk, progress)
     return Execution(
         plan=plan,
         timing=timing,
@@ -221,7 +221,7 @@ def timed_walk(
     return TimedWalk(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
 
 
-def carry_out(
+def execute_walk(
     simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
 ) -> list[ExecutedStep]:
     """What came of each step up to the end or to the one that fails, and of the last hold."""
@@ -233,5 +233,5 @@ def carry_out(
             progress(index + 1)
         if done[-1].failure is not None:
             return done
-    done.append(simulation.rest(walk.steps[-1], REST, len(walk.steps) - 1))
+    done.append(simulation.hold(walk.steps[-1], FINAL_HOLD, len(walk.steps) - 1))
     return done

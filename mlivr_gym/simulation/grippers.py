@@ -48,7 +48,7 @@ class Grippers:
         rails = grasp_map.rotations[:, :, 0]
         grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
         self._disturbance = disturbance
-        self._known: Array = grasps["flange"]["rotation"]
+        self._tools: Array = grasps["flange"]["rotation"]
         self._sites = [model.site(f"limb{i}/grasp").id for i in range(robot.limbs)]
         self._anchors = [model.body(f"limb{i}/anchor").id for i in range(robot.limbs)]
         self._boxes = np.array(
@@ -57,7 +57,7 @@ class Grippers:
         self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
         self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
         self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
-        self._met = model.geom_contype.copy()
+        self._contype = model.geom_contype.copy()
         self.points: list[int] = [FREE] * robot.limbs
         self.reset()
 
@@ -65,11 +65,11 @@ class Grippers:
         """Let go of everything; all points lie where the disturbance has moved them to."""
         self._turns: Array = self._disturbance.turned.as_matrix()
         self._positions: Array = self._map.positions + self._disturbance.point_offsets
-        self._model.geom_contype[:] = self._met
+        self._model.geom_contype[:] = self._contype
         for limb in range(len(self.points)):
             self.release(limb)
 
-    def place(self, point: int) -> None:
+    def reset_point(self, point: int) -> None:
         """Put a point where the map has it."""
         self._turns[point] = np.eye(3)
         self._positions[point] = self._map.positions[point]
@@ -85,7 +85,7 @@ class Grippers:
         mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
         return both
 
-    def speeds(self, limb: int, joints: Array) -> tuple[float, float]:
+    def relative_speed(self, limb: int, joints: Array) -> tuple[float, float]:
         """How fast a gripper moves [m/s] and turns [rad/s] if those that hold stand still.
 
         Parameters
@@ -108,7 +108,7 @@ class Grippers:
         distance = np.linalg.norm(position - self._positions[point])
         return float(distance), float(turn.magnitude())
 
-    def displaced(self, point: int, position: Array, rotation: Array) -> tuple[Array, Array]:
+    def displaced_pose(self, point: int, position: Array, rotation: Array) -> tuple[Array, Array]:
         """Where a pose lies that is meant relative to a point of the map."""
         turn = self._turns[point]
         return (
@@ -118,7 +118,7 @@ class Grippers:
 
     def _tool(self, limb: int, point: int) -> Array:
         """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
-        found, tool = self.pose(limb)[1], self._turns[point] @ self._known[point]
+        found, tool = self.pose(limb)[1], self._turns[point] @ self._tools[point]
         return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ found)))
 
     def grasp(self, limb: int, point: int) -> None:
@@ -134,7 +134,7 @@ class Grippers:
         self._model.opt.disableactuator |= 2 << limb
         self.points[limb] = FREE
 
-    def meets(self, limb: int, points: Sequence[int]) -> None:
+    def set_contacts(self, limb: int, points: Sequence[int]) -> None:
         """Let a gripper meet every box but those that lie behind the surface of some points."""
         bit, contype = gripper_bit(limb), self._model.geom_contype
         contype[self._boxes] |= bit
@@ -145,6 +145,6 @@ class Grippers:
             contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
 
 
-def within(physics: Physics, distance: float, angle: float) -> bool:
+def can_capture(physics: Physics, distance: float, angle: float) -> bool:
     """Whether a gripper that far from a point can grasp it."""
     return distance <= physics.capture_distance and angle <= physics.capture_angle

@@ -12,7 +12,7 @@ from mlivr_gym.simulation.dynamics import AXES
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.recording import Peaks, Recording
 
-HUGE = mujoco.mjMAXVAL
+DIVERGENCE_LIMIT = mujoco.mjMAXVAL
 """A state in which something is larger has diverged, as MuJoCo counts; so has one with NaN."""
 
 RECORD_PERIOD = 0.02
@@ -23,7 +23,7 @@ JOINTS = [f"joint{k}" for k in range(1, 7)]
 """Names of a limb's joints in the model, in which base and limbs follow each other."""
 
 
-class Measured(NamedTuple):
+class Measurements(NamedTuple):
     """What n successive time steps measure, every one of them."""
 
     recording: Recording
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
 
 
 class Instruments:
-    """Where a model of `dynamics.dynamics_spec` keeps what is measured, and how it is read.
+    """Where a model of `dynamics.dynamics_spec` keeps what is measurements, and how it is read.
 
     Attributes
     ----------
@@ -60,15 +60,15 @@ class Instruments:
     def _sensor(self, name: str) -> int:
         return int(self.model.sensor(name).adr[0])
 
-    def measured(
+    def measure(
         self,
         states: Array,
         sensors: Array,
         trajectory: Trajectory,
         first: int,
-        begun: int,
+        elapsed: int,
         step: int,
-    ) -> Measured:
+    ) -> Measurements:
         """What n successive time steps measure.
 
         Parameters
@@ -81,16 +81,16 @@ class Instruments:
             The trajectory that is followed.
         first
             Index of the first of them on its time grid.
-        begun
+        elapsed
             Time steps that passed before the first of them.
         step
             Index of the step of the walk.
         """
-        count, there = len(states), slice(first, first + len(states))
-        times = np.arange(begun, begun + count, dtype=np.float64) * self.model.opt.timestep
+        count, samples = len(states), slice(first, first + len(states))
+        times = np.arange(elapsed, elapsed + count, dtype=np.float64) * self.model.opt.timestep
         # MuJoCo resets a state that diverged, and its clock with it.
         on_time = np.abs(states[:, 0] - times) < 0.5 * self.model.opt.timestep
-        finite: BoolArray = np.asarray((np.abs(states) < HUGE).all(axis=1) & on_time)
+        finite: BoolArray = np.asarray((np.abs(states) < DIVERGENCE_LIMIT).all(axis=1) & on_time)
         # What a diverged state holds is not looked at; a failure is reported at the first of them.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],
@@ -98,7 +98,7 @@ class Instruments:
             1,
         )
         base = qpos[:, :7]
-        cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[there]).sum(axis=1))
+        cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[samples]).sum(axis=1))
         cosine /= np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         recording = Recording(
             times=times,
@@ -108,7 +108,7 @@ class Instruments:
             joint_torques=sensors[:, self._torques],
             base_positions=base[:, :3],
             base_quaternions=base[:, 3:],
-            base_errors=np.linalg.norm(base[:, :3] - trajectory.base_positions[there], axis=1),
+            base_errors=np.linalg.norm(base[:, :3] - trajectory.base_positions[samples], axis=1),
             base_angle_errors=2.0 * np.arccos(np.minimum(cosine, 1.0)),
             grasp_forces=sensors[:, self._wrenches[:, :3]],
             grasp_torques=sensors[:, self._wrenches[:, 3:]],
@@ -116,12 +116,12 @@ class Instruments:
             angular_momenta=sensors[:, self._momentum : self._momentum + 3],
             contacts=sensors[:, self._contact].astype(np.int64),
         )
-        return Measured(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
+        return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
 
-    def kept(self, measured: Measured, ended: int) -> tuple[Recording, Peaks]:
+    def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
         """Samples every `RECORD_PERIOD` of the first `ended` time steps, and the peaks of all."""
-        whole = measured.recording.part(slice(ended))
+        whole = measurements.recording.part(slice(ended))
         stride = max(round(RECORD_PERIOD / self.model.opt.timestep), 1)
         start = round(whole.times[0] / self.model.opt.timestep)
-        peaks = Peaks.of(whole, measured.speeds[:ended])
+        peaks = Peaks.of(whole, measurements.speeds[:ended])
         return whole.part(slice(-start % stride, None, stride)), peaks

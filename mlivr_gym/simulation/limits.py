@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mlivr_gym.motion.clocks import LONGEST_STEP
+from mlivr_gym.motion.clocks import MAXIMUM_DURATION
 from mlivr_gym.schema import Choice, Kind, Maybe, Tuples
 from mlivr_gym.simulation.figures import Figures
 
@@ -60,7 +60,7 @@ class Limits(Figures):
         "surface_speed": Tuples((), 1e-4, 10.0, "m/s"),
         "rise_time": Tuples((), 0.01, 10.0, "s"),
         "profile": Choice(PROFILES),
-        "step_duration": Maybe(Tuples((), 1e-3, LONGEST_STEP, "s")),
+        "step_duration": Maybe(Tuples((), 1e-3, MAXIMUM_DURATION, "s")),
     }
 
 

@@ -16,7 +16,7 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Listed, Maybe, Whole
-from mlivr_gym.simulation.execution import TimedWalk, carry_out, timed_walk
+from mlivr_gym.simulation.execution import TimedWalk, execute_walk, timed_walk
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -120,7 +120,7 @@ def execute_many(
 
     Example:
         >>> outcomes = list(execute_many(graph, [plan], Setup.of("gentle", disturbances="all"), 20))
-        >>> success(outcomes)
+        >>> success_rate(outcomes)
     """
     setup, count = setup or Setup(), workers or os.cpu_count() or 1
     works = (
@@ -149,7 +149,7 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
     found = []
     for seed in work.seeds:
         simulation = work.setup.simulation(work.grasp_map, work.robot, work.obstacles, seed)
-        done = carry_out(simulation, work.walk)
+        done = execute_walk(simulation, work.walk)
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
         found.append(
@@ -172,7 +172,7 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
     return found
 
 
-def success(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
+def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
     """Share of walks that were carried out, with its interval, and the failures by kind.
 
     The interval is Wilson's at 95 % (Journal of the American Statistical Association 22, 1927).

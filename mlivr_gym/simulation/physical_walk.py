@@ -68,10 +68,10 @@ class PhysicalWalk:
             If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
         self.graph, self.setup = graph, setup
-        self._made: tuple[int, int] | None = None
+        self._simulated: tuple[int, int] | None = None
         _ = graph.robot.limb_dynamics
         self._plan: Plan | None = None
-        self._done = 0
+        self._next = 0
 
     def start(self, state: State, plan: Plan | None = None, seed: int = 0) -> State:
         """Put the robot at rest into a stance; returns the state with one branch a limb.
@@ -92,12 +92,12 @@ class PhysicalWalk:
             If the plan has no step or does not fit the graph.
         """
         graph = self.graph
-        if self._made != (graph.version, seed):
+        if self._simulated != (graph.version, seed):
             self.simulation = self.setup.simulation(
                 graph.grasp_map, graph.robot, graph.obstacles, seed
             )
-            self._made = graph.version, seed
-        self._plan, self._done = plan, 0
+            self._simulated = graph.version, seed
+        self._plan, self._next = plan, 0
         if plan is not None:
             self.joints = planned_regrasp(graph, plan, 0).joints.copy()
             self.state = self._on_branches(state, plan.motion.branches[0])
@@ -134,10 +134,10 @@ class PhysicalWalk:
             alone if no swing was found.
         """
         after = self.state.stance_after(limb, point)
-        found = self._planned(after) or self._found(State(after, masks))
-        if found is None:
+        result = self._planned(after) or self._committed(State(after, masks))
+        if result is None:
             return self._no_swing(limb, point, "no swing was found")
-        regrasp, reached = found
+        regrasp, reached = result
         try:
             path = RegraspPath(self.graph, regrasp)
             timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
@@ -161,22 +161,22 @@ class PhysicalWalk:
     def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:
         """The next step of the plan, if it leads to the stance `after`."""
         plan = self._plan
-        if plan is None or self._done >= len(plan.steps):
+        if plan is None or self._next >= len(plan.steps):
             return None
-        regrasp = planned_regrasp(self.graph, plan, self._done)
+        regrasp = planned_regrasp(self.graph, plan, self._next)
         if regrasp.after != after:
             self._plan = None
             return None
-        self._done += 1
+        self._next += 1
         joints, limb = self.joints.copy(), regrasp.limb
         joints[limb] = regrasp.grasp_joints
-        reached = self._on_branches(State(after, ()), plan.motion.branches[self._done], joints)
+        reached = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
         masks = tuple(
             reached.masks[i] if i == limb else mask for i, mask in enumerate(self.state.masks)
         )
         return regrasp, State(after, masks)
 
-    def _found(self, reached: State) -> tuple[Regrasp, State] | None:
+    def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
         """A step to a stance, and the state it leads to.
 
         The limb grasps on the branch that keeps most steps open of those to which a swing leads.

@@ -24,9 +24,9 @@ from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
-from mlivr_gym.simulation.failures import FailureWatch
+from mlivr_gym.simulation.failures import FailureMonitor
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.grippers import Grippers, within
+from mlivr_gym.simulation.grippers import Grippers, can_capture
 from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
 from mlivr_gym.simulation.inverse_dynamics import robot_model
@@ -44,7 +44,7 @@ class ExecutedStep(NamedTuple):
     """What came of a regrasp."""
 
     recording: Recording
-    """Samples of what was measured."""
+    """Samples of what was measurements."""
     peaks: Peaks
     """Largest values at any time step."""
     capture: Capture | None
@@ -146,15 +146,15 @@ class Simulation:
         self._joints.reset()
         for limb, point in enumerate(points):
             if point != FREE:
-                self._grippers.place(point)
+                self._grippers.reset_point(point)
                 distance, angle = self._grippers.error(limb, point)
-                if not within(self.physics, distance, angle):
+                if not can_capture(self.physics, distance, angle):
                     raise SimulationError(
                         f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg "
                         f"from point {self.grasp_map.ids[point]!r} and cannot hold it"
                     )
                 self._grippers.grasp(limb, point)
-                self._grippers.meets(limb, (point,))
+                self._grippers.set_contacts(limb, (point,))
         mujoco.mj_forward(self.model, self.data)
 
     @property
@@ -191,25 +191,25 @@ class Simulation:
             self._joints.rebase(reference.positions[0])
         allowed = ((self.points[limb],), (), (point,))
         self._grippers.release(limb)
-        self._guidance.begin(limb, point)
+        self._guidance.start(limb, point)
 
         def enter(phase: int) -> None:
-            self._grippers.meets(limb, allowed[phase])
+            self._grippers.set_contacts(limb, allowed[phase])
 
         runs, tries = [self._run(trajectory, reference, enter)], 1
         while runs[-1].failure is None:
-            runs += self._wait(trajectory, reference)
+            runs += self._wait_until_close(trajectory, reference)
             distance, angle = self.grasp_error(limb, point)
-            caught = within(self.physics, distance, angle)
-            sure = caught and (self._guidance.close or not self.controller.guided)
+            captured = can_capture(self.physics, distance, angle)
+            sure = captured and (self._guidance.is_close or not self.controller.guided)
             if sure or tries == self.controller.tries or runs[-1].failure is not None:
                 break
             tries += 1
-            runs += self._again(trajectory, reference)
+            runs += self._repeat_approach(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
-        if failure is None and not caught:
-            failure = self._missed(limb, point, distance, angle)
+        if failure is None and not captured:
+            failure = self._missed_grasp(limb, point, distance, angle)
         if failure is not None:
             return ExecutedStep(recording, peaks, None, failure)
         self._grippers.grasp(limb, point)
@@ -217,7 +217,7 @@ class Simulation:
         capture = Capture(self.time, step, limb, name, distance, angle, tries)
         return ExecutedStep(recording, peaks, capture, None)
 
-    def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
+    def hold(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
 
         Parameters
@@ -233,9 +233,9 @@ class Simulation:
         if self.controller.rebase:
             self._joints.rebase(reference.positions[-1])
         self._step = step
-        return self._hold(trajectory, reference, duration)
+        return self._hold_still(trajectory, reference, duration)
 
-    def _hold(
+    def _hold_still(
         self,
         trajectory: Trajectory,
         reference: Reference,
@@ -243,17 +243,17 @@ class Simulation:
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
         """Hold still for some time [s] where a trajectory ended."""
-        places = np.full(self._steps_of(duration) + 1, len(trajectory.times) - 1)
+        places = np.full(self._step_count(duration) + 1, len(trajectory.times) - 1)
         return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
 
-    def _wait(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
+    def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
         """Hold before the point until the error seen is small, at most as long as is patient."""
-        if not self.controller.guided or self._guidance.close:
+        if not self.controller.guided or self._guidance.is_close:
             return []
         patience = self.controller.patience
-        return [self._hold(trajectory, reference, patience, lambda: self._guidance.close)]
+        return [self._hold_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
 
-    def _again(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
+    def _repeat_approach(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
         """Go back above the point and approach it once more."""
         approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
         back = approach[::-1]
@@ -271,28 +271,28 @@ class Simulation:
     ) -> ExecutedStep:
         """Simulate until the end, the first failure, or what `until` says; nothing is grasped.
 
-        `enter` is called with the phase before each piece of it.
+        `enter` is called with the phase before each interval of it.
         """
         recordings, peaks, failure = [], [], None
-        watch = FailureWatch(self.physics, self.robot, self._step)
+        monitor = FailureMonitor(self.physics, self.robot, self._step)
         for first, last in _chunks(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
             states, sensors = self._follow(trajectory, reference, (first, last), until)
-            measured = self._instruments.measured(
+            measurements = self._instruments.measure(
                 states, sensors, trajectory, first, self._steps, self._step
             )
             self._steps += len(states)
             self.time = self._steps * self.physics.timestep
-            found = watch.first(measured, PHASES[phase], held)
+            found = monitor.first_failure(measurements, PHASES[phase], held)
             ended = len(states) if found is None else found[0] + 1
-            recorded, largest = self._instruments.kept(measured, ended)
+            recorded, largest = self._instruments.recorded(measurements, ended)
             recordings.append(recorded)
             peaks.append(largest)
             if found is not None:
                 self._restore(states[found[0]], found[1].time)
-                failure = self._named(found[1])
+                failure = self._with_contact_names(found[1])
             if found is not None or until():
                 break
         return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
@@ -301,14 +301,14 @@ class Simulation:
         self,
         trajectory: Trajectory,
         reference: Reference,
-        piece: tuple[int, int],
+        interval: tuple[int, int],
         until: Callable[[], bool],
     ) -> tuple[Array, Array]:
-        """Simulate a piece of a phase, guided where a limb approaches; see `JointControl.run`."""
-        phase, (first, last) = PHASES[trajectory.phase[piece[0] + 1]], piece
+        """Simulate a interval of a phase, guided where a limb approaches; see `JointControl.run`."""
+        phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guided and phase == "approach" and free
-        period = self._steps_of(self.controller.sensor_period) if guides else last - first
+        period = self._step_count(self.controller.sensor_period) if guides else last - first
         followed = []
         for start in range(first, last, period):
             here = np.arange(start, min(start + period, last))
@@ -322,7 +322,7 @@ class Simulation:
         states, sensors = zip(*followed, strict=True)
         return np.concatenate(states), np.concatenate(sensors)
 
-    def _steps_of(self, duration: float) -> int:
+    def _step_count(self, duration: float) -> int:
         """Time steps in a duration [s], at least one."""
         return max(round(duration / self.physics.timestep), 1)
 
@@ -349,7 +349,7 @@ class Simulation:
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
 
-    def _missed(self, limb: int, point: int, distance: float, angle: float) -> Failure:
+    def _missed_grasp(self, limb: int, point: int, distance: float, angle: float) -> Failure:
         allowed = self.physics
         values = {
             "distance_m": distance, "allowed_distance_m": allowed.capture_distance,
@@ -362,7 +362,7 @@ class Simulation:
         )
         return Failure("missed grasp", self.time, self._step, PHASES[-1], limb, message, values)
 
-    def _named(self, failure: Failure) -> Failure:
+    def _with_contact_names(self, failure: Failure) -> Failure:
         """A collision with the names of what touched."""
         if failure.kind != "collision" or not self.data.ncon:
             return failure

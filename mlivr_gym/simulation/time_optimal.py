@@ -16,31 +16,31 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.simulation.path_dynamics import PieceRows
+from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 
-SMALL = 1e-12
+TINY = 1e-12
 """Numbers below count as zero."""
 
-SAMPLES = 400
+CLOCK_SAMPLES = 400
 """Times at which a clock is kept."""
 
 
-def fastest_clock(rows: PieceRows, rise_time: float) -> PPoly:
+def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     """The fastest clock of a piece, its acceleration without jumps; see `Limits.rise_time` [s]."""
-    squares = fastest_squares(rows)
-    times, shares = _times(rows.shares, squares)
-    clock = _averaged(times, shares, rise_time)
-    longer = rows.binding(clock).duration / float(clock.x[-1])
+    squares = time_optimal_squared_rates(dynamics)
+    times, shares = _sampled(dynamics.shares, squares)
+    clock = _smoothed(times, shares, rise_time)
+    factor = dynamics.binding(clock).duration / float(clock.x[-1])
     order = len(clock.c) - 1
     powers = np.arange(order, -1, -1)[:, None]
-    return PPoly(clock.c / longer**powers, clock.x * longer)
+    return PPoly(clock.c / factor**powers, clock.x * factor)
 
 
-class _Squares(NamedTuple):
-    """Squares of what is asked for at K nodes, in units of the limits, as a form of s'' and b.
+class _SquaredLoads(NamedTuple):
+    """Squares of what is loads for at K nodes, in units of the limits, as a form of s'' and b.
 
     A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b +
-    vv b^2` is at most 1. Shapes (K, G) for G torques and wrenches.
+    vv b^2` is at speed_bound 1. Shapes (K, G) for G torques and wrenches.
     """
 
     uu: Array
@@ -48,61 +48,67 @@ class _Squares(NamedTuple):
     vv: Array
 
     @classmethod
-    def of(cls, rows: PieceRows) -> _Squares:
+    def of(cls, dynamics: SegmentDynamics) -> _SquaredLoads:
         """Those of a piece."""
         u, v = (
-            np.concatenate([rows.torques[:, k, :, None] * [1.0, 0.0, 0.0], rows.wrenches[:, k]], 1)
+            np.concatenate(
+                [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
+            )
             for k in (0, 1)
         )
         return cls((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
 
 
-def fastest_squares(rows: PieceRows) -> Array:
-    """Squared rate of the share at each node of a piece, at rest at both ends, shape (K,)."""
-    step, asked = np.diff(rows.shares), _Squares.of(rows)
-    most: Array = 1.0 / np.maximum((rows.speeds**2).max(axis=1), SMALL)
-    squares: Array = np.minimum(most, _largest_with_any_change(asked))
+def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
+    """Squared rate of the share at intervals node of a piece, at rest at both ends, shape (K,)."""
+    step, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
+    speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
+    squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
     squares[0] = squares[-1] = 0.0
     last = len(squares) - 1
     for k in range(last - 1, 0, -1):
         # s'' = (b[k + 1] - b[k]) / (2 step) at node k
         ahead = squares[k + 1]
         while True:
-            high = _largest(asked, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0))
-            if high >= 0.0 or ahead < SMALL:
+            high = _largest_feasible(
+                loads, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0)
+            )
+            if high >= 0.0 or ahead < TINY:
                 break
             ahead *= 0.9
         squares[k] = min(squares[k], max(high, 0.0))
     for k in range(last):
         here = squares[k]
-        high = _largest(asked, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0))
+        high = _largest_feasible(
+            loads, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0)
+        )
         squares[k + 1] = min(squares[k + 1], max(high, 0.0))
     return squares
 
 
-def _largest_with_any_change(asked: _Squares) -> Array:
-    """Largest b at each node that some s'' allows, of many ratios of the two, shape (K,)."""
+def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
+    """Largest b at intervals node that some s'' allows, of many ratios of the two, shape (K,)."""
     ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
     r = ratios[:, None, None]
-    largest = (r * r * asked.uu + 2.0 * r * asked.uv + asked.vv).max(axis=2)
-    least: Array = np.sqrt(np.maximum(largest.min(axis=0), SMALL**2))
-    return 1.0 / least
+    largest = (r * r * loads.uu + 2.0 * r * loads.uv + loads.vv).max(axis=2)
+    minimum: Array = np.sqrt(np.maximum(largest.min(axis=0), TINY**2))
+    return 1.0 / minimum
 
 
-def _largest(
-    asked: _Squares, k: int, change: tuple[float, float], square: tuple[float, float]
+def _largest_feasible(
+    loads: _SquaredLoads, k: int, change: tuple[float, float], square: tuple[float, float]
 ) -> float:
     """Largest x with `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x` allowed.
 
     -1 if there is none above zero.
     """
-    uu, uv, vv = asked.uu[k], asked.uv[k], asked.vv[k]
+    uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
     (p, dp), (q, dq) = change, square
     # a x^2 + 2 b x + c <= 0
     a = dp * dp * uu + 2.0 * dp * dq * uv + dq * dq * vv
     b = p * dp * uu + (p * dq + q * dp) * uv + q * dq * vv
     c = p * p * uu + 2.0 * p * q * uv + q * q * vv - 1.0
-    moving = a > SMALL**2
+    moving = a > TINY**2
     if (c[~moving] > 1e-9).any():
         return -1.0
     a, b, c = a[moving], b[moving], c[moving]
@@ -114,19 +120,19 @@ def _largest(
     return float(high) if high >= low - 1e-9 else -1.0
 
 
-def _times(shares: Array, squares: Array) -> tuple[Array, Array]:
+def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
     """Times of evenly spaced samples of a clock, and its shares there."""
     rates = np.sqrt(squares)
-    each = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], SMALL)
-    nodes = np.concatenate([[0.0], np.cumsum(each)])
-    times = np.linspace(0.0, nodes[-1], SAMPLES)
-    part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(each) - 1)
+    intervals = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], TINY)
+    nodes = np.concatenate([[0.0], np.cumsum(intervals)])
+    times = np.linspace(0.0, nodes[-1], CLOCK_SAMPLES)
+    part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(intervals) - 1)
     change = (squares[part + 1] - squares[part]) / (2.0 * np.diff(shares)[part])
     since = times - nodes[part]
     return times, shares[part] + rates[part] * since + 0.5 * change * since**2
 
 
-def _averaged(times: Array, shares: Array, window: float) -> PPoly:
+def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
     """A clock through the moving average of shares over two windows, one after the other."""
     step = times[1]
     half = max(round(0.5 * window / step), 1)

@@ -21,8 +21,8 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import PieceRows, piece_rows
-from mlivr_gym.simulation.time_optimal import fastest_clock
+from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
+from mlivr_gym.simulation.time_optimal import time_optimal_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TIMING = Maybe(Of(Limits, Durations))
@@ -33,7 +33,7 @@ ROUNDING = 1e-6
 
 
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
-    """A step with clocks for its pieces.
+    """A step with clocks for its segments.
 
     Parameters
     ----------
@@ -51,42 +51,50 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
         If a limb that holds cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
-    pieces = path_segments(path)
-    rows = [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+    segments = path_segments(path)
+    dynamics = [
+        segment_dynamics(path.graph.robot, path.regrasp, segment, limits) for segment in segments
+    ]
     if isinstance(timing, Durations):
-        clocks = timing.clocks(pieces)
-        _check(rows, clocks, timing)
-        return TimedPath(path, pieces, clocks)
-    clocks = tuple(shortest_clock(row, limits) for row in rows)
+        clocks = timing.clocks(segments)
+        _check(dynamics, clocks, timing)
+        return TimedPath(path, segments, clocks)
+    clocks = tuple(shortest_clock(one, limits) for one in dynamics)
     shortest = sum(map(duration_of, clocks))
     if limits.step_duration is not None:
         if limits.step_duration < shortest * (1.0 - ROUNDING):
-            slowest = max(rows, key=lambda row: row.binding(quintic(1.0)).duration)
-            raise TimingError(limits.step_duration, slowest.binding(quintic(1.0)).told, shortest)
+            slowest = max(dynamics, key=lambda one: one.binding(quintic(1.0)).duration)
+            raise TimingError(
+                limits.step_duration, slowest.binding(quintic(1.0)).description, shortest
+            )
         factor = limits.step_duration / shortest
         clocks = tuple(stretched(clock, factor) for clock in clocks)
-    return TimedPath(path, pieces, clocks)
+    return TimedPath(path, segments, clocks)
 
 
-def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
-    """The shortest clock of a piece within limits, of the limits' profile.
+def shortest_clock(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
+    """The shortest clock of a segment within limits, of the limits' profile.
 
     The fastest of its kind may be longer than the shortest quintic where the rise time binds.
     """
-    plain = quintic(rows.binding(quintic(1.0)).duration)
+    plain = quintic(dynamics.binding(quintic(1.0)).duration)
     if limits.profile == "quintic":
         return plain
-    fast = fastest_clock(rows, limits.rise_time)
+    fast = time_optimal_clock(dynamics, limits.rise_time)
     return min(fast, plain, key=duration_of)
 
 
-def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:
+def _check(
+    dynamics: Sequence[SegmentDynamics], clocks: Sequence[PPoly], durations: Durations
+) -> None:
     """Refuse durations that break a limit, with those that would do."""
-    found = [row.binding(clock) for row, clock in zip(rows, clocks, strict=True)]
+    found = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
     factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
     worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:
-        raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
+        raise TimingError(
+            durations.total, found[worst].description, durations.total * factors[worst]
+        )
 
 
 @checked({**WALK, "timing": TIMING})

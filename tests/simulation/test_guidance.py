@@ -21,7 +21,7 @@ def test_no_reading_changes_a_joint_by_more_than_it_may_either_way(checked_graph
         points = [jem.index(point) for point in plan.stances[stance]]
         simulation.reset(*plan.configuration(stance), points)
         for k in (at, len(trajectory.times) // 2):
-            guidance.begin(limb, jem.index(step.to_point))
+            guidance.start(limb, jem.index(step.to_point))
             before = simulation._joints.shift.copy()
             guidance.correct(trajectory, k)
             change = (simulation._joints.shift - before)[6 * limb : 6 * limb + 6]
