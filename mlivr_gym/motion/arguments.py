@@ -1,4 +1,4 @@
-"""Kinds of arguments that functions on plans and motions share."""
+"""Schemas of the arguments that functions on plans and motions have in common."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 MAXIMUM_PERIOD = 60.0
-"""Largest spacing of a time grid [s]."""
+"""Upper bound of the sampling period of a trajectory [s]."""
 
 WALK: Kinds = {
     "graph": Of(StanceGraph),
@@ -27,4 +27,4 @@ WALK: Kinds = {
     "title": Text(0),
     "progress": Maybe(Called()),
 }
-"""By the names that they have everywhere."""
+"""Schema of each argument, by the name that the argument has in all of these functions."""
