@@ -165,8 +165,8 @@ class Plan:
         given, expected = data.get("checksum"), plan.to_dict()["checksum"]
         if given is not None and given != expected:
             raise PlanError(
-                f"checksum is {shortened(given)}, but the other fields give {expected!r}: a field that "
-                "cannot be recomputed from the others was altered"
+                f"checksum is {shortened(given)}, but the other fields give {expected!r}: a "
+                "field that cannot be recomputed from the others was altered"
             )
         return plan
 

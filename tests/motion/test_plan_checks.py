@@ -159,7 +159,7 @@ def test_an_altered_file_is_refused_without_its_map(walk):
         Plan.from_dict(far)
     length = walk["motion"]["steps"][1]["displacement"]
     moved = altered(walk, ("motion", "steps", 1, "displacement"), length + 0.25)
-    told = rf"steps\[1\]\.displacement is {length + 0.25!r}; worked out again it is {length!r}"
+    told = rf"steps\[1\]\.displacement is {length + 0.25!r}; recomputed, it is {length!r}"
     with pytest.raises(PlanError, match=told):
         Plan.from_dict(moved)
     with pytest.raises(PlanError, match="checksum is"):
@@ -205,12 +205,12 @@ def test_a_base_pose_and_angles_that_hold_as_well_are_told_apart(jem, walk):
         Plan.from_dict(altered(walk, ("motion", "base_quaternions", 1), quaternion), jem)
     joint = walk["motion"]["joint_positions"][1][0][3]
     data = altered(walk, ("motion", "joint_positions", 1, 0, 3), joint + 2.0 * np.pi)
-    told = rf"joint_positions\[1\]\[0\]\[3\] is .*; worked out again it is {str(joint)[:8]}"
+    told = rf"joint_positions\[1\]\[0\]\[3\] is .*; recomputed, it is {str(joint)[:8]}"
     with pytest.raises(PlanError, match=told):
         Plan.from_dict(data, jem)
     branch = walk["motion"]["branches"][2][1]
     data = altered(walk, ("motion", "branches", 2, 1), branch ^ 1)
-    told = rf"branches\[2\]\[1\] is {branch ^ 1}; worked out again it is {branch}$"
+    told = rf"branches\[2\]\[1\] is {branch ^ 1}; recomputed, it is {branch}$"
     with pytest.raises(PlanError, match=told):
         Plan.from_dict(data, jem)
 
