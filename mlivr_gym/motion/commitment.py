@@ -1,9 +1,9 @@
-"""From states to motion: what the robot is committed to on each step, branches and swing.
+"""From states to motion: branches, joint angles and swing that the robot commits to on each step.
 
-The stance graph keeps the branches that limbs may be on; a robot is on one of them, with the joint
-angles in their windows. `commit` finds the swing of a step, for plans and for the simulation alike.
-`committed_motion` does so for a sequence of states, where the branches of the whole walk are chosen
-together.
+A state of the stance graph holds the set of branches on which each limb may be; a robot is on one
+of them, with each joint angle in its window. `commit` chooses the swing of one step, for plans and
+for the simulation alike. `committed_motion` does so for a sequence of states, and chooses one
+branch for each interval in which a limb holds a point.
 """
 
 from __future__ import annotations
@@ -30,43 +30,43 @@ from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
 CACHED_STEPS = 4096
-"""Steps that `CommittedSteps` keeps."""
+"""Capacity of the cache `CommittedSteps`, in steps."""
 
 TRAVEL_SAMPLES = 17
-"""Places on a base path at which joints of limbs that hold are looked at to tell its length."""
+"""Samples of a base path from which the joint travel of the support limbs is estimated."""
 
 
 class Committed(NamedTuple):
-    """A step that the robot is committed to."""
+    """A committed step: branches and swing are chosen."""
 
     regrasp: Regrasp
-    """The step with the knots of its swing."""
+    """The step, with the knots of its swing."""
     swing: str
     """Kind of the swing, one of `plan_parts.SWING_KINDS`."""
 
 
 class CommittedMotion(NamedTuple):
-    """The motion of a walk, or why there is none."""
+    """The motion of a walk, or the step at which it fails."""
 
     motion: Motion | None
     """The motion; None if a step cannot be executed."""
     failed: int | None
-    """Index of a step for which no swing was found, or None."""
+    """Index of the step for which no swing exists, or None."""
     edges: tuple[Edge, ...] = ()
-    """The edge that each step is on the branches chosen; none where steps are not checked."""
+    """The edge of each step on the chosen branches; empty if steps are not checked."""
 
 
 def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
-    """Commit the robot to a step, or None if no swing is found for it.
+    """Choose the swing of a step; return None if no clear swing exists.
 
     Parameters
     ----------
     graph
         The stance graph.
     regrasp
-        The step on the branches chosen, without a swing.
+        The step on the chosen branches, without a swing.
     edge
-        How the graph has shown it, on these branches.
+        The edge of this step, as the graph has checked it on these branches.
     """
     if not graph.settings.collisions:
         return Committed(regrasp, "unchecked")
@@ -84,37 +84,40 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
 
 
 class CommittedSteps:
-    """Steps to which a robot was committed before, the last `CACHED_STEPS`: walks share many.
+    """A cache of the last `CACHED_STEPS` committed steps, of which walks on one graph share many.
 
-    They are found again by all that tells what the robot does on a step, and forgotten when the
-    obstacles change.
+    The key is everything on which the swing depends; a change of the obstacles empties the cache.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Know no step of `graph`."""
+        """Start with an empty cache for `graph`."""
         self.graph, self._obstacles = graph, graph.obstacles
         self._cached: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
 
     def commit(self, regrasp: Regrasp, edge: Edge) -> Committed | None:
-        """See `commit`."""
-        graph, kept, step = self.graph, self._cached, regrasp
+        """Return the result of the function `commit`, from the cache if it is stored there."""
+        graph, cached, step = self.graph, self._cached, regrasp
         if self._obstacles != graph.obstacles:
-            kept.clear()
+            cached.clear()
             self._obstacles = graph.obstacles
         arrays = step.positions, step.rotations, step.joints, step.grasp_joints
         key = (
             step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold, edge.pair,
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
-        if key not in kept:
-            kept[key] = commit(graph, regrasp, edge)
-            if len(kept) > CACHED_STEPS:
-                kept.popitem(last=False)
-        return kept[key]
+        if key not in cached:
+            cached[key] = commit(graph, regrasp, edge)
+            if len(cached) > CACHED_STEPS:
+                cached.popitem(last=False)
+        return cached[key]
 
 
 def _line_travels(path: RegraspPath, knots: Array) -> Array:
-    """How far any joint turns on the lines between knots, about, shape (k - 1,) [rad]."""
+    """Return the approximate joint travel on each line between knots, shape (k - 1,) [rad].
+
+    It is the maximum over the joints of the swing limb and, in proportion to the base parameter,
+    over those of the support limbs.
+    """
     holding = path.supports(np.linspace(0.0, 1.0, TRAVEL_SAMPLES))
     turned = np.nanmax(np.abs(np.diff(holding, axis=0)).sum(axis=0))
     lines = np.abs(np.diff(knots, axis=0))
@@ -123,7 +126,10 @@ def _line_travels(path: RegraspPath, knots: Array) -> Array:
 
 
 def hold_intervals(points: IntArray, limb: int) -> list[tuple[int, int]]:
-    """First and last stance of each time `limb` holds one point; `points` has shape (K, N)."""
+    """Return the first and last stance of each interval in which `limb` holds one point.
+
+    The array `points` has the point index of each limb in each stance, shape (K, N).
+    """
     intervals, first = [], 0
     for k in range(1, len(points) + 1):
         if k == len(points) or points[k, limb] != points[first, limb]:
@@ -138,10 +144,12 @@ def committed_motion(
     postures: Postures | None = None,
     cache: CommittedSteps | None = None,
 ) -> CommittedMotion:
-    """The motion of a walk.
+    """Compute the motion of a walk: branches, joint angles and swings.
 
-    For each time a limb holds, the branch is the one kept at its end that has the largest least
-    `w_m` over the hold; of equal ones the first.
+    For each interval in which a limb holds a point, the branch is the one that maximises the
+    minimum `w_m` over the interval, among the branches of the last state on which the limb can be
+    released; ties go to the lowest number. If the graph proved a step by a line swing between two
+    other branches that are allowed as well, these are taken.
 
     Parameters
     ----------
@@ -150,15 +158,15 @@ def committed_motion(
     states
         K states, each with the branches kept.
     postures
-        Postures in which the robot stands in them; by default those of the graph.
+        Postures of the K stances; by default those of the graph.
     cache
-        Steps that are cache, to which those of this walk are added.
+        Cache in which steps are looked up and stored; by default a new one.
 
     Raises
     ------
     PlanError
-        If a limb is on no branch on which it can be released where it moves next; no
-        walk of the graph is such.
+        If a limb has no branch on which it can be released for its next step. This does not
+        occur for a walk of the graph.
     """
     draft = _MotionDraft(graph, states, graph.postures_of(states) if postures is None else postures)
     cache, steps = cache or CommittedSteps(graph), []
@@ -182,7 +190,7 @@ def committed_motion(
 
 
 class _MotionDraft:
-    """A motion in the making: branches first, which tell the joint angles, then swings."""
+    """A motion under construction: first branches, then joint angles on them, then swings."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
         self.graph, self.states, self.postures = graph, states, postures
@@ -210,7 +218,7 @@ class _MotionDraft:
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
     def _choose_branches(self, limb: int) -> dict[int, int]:
-        """Choose the branch of each hold; returns the branches allowed, by its first stance."""
+        """Choose a branch for each hold of a limb; return the allowed masks by the first stance."""
         graph, allowed = self.graph, {}
         for first, last in hold_intervals(self.points, limb):
             mask = self.states[last].masks[limb]
@@ -229,7 +237,7 @@ class _MotionDraft:
         return allowed
 
     def _edges(self) -> list[Edge]:
-        """How each step is made on the branches and flips chosen."""
+        """Return the edge of each step on the chosen branches and flips."""
         bits, edges = self.branches + 8 * self.flips, []
         for k in range(len(self.points) - 1):
             masks = tuple(1 << int(bit) for bit in bits[k])
@@ -239,9 +247,9 @@ class _MotionDraft:
         return edges
 
     def _take_line_branches(self, allowed: list[dict[int, int]]) -> bool:
-        """Put limbs on the branches of the line swings that the graph knows, where they may be.
+        """Move limbs to the branches of line swings that the graph proved, where these are allowed.
 
-        Returns whether any was changed.
+        Return whether any branch was changed.
         """
         changed = False
         for k, edge in enumerate(self.edges):
@@ -260,14 +268,14 @@ class _MotionDraft:
         return changed
 
     def _pivots(self) -> Array:
-        """Centroid of the held points of each step [m], shape (K - 1, 3)."""
+        """Return the centroid of the points held during each step, shape (K - 1, 3) [m]."""
         held = self.points[:-1] == self.points[1:]
         positions = self.graph.grasp_map.positions[self.points[:-1]]
         centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
         return centres
 
     def commit(self, k: int, cache: CommittedSteps) -> Committed | None:
-        """Commit the robot to step `k`."""
+        """Commit the robot to step `k`; return None if no clear swing exists."""
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
         regrasp = Regrasp(
             limb=limb,
@@ -287,7 +295,7 @@ class _MotionDraft:
         return cache.commit(regrasp, self.edges[k])
 
     def step(self, k: int, committed: Committed) -> Step:
-        """Step `k` as a plan has it."""
+        """Return step `k` in the form in which a plan stores it."""
         regrasp, ids = committed.regrasp, self.graph.grasp_map.ids
         x, y, z = regrasp.pivot.tolist()
         return Step(
@@ -303,7 +311,7 @@ class _MotionDraft:
         )
 
     def manipulability(self) -> tuple[Array, Array]:
-        """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
+        """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
         w_b = np.empty(len(self.points))
         base_along(self.graph.checks.robots, self._candidate, self.branches, self._scratch, w_b)

@@ -1,9 +1,9 @@
-"""A plan that is loaded is worked out again: what it tells has to be what follows.
+"""Checks of a loaded plan: its values are recomputed, and must be those that follow.
 
-What was asked for and the world are given by the plan alone. From the points and the base pose of
-each stance and the branch that each limb is on follow the joint angles, the manipulability, the
-base path and the swing of each step, and from these the cost; that the goal is reached, that each
-stance can be held and that each step is one of the graph is looked at as when the plan was made.
+Query and world are taken from the plan. Points, base pose and branches of each stance determine the
+joint angles, the manipulability, the base path and the swing of each step, and these the cost.
+Whether the goal is reached, each stance can be held, and each step is an edge of the graph, is
+checked as when the plan was made.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 TOLERANCE = 1e-7
-"""Largest deviation of a number that is given from the one that follows [m, rad, or its share].
+"""Largest deviation of a given number from the recomputed one [m, rad, or relative].
 
-A file keeps every bit, and a base rotation is given as a quaternion, to 1e-16. Where a limb is all
-but singular its angles and manipulability change by the root of that, 1e-8.
+A file keeps every bit of a number, and a base orientation as a quaternion loses 1e-16. Close to a
+singularity joint angles and manipulability change by the square root of that, 1e-8.
 """
 
 SAME_POSE = 1e-9
-"""Base poses that differ by less from that of the stance's posture are the same [m, rad]."""
+"""Base poses that deviate less from the posture of the stance are equal to it [m, rad]."""
 
 SAME_KNOT = 1e-9
-"""Knots that differ by less are one [rad]."""
+"""Knots that differ by less are equal [1, rad]."""
 
 FLIP = np.diag([-1.0, -1.0, 1.0])
-"""Half a turn of a tool about its axis, with which it holds as well."""
+"""Half a turn of a tool about its axis, the symmetry of a grasp."""
 
 
 def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
-    """Refuse a plan whose displacements, cost or goal do not follow from its base positions.
+    """Check the displacements, the cost and the goal of a plan against its base positions.
 
     Raises
     ------
     PlanError
-        naming the field, the value given and the one expected.
+        If a value differs; the message names the field, the given value and the expected one.
     """
     if (query.cost_name == "weighted") != (query.regrasp_price is not None):
         raise PlanError(
@@ -71,17 +71,17 @@ def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
         raise PlanError(
             f"query.goal is {shortened(list(query.goal))}, to be reached within "
             f"{query.goal_tolerance!r} m; the last base position "
-            f"{shortened(places[-1].tolist())} is {short!r} m away"
+            f"{shortened(places[-1].tolist())} is {short!r} m away from it"
         )
 
 
 def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap) -> None:
-    """Refuse a plan whose motion does not follow from its stances, base poses and branches.
+    """Check the motion of a plan against its stances, base poses and branches.
 
     Raises
     ------
     PlanError
-        naming the field, the value given and the one expected.
+        If a value differs; the message names the field, the given value and the expected one.
     """
     try:
         graph = _graph(world, grasp_map)
@@ -91,8 +91,8 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
     for point in motion.stances[-1] if query.goal_face else ():
         face = grasp_map.faces[grasp_map.index(point)]
         if face != query.goal_face:
-            given = f"query.goal_face is {query.goal_face!r}; the last stance"
-            raise PlanError(f"{given} holds {point!r} on face {face!r}")
+            goal = f"query.goal_face is {query.goal_face!r}; the last stance"
+            raise PlanError(f"{goal} holds {point!r} on face {face!r}")
     with warming("mlivr_gym.planners.warmup", COMPILED):
         bits = _branch_bits(graph, points, motion)
         postures = _postures(graph, points, motion, bits)
@@ -106,7 +106,7 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
 
 
 def _graph(world: World, grasp_map: GraspMap) -> LazyGraph:
-    """A stance graph of the world of a plan, which works out no more than it is asked."""
+    """Return a stance graph of the world of a plan, which computes nodes and edges on demand."""
     graph = LazyGraph(grasp_map, world.robot, world.settings)
     graph.add_obstacles(world.obstacles)
     graph.occupy(world.occupied)
@@ -114,12 +114,12 @@ def _graph(world: World, grasp_map: GraspMap) -> LazyGraph:
 
 
 def _branch_bits(graph: LazyGraph, points: IntArray, motion: Motion) -> IntArray:
-    """Branch and flip that each limb is on, `branch + 8 * flip`, shape (K, N).
+    """Return the branch and flip of each limb as `branch + 8 * flip`, shape (K, N).
 
     Raises
     ------
     PlanError
-        If the joint angles are none with which the limbs hold, or of other branches.
+        If the limbs do not hold their points with these joint angles, or are on other branches.
     """
     angles = Angles.rows(16, *points.shape)
     base = poses(motion.base_positions, _rotations(motion))
@@ -150,7 +150,7 @@ def _branch_bits(graph: LazyGraph, points: IntArray, motion: Motion) -> IntArray
 
 
 def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> None:
-    """Refuse the base pose of a stance if all limbs tell another."""
+    """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
     given, robot = _rotations(motion)[k], graph.robot
     places, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
@@ -158,7 +158,7 @@ def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> N
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
             (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),
-            key=lambda expected: np.abs(expected - given).max(),
+            key=lambda turn: np.abs(turn - given).max(),
         )
         places[i] = flange["position"] - turns[i] @ (robot.mount_positions[i] + mount @ place)
     if max(np.ptp(places, axis=0).max(), np.ptp(turns, axis=0).max()) < TOLERANCE:
@@ -173,7 +173,7 @@ def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> N
 
 
 def _flange(lengths: Array, joints: Array) -> tuple[Array, Array]:
-    """Flange position [m] and rotation in the limb base frame, by the standard DH convention."""
+    """Return flange position [m] and rotation in the mount frame, by the standard DH convention."""
     d1, a2, a3, d4, d5, d6 = lengths
     place, turn = np.zeros(3), np.eye(3)
     rows = zip(
@@ -195,7 +195,7 @@ def _flange(lengths: Array, joints: Array) -> tuple[Array, Array]:
 
 
 def _rotations(motion: Motion) -> Array:
-    """Base rotations, shape (K, 3, 3)."""
+    """Return the base rotations of a motion, shape (K, 3, 3)."""
     turns: Array = scipy.spatial.transform.Rotation.from_quat(
         motion.base_quaternions, scalar_first=True
     ).as_matrix()
@@ -203,16 +203,16 @@ def _rotations(motion: Motion) -> Array:
 
 
 def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
-    """Postures of the stances at the base poses given.
+    """Return the postures of the stances at the given base poses.
 
-    That of the stance where the pose is its own, else one of those a user or a refinement chose. On
-    which branches limbs may be depends on that, too: a pose that meets the thresholds may have been
-    looked at without them.
+    That is the posture of the stance if its base pose is the given one, and otherwise a posture at
+    a pose that a user or a refinement chose. Such a pose may have been evaluated without the
+    thresholds, and on them the allowed branches depend.
 
     Raises
     ------
     PlanError
-        If a stance cannot be held on the branches given, or is no node.
+        If a stance cannot be held on the given branches, or is not a node.
     """
     turns, chosen = _rotations(motion), graph.postures(points)
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)
@@ -231,7 +231,7 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
         i = int(np.argmin(chosen.mask[k] >> bits[k] & 1))
         can = sorted({bit % 8 for bit in range(16) if int(chosen.mask[k, i]) >> bit & 1})
         raise _mismatch(f"motion.branches[{k}][{i}]", int(motion.branches[k, i]), f"one of {can}")
-    for k in (np.flatnonzero(~node[1:]) + 1).tolist():  # the first may have been given
+    for k in (np.flatnonzero(~node[1:]) + 1).tolist():  # the user may have chosen the first
         raise PlanError(
             f"motion.stances[{k}] is {motion.stances[k]}, on which w_m is "
             f"{chosen.w_m[k].tolist()} and w_b {float(chosen.w_b[k])!r} at most; the world's "
@@ -241,7 +241,7 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
 
 
 def _check_steps(motion: Motion, expected: CommittedMotion, bits: IntArray) -> None:
-    """Refuse a motion that is not the one expected, or not possible."""
+    """Check that each step is an edge and that the motion equals the recomputed one."""
     for k, edge in enumerate(expected.edges):
         step = motion.steps[k]
         for i, bit in enumerate(bits[k].tolist()):
@@ -265,7 +265,7 @@ def _check_steps(motion: Motion, expected: CommittedMotion, bits: IntArray) -> N
 
 
 def _distinct_knots(step: dict[str, Any]) -> dict[str, Any]:
-    """A step without knots that repeat the one before, where only rounding tells them apart."""
+    """Return a step without the knots that repeat the one before, up to rounding."""
     knots = np.array(step["knots"]).reshape(-1, 7)
     moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > SAME_KNOT
     kept = [0, *(np.flatnonzero(moved) + 1).tolist()] if len(knots) else []
@@ -273,7 +273,7 @@ def _distinct_knots(step: dict[str, Any]) -> dict[str, Any]:
 
 
 def _compare(place: str, given: Any, expected: Any) -> None:
-    """Refuse the first value that is not the one expected, in lists and objects."""
+    """Raise an error at the first value, in nested data too, that differs from the expected one."""
     if isinstance(given, dict):
         for name, value in given.items():
             _compare(f"{place}.{name}", value, expected[name])
@@ -288,6 +288,6 @@ def _compare(place: str, given: Any, expected: Any) -> None:
 
 
 def _mismatch(place: str, given: object, expected: object) -> PlanError:
-    """The error on a value that is not the one expected."""
+    """Return the error for a value that differs from the recomputed one."""
     text = expected if isinstance(expected, str) else shortened(expected)
-    return PlanError(f"{place} is {shortened(given)}; worked out again it is {text}")
+    return PlanError(f"{place} is {shortened(given)}; recomputed, it is {text}")

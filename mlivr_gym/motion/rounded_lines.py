@@ -1,12 +1,14 @@
-"""Lines between knots with rounded corners, run through without a stop.
+"""Lines between knots with rounded corners, which a limb follows without stopping.
 
-A corner takes a share `before` of the line to it, W, and a share `after` of the line from it, V:
+The rounding of a corner replaces a share `before` of the line to it, W, and a share `after` of the
+line from it, V:
 
     x(t) = corner - before W f(1 - t) + after V f(t),   f(t) = t^3 (2 - t),   t from 0 to 1
 
-so x stays in the triangle of the corner and both knot_shares, and joins the lines up to the second
-derivative if both are run through at such rates that `2 before W` and `2 after V` are the same
-share of either. `collisions.sweep` checks the same curve as a whole.
+The curve stays in the triangle of the corner and its two end points. Its first and second
+derivatives agree with those of the lines, if the share of the segment is distributed over the
+lines so that `2 before W` and `2 after V` are the derivatives by t on either side.
+`collisions.sweep` checks the same curve as a whole.
 """
 
 from __future__ import annotations
@@ -21,14 +23,15 @@ from mlivr_gym.arrays import Array
 
 @dataclass(frozen=True)
 class RoundedLines:
-    """Lines from rest to rest.
+    """Lines with rounded corners between two points of rest.
 
     Attributes
     ----------
     knots
-        Shape (k, 7), k at least 2.
+        Base parameter and joint angles at each knot, shape (k, 7), with k at least 2.
     corners
-        Shares of the lines before and after each inner knot, shape (k - 2, 2), above 0.
+        Shares of the lines before and after each inner knot that its rounding replaces, shape
+        (k - 2, 2), positive.
     """
 
     knots: Array
@@ -36,14 +39,14 @@ class RoundedLines:
 
     @cached_property
     def knot_shares(self) -> Array:
-        """Where knots would be passed without rounding, as shares of the run, shape (k,)."""
+        """Shares of the segment at which the knots would be passed without rounding, shape (k,)."""
         longer = np.cumprod(self.corners[:, 0] / self.corners[:, 1])
         knot_shares = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
         shares: Array = knot_shares / knot_shares[-1]
         return shares
 
     def at(self, share: Array) -> Array:
-        """Base parameter and joint angles at shares of the run, shape (n, 7)."""
+        """Return base parameter and joint angles at n shares of the segment, shape (n, 7)."""
         knot_shares, knots = self.knot_shares, self.knots
         values: Array = np.column_stack(
             [np.interp(share, knot_shares, column) for column in knots.T]
@@ -59,5 +62,5 @@ class RoundedLines:
 
 
 def eased(t: Array) -> Array:
-    """From 0 to 1 with no velocity at 0 and the velocity 2 at 1, and no acceleration at either."""
+    """Return `t^3 (2 - t)`, from 0 at rest to 1 with velocity 2, both without acceleration."""
     return t**3 * (2.0 - t)
