@@ -147,7 +147,7 @@ class RegraspPath:
         ]
 
     @property
-    def segments(self) -> int:
+    def segment_count(self) -> int:
         """Number of segments of the swing."""
         return len(self._swing_segments)
 
@@ -191,7 +191,7 @@ class RegraspPath:
         return values[:, 0], values[:, 1:]
 
     def _is_feasible_in_task_space(self) -> bool:
-        """Return whether the gripper can move on a straight line within limits and without jumps."""
+        """Return whether the gripper can move on a straight line within limits, without jumps."""
         limits = self.graph.robot.limb.limits
         try:
             joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))

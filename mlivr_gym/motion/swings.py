@@ -169,7 +169,7 @@ class SwingFinder:
         return [joints for joints in angles if joints is not None]
 
     def _above(self, side: int, point: int, branch: int) -> Array | None:
-        """Return joint angles above a point on one branch, shape (6,) [rad]; None if unreachable."""
+        """Return joint angles above a point on a branch, shape (6,) [rad]; None if unreachable."""
         out, base = Angles.row(), self.path["last" if side else "first"]
         grasp = self.graph.solver.grasps[point]
         return out["q"] if angles_above(self._robots, self.limb, base, grasp, branch, out) else None
@@ -234,5 +234,5 @@ class SwingFinder:
 
 
 def _knot(u: float, joints: Array, tool: Array | None = None) -> Array:
-    """Return a knot of base parameter and joint angles [rad], joint 6 of `tool` if that is given."""
+    """Return a knot of base parameter and joint angles [rad], joint 6 of `tool` if given."""
     return np.array([u, *joints[:5], (joints if tool is None else tool)[5]])

@@ -1,4 +1,4 @@
-"""Tells at which time step a simulation failed, and why."""
+"""Detection of failures: the time step at which a simulated step failed, and the reason."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mlivr_gym.simulation.instruments import Measurements
 from mlivr_gym.simulation.recording import Failure, Recording
 
 SATURATION_SHARE = 0.999
-"""A torque above this share of its limit counts as at the limit."""
+"""A joint torque above this share of its limit counts as saturated."""
 
 
 class FailureMonitor:
-    """Looks for the first failure of one step of a walk."""
+    """Detects the first failure during one step of a walk."""
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
-        """Watch step `step` of a robot's walk."""
+        """Monitor step number `step` of a walk of `robot`."""
         self.physics, self.limits, self.step = physics, robot.limb.limits, step
         self._torques: Array = np.array(robot.limb_dynamics.torque_limits)
         self._saturated: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
@@ -28,16 +28,16 @@ class FailureMonitor:
     def first_failure(
         self, measurements: Measurements, phase: str, held: Sequence[bool]
     ) -> tuple[int, Failure] | None:
-        """The first time step, by index, at which something failed, and what; None if nothing did.
+        """Return the first time step with a failure, by index, and the failure; None if none occurs.
 
         Parameters
         ----------
         measurements
-            Time steps that follow those of the last call.
+            Measurements of the time steps that follow those of the previous call.
         phase
-            Their phase.
+            Name of their phase.
         held
-            Which limbs hold.
+            Whether each limb holds a point.
         """
         recording, finite = measurements.recording, measurements.finite
         touching = recording.contacts > 0
@@ -55,7 +55,7 @@ class FailureMonitor:
         return index, Failure(kind, time, self.step, phase, limb, message, values)
 
     def _lost_holds(self, recording: Recording, held: Sequence[bool]) -> Iterator[_Event]:
-        """Grasps that do not hold."""
+        """Yield a failure for each grasp that is loaded beyond its strength."""
         for limb in np.flatnonzero(held).tolist():
             for name, unit, wrench, limit in (
                 ("force", "N", recording.grasp_forces, self.physics.hold_force),
@@ -73,9 +73,9 @@ class FailureMonitor:
                     yield index, "lost hold", limb, message, values
 
     def _joint_failures(self, recording: Recording) -> Iterator[_Event]:
-        """Joints at their torque limits for too long, or outside their position limits."""
+        """Yield failures of joints: torque saturated for too long, or angle outside its limits."""
         at_limit = np.abs(recording.joint_torques) >= SATURATION_SHARE * self._torques
-        # Length of the run at the limit that ends at each time step.
+        # Number of consecutive saturated time steps up to each time step.
         index = np.arange(1, len(at_limit) + 1)[:, None, None]
         start = np.maximum.accumulate(np.where(at_limit, 0, index), axis=0)
         run = np.where(start == 0, index + self._saturated, index - start)
@@ -101,3 +101,4 @@ class FailureMonitor:
 
 
 _Event = tuple[int, str, int, str, dict[str, float]]
+"""Index of a time step, and kind, limb, message and values of the failure."""
