@@ -1,4 +1,4 @@
-"""Reads measurements from the states and sensor data of a simulation."""
+"""Measurements from the states and sensor data of a simulation."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.recording import Peaks, Recording
 
 DIVERGENCE_LIMIT = mujoco.mjMAXVAL
-"""A state in which something is larger has diverged, as MuJoCo counts; so has one with NaN."""
+"""A state with a larger value, or with NaN, has diverged; the bound is MuJoCo's own."""
 
 RECORD_PERIOD = 0.02
-"""Spacing of the samples that are kept [s]."""
+"""Spacing of the recorded samples [s]."""
 
 
 JOINTS = [f"joint{k}" for k in range(1, 7)]
-"""Names of a limb's joints in the model, in which base and limbs follow each other."""
+"""Names of a limb's joints in the model, which has base and limbs in their order."""
 
 
 class Measurements(NamedTuple):
-    """What n successive time steps measure, every one of them."""
+    """Measurements at n successive time steps."""
 
     recording: Recording
-    """What is recorded."""
+    """The recorded quantities."""
     speeds: Array
     """Joint velocities, shape (n, N, 6) [rad/s]."""
     finite: BoolArray
@@ -35,7 +35,7 @@ class Measurements(NamedTuple):
 
 
 class Instruments:
-    """Where a model of `dynamics.dynamics_spec` keeps what is measurements, and how it is read.
+    """The addresses of measured quantities in a model of `dynamics.dynamics_spec`.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Instruments:
     """
 
     def __init__(self, model: mujoco.MjModel, limbs: int) -> None:
-        """Look up the addresses of a robot with N limbs."""
+        """Look up the addresses for a robot with N limbs."""
         self.model, self._limbs = model, limbs
         self.mass = float(model.body_mass.sum())
         self._torques, self._wrenches = (
@@ -69,20 +69,20 @@ class Instruments:
         elapsed: int,
         step: int,
     ) -> Measurements:
-        """What n successive time steps measure.
+        """Return the measurements at n successive time steps.
 
         Parameters
         ----------
         states
-            Full states before each of them, n rows.
+            Full state before each time step, n records.
         sensors
-            Sensor data at each of them, n rows.
+            Sensor data at each time step, n records.
         trajectory
-            The trajectory that is followed.
+            The reference trajectory.
         first
-            Index of the first of them on its time grid.
+            Index of the first time step on the time grid of the trajectory.
         elapsed
-            Time steps that passed before the first of them.
+            Number of time steps before the first one since the reset.
         step
             Index of the step of the walk.
         """
@@ -91,7 +91,7 @@ class Instruments:
         # MuJoCo resets a state that diverged, and its clock with it.
         on_time = np.abs(states[:, 0] - times) < 0.5 * self.model.opt.timestep
         finite: BoolArray = np.asarray((np.abs(states) < DIVERGENCE_LIMIT).all(axis=1) & on_time)
-        # What a diverged state holds is not looked at; a failure is reported at the first of them.
+        # Values of a diverged state do not matter: a failure is reported at the first one.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],
             [self.model.nq],
@@ -119,7 +119,7 @@ class Instruments:
         return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
 
     def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
-        """Samples every `RECORD_PERIOD` of the first `ended` time steps, and the peaks of all."""
+        """Return samples every `RECORD_PERIOD` of the first `ended` steps, and the peaks of all."""
         whole = measurements.recording.part(slice(ended))
         stride = max(round(RECORD_PERIOD / self.model.opt.timestep), 1)
         start = round(whole.times[0] / self.model.opt.timestep)

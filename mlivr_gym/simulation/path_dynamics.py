@@ -1,9 +1,11 @@
-"""What a segment of a step asks of the robot, for any clock.
+"""Dynamics of the robot along a path segment, for any time scaling.
 
-With no gravity, torques and grasp wrenches at a share s of a segment are `a(s) s'' + b(s) s'^2`, and
-speeds are `c(s) s'`: one pass of inverse dynamics over the segment gives all three. So at twice the
-duration torques and wrenches fall to a quarter and speeds to a half, and how long a segment has to
-take on a clock of given shape is one number. The rows are kept in units of their limits.
+Without gravity, joint torques and grasp wrenches at share s of a segment are `a(s) s'' + b(s) s'^2`
+and velocities are `c(s) s'`, with derivatives by time (Bobrow, Dubowsky and Gibson, International
+Journal of Robotics Research 4, 1985). One pass of inverse dynamics over the segment gives the
+coefficients, which are stored in units of the limits. On a clock of given shape, torques and
+wrenches scale with `1 / T^2` and velocities with `1 / T`, so the shortest duration T is one number
+(dynamic scaling: Hollerbach, ASME Journal of Dynamic Systems 106, 1984).
 """
 
 from __future__ import annotations
@@ -21,53 +23,54 @@ from mlivr_gym.simulation.inverse_dynamics import needed
 from mlivr_gym.simulation.limits import Limits
 
 CLOCK_SAMPLES = 201
-"""Times of a clock at which what it asks for is looked at."""
+"""Number of times at which the loads on a clock are evaluated."""
 
 
 class Binding(NamedTuple):
-    """The limit that decides how long a segment takes."""
+    """The limit that determines the duration of a path segment."""
 
     duration: float
-    """Shortest duration of the segment [s]."""
+    """Shortest duration of the segment within all limits [s]."""
     limit: str
-    """`"torque"`, `"grasp_force"`, `"grasp_torque"`, `"speed"` or `"surface_speed"`, as in
-    `Limits`."""
+    """The limit: `"torque"`, `"grasp_force"`, `"grasp_torque"`, `"speed"` or `"surface_speed"`, as
+    in `Limits`."""
     limb: int
-    """The limb concerned."""
+    """Index of the limb."""
     joint: int
-    """Its joint, from 1 on; 0 where the limit is the gripper's."""
+    """Number of the joint, from 1; 0 if the limit belongs to the gripper."""
 
     @property
     def description(self) -> str:
-        """Limit and joint in words."""
+        """The limit with its joint and limb in words."""
         where = f"joint {self.joint} of limb {self.limb}" if self.joint else f"limb {self.limb}"
         return f"{self.limit} of {where}"
 
 
 class SegmentDynamics(NamedTuple):
-    """What a segment asks for at K shares, in units of the limits."""
+    """Coefficients of loads and velocities at K shares of a segment, in units of the limits."""
 
     holding: tuple[int, ...]
-    """Limbs that hold, n of them."""
+    """The n support limbs."""
     limb: int
     """The limb that moves."""
     shares: Array
-    """Shape (K,)."""
+    """Shares of the segment, shape (K,)."""
     torques: Array
-    """Of the joints, by s'' and by s'^2, shape (K, 2, 6 N)."""
+    """Joint torques by s'' and by s'^2, shape (K, 2, 6 N)."""
     wrenches: Array
-    """Forces and then torques of the grasps, by s'' and by s'^2, shape (K, 2, 2 n, 3)."""
+    """Forces, then torques of the grasps, by s'' and by s'^2, shape (K, 2, 2 n, 3)."""
     speeds: Array
-    """Of the joints and of the gripper that departs or approaches, shape (K, 6 N + 1)."""
+    """Velocities of the joints, then of the gripper on departure or approach, by s', (K, 6 N +
+    1)."""
 
     def loads(self, clock: PPoly) -> tuple[Array, Array]:
-        """What a clock asks for at `CLOCK_SAMPLES` times.
+        """Return loads and speeds at `CLOCK_SAMPLES` times of a clock.
 
         Returns
         -------
         tuple[Array, Array]
-            Torques, grasp forces and grasp torques in units of their limits, shape
-            (CLOCK_SAMPLES, 6 N + 2 n), and speeds, shape (CLOCK_SAMPLES, 6 N + 1).
+            Magnitudes of joint torques, grasp forces and grasp torques in units of their limits,
+            shape (CLOCK_SAMPLES, 6 N + 2 n), and of velocities, shape (CLOCK_SAMPLES, 6 N + 1).
         """
         times = np.linspace(0.0, clock.x[-1], CLOCK_SAMPLES)
         share, rate, change = (clock(times, order) for order in range(3))
@@ -87,7 +90,7 @@ class SegmentDynamics(NamedTuple):
         return np.column_stack([np.abs(torque), sizes]), np.abs(rate[:, None] * speeds)
 
     def binding(self, clock: PPoly) -> Binding:
-        """The shortest duration of this segment on a clock of this shape, and what decides it."""
+        """Return the shortest duration of the segment on a clock of this shape, and its limit."""
         loads, speeds = self.loads(clock)
         joints, duration = self.torques.shape[2], float(clock.x[-1])
         load, speed = loads.max(axis=0), speeds.max(axis=0)
@@ -109,7 +112,7 @@ class SegmentDynamics(NamedTuple):
 def segment_dynamics(
     robot: RobotSpec, regrasp: Regrasp, segment: PathSegment, limits: Limits
 ) -> SegmentDynamics:
-    """What a segment of a step asks for, in units of the limits.
+    """Compute the dynamics along a path segment, in units of the limits.
 
     Raises
     ------
@@ -134,7 +137,7 @@ def segment_dynamics(
     forces = np.concatenate(
         [wrenches[..., :3] / limits.grasp_force, wrenches[..., 3:] / limits.grasp_torque], axis=2
     )
-    # On departure and approach the gripper moves along the normal by the robot's lift.
+    # During departure and approach the gripper moves along the surface normal by the lift.
     normal_rate = robot.lift / limits.surface_speed if PHASES[segment.phase] != "swing" else 0.0
     speeds = np.column_stack([first[:, 6:] / speed, np.full(count, normal_rate)])
     return SegmentDynamics(holding, regrasp.limb, shares, torques, forces, speeds)
