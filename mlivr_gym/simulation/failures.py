@@ -28,7 +28,7 @@ class FailureMonitor:
     def first_failure(
         self, measurements: Measurements, phase: str, held: Sequence[bool]
     ) -> tuple[int, Failure] | None:
-        """Return the first time step with a failure, by index, and the failure; None if none occurs.
+        """Return the index of the first time step with a failure, and the failure, or None.
 
         Parameters
         ----------

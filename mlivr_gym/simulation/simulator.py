@@ -1,7 +1,7 @@
-"""Executes trajectories in MuJoCo.
+"""Execution of trajectories in MuJoCo.
 
-The controller reads the encoders and sets torques at its own rate. Afterwards every time step is
-looked at; a failure ends the walk at the very step at which it showed.
+The controller reads encoders and commands torques at its own rate. Afterwards every time step is
+checked for failures; a failure ends the walk at the time step at which it occurs.
 """
 
 from __future__ import annotations
@@ -37,38 +37,38 @@ from mlivr_gym.world.boxes import BOX, Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 CHUNK = 500
-"""Time steps between two looks for failures; a failure is found at its very step all the same."""
+"""Number of time steps between two checks for failures; each check covers every time step."""
 
 
 class ExecutedStep(NamedTuple):
-    """What came of a regrasp."""
+    """The result of one regrasp in simulation."""
 
     recording: Recording
-    """Samples of what was measurements."""
+    """Samples of the measurements."""
     peaks: Peaks
-    """Largest values at any time step."""
+    """Maxima over all time steps."""
     capture: Capture | None
-    """How the limb grasped its point; None if it did not."""
+    """The capture of the point; None if it was not captured."""
     failure: Failure | None
-    """Why the step failed; None if it did not."""
+    """The failure of the step, or None."""
 
 
 class Simulation:
-    """A robot in a cabin, with its state.
+    """A robot in a cabin, with its dynamic state.
 
     Attributes
     ----------
     model
         The MuJoCo model; the simulation moves its anchors and changes its contact bits as
-        the robot grasps.
+        limbs grasp and release.
     data
-        Its data.
+        The MuJoCo data.
     physics
-        Figures of grasps and failures.
+        Parameters of grasps and failures.
     controller
-        The controller of the joints.
+        The joint controller.
     disturbance
-        How robot and module differ from what the controller knows.
+        Difference between the simulated robot and module and the model of the controller.
     time
         Time since the reset [s].
     mass
@@ -115,24 +115,24 @@ class Simulation:
 
     @property
     def points(self) -> list[int]:
-        """Point index each limb holds, or `FREE`."""
+        """Index of the point that each limb holds, or `FREE`."""
         return self._grippers.points
 
     def reset(
         self, position: Array, quaternion: Array, joints: Array, points: Sequence[int]
     ) -> None:
-        """Put the robot at rest into a stance, whose points lie where the map has them.
+        """Put the robot at rest into a stance, whose points move to their places in the map.
 
         Parameters
         ----------
         position
-            Base position [m], shape (3,).
+            Base position in the world, shape (3,) [m].
         quaternion
-            Base orientation w, x, y, z.
+            Base orientation in the world w, x, y, z, shape (4,).
         joints
-            Joint angles [rad], shape (N, 6).
+            Joint angles, shape (N, 6) [rad].
         points
-            Point index each limb holds, or `FREE`.
+            Index of the point that each limb holds, or `FREE`.
 
         Raises
         ------
@@ -164,25 +164,24 @@ class Simulation:
         return base[:3], base[3:], self.data.qpos[7:].reshape(-1, 6).copy()
 
     def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
+        """Return distance [m] and angle [rad] between a gripper and its grasp on a point."""
         mujoco.mj_forward(self.model, self.data)
         return self._grippers.error(limb, point)
 
     def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
-        """Execute a regrasp: release, follow the trajectory, grasp.
+        """Execute a regrasp: release the point, follow the trajectory, capture the next point.
 
         Parameters
         ----------
         trajectory
-            One step on the time grid of the simulation, from the stance that the robot
-            holds.
+            Trajectory of one step on the time grid of the simulation, from the present stance.
         step
-            Index of the step, for the record.
+            Index of the step, for the recording.
 
         Raises
         ------
         SimulationError
-            If the trajectory's time grid or first stance is another.
+            If the trajectory has another time grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
         self._step = step
@@ -225,9 +224,9 @@ class Simulation:
         trajectory
             The trajectory that was executed last.
         duration
-            How long [s].
+            Duration [s].
         step
-            Index of the step, for the record.
+            Index of the step, for the recording.
         """
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
@@ -242,19 +241,19 @@ class Simulation:
         duration: float,
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
-        """Hold still for some time [s] where a trajectory ended."""
+        """Hold the last configuration of a trajectory for some time [s], or until a condition."""
         places = np.full(self._step_count(duration) + 1, len(trajectory.times) - 1)
         return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
 
     def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Hold before the point until the error seen is small, at most as long as is patient."""
+        """Hold in front of the point until the gripper is close and at rest, or patience ends."""
         if not self.controller.guided or self._guidance.is_close:
             return []
         patience = self.controller.patience
         return [self._hold_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
 
     def _repeat_approach(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Go back above the point and approach it once more."""
+        """Move back above the point and approach it again."""
         approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
         back = approach[::-1]
         runs = [self._run(trajectory.at(back), reference.at(back, -1.0))]
@@ -269,9 +268,9 @@ class Simulation:
         enter: Callable[[int], None] = lambda _: None,
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
-        """Simulate until the end, the first failure, or what `until` says; nothing is grasped.
+        """Simulate until the end, the first failure, or the condition `until`; nothing is grasped.
 
-        `enter` is called with the phase before each interval of it.
+        `enter` is called with the index of the phase before each interval.
         """
         recordings, peaks, failure = [], [], None
         monitor = FailureMonitor(self.physics, self.robot, self._step)
@@ -304,7 +303,7 @@ class Simulation:
         interval: tuple[int, int],
         until: Callable[[], bool],
     ) -> tuple[Array, Array]:
-        """Simulate a interval of a phase, guided where a limb approaches; see `JointControl.run`."""
+        """Simulate an interval of a phase, guided during an approach; see `JointControl.run`."""
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guided and phase == "approach" and free
@@ -323,11 +322,11 @@ class Simulation:
         return np.concatenate(states), np.concatenate(sensors)
 
     def _step_count(self, duration: float) -> int:
-        """Time steps in a duration [s], at least one."""
+        """Return the number of time steps in a duration [s], at least one."""
         return max(round(duration / self.physics.timestep), 1)
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
-        """The limb that moves on a trajectory and the point that it grasps."""
+        """Return the limb that moves on a trajectory, and the point that it grasps."""
         if abs(trajectory.period - self.physics.timestep) > 1e-9:
             raise SimulationError(
                 f"the trajectory's period is {trajectory.period:g} s; "
@@ -344,12 +343,14 @@ class Simulation:
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
     def _restore(self, state: Array, time: float) -> None:
+        """Set the simulation back to a state at a time [s]."""
         self.time, self._steps = time, round(time / self.physics.timestep)
         self.data.time = state[0]
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
 
     def _missed_grasp(self, limb: int, point: int, distance: float, angle: float) -> Failure:
+        """Return the failure of a grasp outside the capture distance or angle."""
         allowed = self.physics
         values = {
             "distance_m": distance, "allowed_distance_m": allowed.capture_distance,
@@ -363,7 +364,7 @@ class Simulation:
         return Failure("missed grasp", self.time, self._step, PHASES[-1], limb, message, values)
 
     def _with_contact_names(self, failure: Failure) -> Failure:
-        """A collision with the names of what touched."""
+        """Return a collision failure with the names of the two geoms in contact."""
         if failure.kind != "collision" or not self.data.ncon:
             return failure
         contact = self.data.contact[int(np.argmin(self.data.contact.dist))]
@@ -377,7 +378,7 @@ class Simulation:
 
 
 def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-    """First and last time step of pieces within a phase."""
+    """Yield first and last time step of intervals of at most `CHUNK` time steps within a phase."""
     edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
     for start, stop in pairwise(edges):
         for first in range(start, stop, CHUNK):

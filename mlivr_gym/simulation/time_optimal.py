@@ -1,11 +1,13 @@
-"""The fastest clock of a piece under limits of torque, grasp wrench and speed.
+"""Time-optimal path parameterisation under limits of torque, grasp wrench and velocity.
 
-With `b = s'^2` as a function of the share s, `s'' = b' / 2`, and every limit is convex in both: the
-largest b from which the end can still be reached is found backwards, the largest that can be
-reached from the start forwards (reachability analysis: Pham and Pham, "A New Approach to
-Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Transactions on Robotics
-34, 2018). The acceleration of that clock jumps; a moving average over time takes the jumps out, and
-a last stretch, one number, brings what the average changed back within the limits.
+With `b = s'^2` as a function of the share s of a segment, `s'' = (db/ds) / 2`, and all limits are
+convex in b and s'' (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl, IEEE Transactions on
+Automatic Control 54, 2009). A backward pass computes the largest b from which the end can still be
+reached, a forward pass the largest b that can be reached from the start (reachability analysis:
+Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability
+Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this clock is
+discontinuous. A moving average over time limits its rate of change, and a final uniform time
+scaling restores the limits.
 """
 
 from __future__ import annotations
@@ -19,14 +21,22 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 
 TINY = 1e-12
-"""Numbers below count as zero."""
+"""Numbers below this count as zero."""
 
 CLOCK_SAMPLES = 400
-"""Times at which a clock is kept."""
+"""Number of samples of a clock in time."""
 
 
 def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
-    """The fastest clock of a piece, its acceleration without jumps; see `Limits.rise_time` [s]."""
+    """Return the time-optimal clock of a segment with a continuous acceleration.
+
+    Parameters
+    ----------
+    dynamics
+        Dynamics along the segment, in units of the limits.
+    rise_time
+        Width of the moving average [s], see `Limits.rise_time`.
+    """
     squares = time_optimal_squared_rates(dynamics)
     times, shares = _sampled(dynamics.shares, squares)
     clock = _smoothed(times, shares, rise_time)
@@ -37,10 +47,10 @@ def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
 
 
 class _SquaredLoads(NamedTuple):
-    """Squares of what is loads for at K nodes, in units of the limits, as a form of s'' and b.
+    """Squared loads at K nodes in units of the limits, as quadratic forms in s'' and b.
 
-    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b +
-    vv b^2` is at speed_bound 1. Shapes (K, G) for G torques and wrenches.
+    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b + vv
+    b^2` is at most 1. All arrays have the shape (K, G) for G torques and wrenches.
     """
 
     uu: Array
@@ -49,7 +59,7 @@ class _SquaredLoads(NamedTuple):
 
     @classmethod
     def of(cls, dynamics: SegmentDynamics) -> _SquaredLoads:
-        """Those of a piece."""
+        """Return the squared loads of a segment."""
         u, v = (
             np.concatenate(
                 [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
@@ -60,7 +70,7 @@ class _SquaredLoads(NamedTuple):
 
 
 def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
-    """Squared rate of the share at intervals node of a piece, at rest at both ends, shape (K,)."""
+    """Return the largest b = s'^2 at each node of a segment, zero at both ends, shape (K,)."""
     step, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
     speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
     squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
@@ -87,7 +97,10 @@ def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
 
 
 def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
-    """Largest b at intervals node that some s'' allows, of many ratios of the two, shape (K,)."""
+    """Return the largest b at each node for which some s'' is feasible, shape (K,).
+
+    This is the maximum velocity curve of Bobrow et al. (1985), over a grid of ratios s'' / b.
+    """
     ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
     r = ratios[:, None, None]
     largest = (r * r * loads.uu + 2.0 * r * loads.uv + loads.vv).max(axis=2)
@@ -98,9 +111,10 @@ def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
 def _largest_feasible(
     loads: _SquaredLoads, k: int, change: tuple[float, float], square: tuple[float, float]
 ) -> float:
-    """Largest x with `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x` allowed.
+    """Return the largest x at which all loads of node `k` are within their limits.
 
-    -1 if there is none above zero.
+    Here `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if no x from
+    0 on is feasible.
     """
     uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
     (p, dp), (q, dq) = change, square
@@ -121,7 +135,7 @@ def _largest_feasible(
 
 
 def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
-    """Times of evenly spaced samples of a clock, and its shares there."""
+    """Return evenly spaced times of a clock given by b at its nodes, and its shares there."""
     rates = np.sqrt(squares)
     intervals = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], TINY)
     nodes = np.concatenate([[0.0], np.cumsum(intervals)])
@@ -133,14 +147,14 @@ def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
 
 
 def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
-    """A clock through the moving average of shares over two windows, one after the other."""
+    """Return the clock through a moving average of shares over two successive windows."""
     step = times[1]
     half = max(round(0.5 * window / step), 1)
     box = np.ones(half) / half
     kernel = np.convolve(box, box)
     padded = np.concatenate([np.zeros(len(kernel)), shares, np.ones(len(kernel))])
     smooth = np.convolve(padded, kernel, mode="valid")
-    # Beyond the ends of the average nothing changes.
+    # The average is constant outside these samples.
     first = int(np.flatnonzero(smooth > 0.0)[0]) - 1
     last = int(np.flatnonzero(smooth < 1.0 - 1e-12)[-1]) + 1
     kept = np.clip(smooth[max(first, 0) : last + 1], 0.0, 1.0)

@@ -1,7 +1,7 @@
-"""How fast the steps of a plan are carried out.
+"""Time scaling of the steps of a plan.
 
-By default as fast as `Limits` allow; with `Durations` each part takes the time that is given, and
-one that breaks a limit is refused.
+With `Limits` each path segment is as fast as the limits allow. With `Durations` each phase has a
+given duration, and one that violates a limit is refused.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from mlivr_gym.simulation.time_optimal import time_optimal_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TIMING = Maybe(Of(Limits, Durations))
-"""How fast steps are carried out."""
+"""Schema of the argument that determines the time scaling."""
 
 ROUNDING = 1e-6
-"""A duration that falls short of the shortest by a smaller share is not refused."""
+"""Relative amount by which a given duration may fall short of the shortest one."""
 
 
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
-    """A step with clocks for its segments.
+    """Return a step with a clock for each of its path segments.
 
     Parameters
     ----------
     path
-        The step.
+        The path of the step.
     timing
-        `Limits`, by default the default ones, or `Durations`.
+        `Limits`, by default `Limits()`, or `Durations`.
 
     Raises
     ------
     TimingError
-        If durations break the default limits, or the limits' own step duration is
-        shorter than they allow.
+        If durations violate the default limits, or `Limits.step_duration` is shorter than the
+        limits allow.
     PlanError
-        If a limb that holds cannot follow the base.
+        If a support limb cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
     segments = path_segments(path)
@@ -73,9 +73,10 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
 
 
 def shortest_clock(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
-    """The shortest clock of a segment within limits, of the limits' profile.
+    """Return the shortest clock of a segment within limits, for the profile of the limits.
 
-    The fastest of its kind may be longer than the shortest quintic where the rise time binds.
+    The quintic is also a candidate for the profile `"fastest"`: it can be shorter than the
+    time-optimal clock with limited rise time.
     """
     plain = quintic(dynamics.binding(quintic(1.0)).duration)
     if limits.profile == "quintic":
@@ -87,7 +88,7 @@ def shortest_clock(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
 def _check(
     dynamics: Sequence[SegmentDynamics], clocks: Sequence[PPoly], durations: Durations
 ) -> None:
-    """Refuse durations that break a limit, with those that would do."""
+    """Check that durations respect all limits; the error names the durations that would."""
     found = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
     factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
     worst = int(np.argmax(factors))
@@ -105,7 +106,28 @@ def step_trajectory(
     timing: Limits | Durations | None = None,
     period: float = 0.002,
 ) -> Trajectory:
-    """The trajectory of one step of a plan; see `timed_path` and `trajectory.trajectory`."""
+    """Compute the trajectory of one step of a plan.
+
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    index
+        Index of the step, from 0.
+    timing
+        `Limits`, by default `Limits()`, or `Durations`.
+    period
+        Spacing of the time grid [s].
+
+    Raises
+    ------
+    PlanError
+        If the plan has no such step, or it cannot be followed inside the joint limits.
+    TimingError
+        If durations violate a limit.
+    """
     path = RegraspPath(graph, planned_regrasp(graph, plan, index))
     return trajectory(timed_path(path, timing), period)
 
@@ -117,7 +139,7 @@ def plan_trajectory(
     timing: Limits | Durations | None = None,
     period: float = 0.01,
 ) -> Trajectory:
-    """The trajectory of a whole plan.
+    """Compute the trajectory of a whole plan.
 
     Parameters
     ----------
@@ -126,7 +148,7 @@ def plan_trajectory(
     plan
         The plan, with at least one step.
     timing
-        `Limits`, by default the default ones, or `Durations`.
+        `Limits`, by default `Limits()`, or `Durations`.
     period
         Spacing of the time grid [s].
 
@@ -135,10 +157,17 @@ def plan_trajectory(
     PlanError
         If the plan has no step, or a step cannot be followed inside the joint limits.
     TimingError
-        If durations break a limit.
+        If durations violate a limit.
 
-    Example:
-        >>> save_csv(plan_trajectory(graph, plan, period=0.1), "walk.csv")
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> walk = plan_trajectory(graph, plan, Durations(), period=0.1)
+    >>> round(float(walk.times[-1]), 6) == 50.0 * len(plan.steps)
+    True
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")
