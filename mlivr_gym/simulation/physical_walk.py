@@ -217,7 +217,7 @@ class PhysicalWalk:
         return regrasp, edge
 
     def _options(self, state: State, limb: int) -> list[State]:
-        """Return the state with a limb on each of its branches, those with most successors first."""
+        """Return the state with a limb on each of its branches, most successors first."""
         options = []
         for bit in range(16):
             if state.masks[limb] >> bit & 1:

@@ -113,8 +113,8 @@ def _largest_feasible(
 ) -> float:
     """Return the largest x at which all loads of node `k` are within their limits.
 
-    Here `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if no x from
-    0 on is feasible.
+    Here `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if no
+    x from 0 on is feasible.
     """
     uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
     (p, dp), (q, dq) = change, square
