@@ -64,11 +64,11 @@ def step_durations(
     TimingError
         If durations violate a limit.
     """
-    found = []
+    durations = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        found.append(sum(map(duration_of, timed_path(path, timing).clocks)))
-    return found
+        durations.append(sum(map(duration_of, timed_path(path, timing).clocks)))
+    return durations
 
 
 @checked({**QUERY, "planner": Of(Planner), "limits": Maybe(Of(Limits))})
@@ -116,17 +116,17 @@ def fastest_plan(
     --------
     >>> from mlivr_gym import stance_graph
     >>> from mlivr_gym.planners import Planner
-    >>> found = fastest_plan(Planner(stance_graph()), ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
-    >>> found[0].seconds <= found[-1].seconds
+    >>> candidates = fastest_plan(Planner(stance_graph()), ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
+    >>> candidates[0].seconds <= candidates[-1].seconds
     True
     """
-    found: dict[tuple[object, ...], Candidate] = {}
+    candidates: dict[tuple[object, ...], Candidate] = {}
     for cost, price in COSTS:
         plan = planner.plan(
             start, goal, cost, regrasp_price=price, goal_tolerance=goal_tolerance,
             goal_face=goal_face,
         ).unwrap()  # fmt: skip
-        if plan.stances not in found:
+        if plan.stances not in candidates:
             seconds = sum(step_durations(planner.graph, plan, limits))
-            found[plan.stances] = Candidate(plan, cost, price, seconds)
-    return sorted(found.values(), key=lambda one: (one.seconds, one.plan.base_translation))
+            candidates[plan.stances] = Candidate(plan, cost, price, seconds)
+    return sorted(candidates.values(), key=lambda one: (one.seconds, one.plan.base_translation))

@@ -193,6 +193,7 @@ class _MotionDraft:
     """A motion under construction: first branches, then joint angles on them, then swings."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
+        """Choose branches and edges of the walk, and compute its joint angles."""
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
@@ -225,12 +226,12 @@ class _MotionDraft:
             if graph.settings.collisions and last < len(self.points) - 1:
                 here = self.postures.take(slice(last, last + 1))
                 mask &= graph.released(self.states[last].stance, here, limb)
-            least = self._w[first : last + 1, limb].min(axis=0)
+            minimum = self._w[first : last + 1, limb].min(axis=0)
             bits = [bit for bit in range(16) if mask >> bit & 1]
             if not bits:
                 point = graph.grasp_map.ids[self.points[last, limb]]
                 raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")
-            bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
+            bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 12), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3
             allowed[first] = mask

@@ -2,9 +2,9 @@
 
 A step consists of the departure, one or more segments of the swing, and the approach. Consecutive
 lines of the swing that meet in a rounded corner form one segment; the robot is at rest at both ends
-of every segment. A segment is sampled over its share s from 0 to 1 and interpolated by a cubic
-spline, whose first and second derivatives by s give the velocities and accelerations for any time
-scaling s(t), see `simulation.path_dynamics`.
+of every segment. A segment is sampled over its share s, the path parameter from 0 to 1, and
+interpolated by a cubic spline, whose first and second derivatives by s give the velocities and
+accelerations for any time scaling s(t), see `simulation.path_dynamics`.
 """
 
 from __future__ import annotations

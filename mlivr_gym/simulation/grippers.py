@@ -117,9 +117,9 @@ class Grippers:
         )
 
     def _tool(self, limb: int, point: int) -> Array:
-        """Return the rotation of a gripper that holds a point; of two, the closer half turn."""
-        found, tool = self.pose(limb)[1], self._turns[point] @ self._tools[point]
-        return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ found)))
+        """Return the closer of the two rotations with which a gripper can hold a point."""
+        rotation, tool = self.pose(limb)[1], self._turns[point] @ self._tools[point]
+        return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ rotation)))
 
     def grasp(self, limb: int, point: int) -> None:
         """Move the anchor of a limb to a point and switch its compliant grasp on."""

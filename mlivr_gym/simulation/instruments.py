@@ -58,6 +58,7 @@ class Instruments:
         )
 
     def _sensor(self, name: str) -> int:
+        """Return the address of a sensor in the sensor data."""
         return int(self.model.sensor(name).adr[0])
 
     def measure(

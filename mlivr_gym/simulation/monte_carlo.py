@@ -156,13 +156,13 @@ def execute_many(
 
 def _outcomes(work: _Work) -> list[RunOutcome]:
     """Return the outcomes of one plan with several seeds."""
-    found = []
+    outcomes = []
     for seed in work.seeds:
         simulation = work.setup.simulation(work.grasp_map, work.robot, work.obstacles, seed)
         done = execute_walk(simulation, work.walk)
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
-        found.append(
+        outcomes.append(
             RunOutcome(
                 plan=work.plan,
                 seed=seed,
@@ -179,7 +179,7 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
                 base_error=peaks.base_error,
             )
         )
-    return found
+    return outcomes
 
 
 def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:

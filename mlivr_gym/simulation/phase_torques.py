@@ -53,7 +53,7 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
     The time after a capture belongs to the step that the capture ends, even if the next step has
     started. Parts without samples are omitted.
     """
-    found, rms, caught = [], recording.torque_rms, after_captures(recording, captures)
+    parts, rms, caught = [], recording.torque_rms, after_captures(recording, captures)
     for step in np.unique(recording.step).tolist():
         inside = {
             name: (recording.step == step) & (recording.phase == k) & ~caught
@@ -66,8 +66,8 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
             if len(samples):
                 best = samples[np.argmax(rms[samples])]
                 time, peak, mean = recording.times[best], rms[best], rms[samples].mean()
-                found.append(PhaseTorque(step, part, float(time), float(peak), float(mean)))
-    return found
+                parts.append(PhaseTorque(step, part, float(time), float(peak), float(mean)))
+    return parts
 
 
 def largest(torques: Sequence[PhaseTorque], step: int) -> PhaseTorque:

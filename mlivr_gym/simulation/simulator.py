@@ -284,15 +284,15 @@ class Simulation:
             )
             self._steps += len(states)
             self.time = self._steps * self.physics.timestep
-            found = monitor.first_failure(measurements, PHASES[phase], held)
-            ended = len(states) if found is None else found[0] + 1
+            failed = monitor.first_failure(measurements, PHASES[phase], held)
+            ended = len(states) if failed is None else failed[0] + 1
             recorded, largest = self._instruments.recorded(measurements, ended)
             recordings.append(recorded)
             peaks.append(largest)
-            if found is not None:
-                self._restore(states[found[0]], found[1].time)
-                failure = self._with_contact_names(found[1])
-            if found is not None or until():
+            if failed is not None:
+                self._restore(states[failed[0]], failed[1].time)
+                failure = self._with_contact_names(failed[1])
+            if failed is not None or until():
                 break
         return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
 

@@ -89,12 +89,14 @@ def _check(
     dynamics: Sequence[SegmentDynamics], clocks: Sequence[PPoly], durations: Durations
 ) -> None:
     """Check that durations respect all limits; the error names the durations that would."""
-    found = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
-    factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
+    bindings = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
+    factors = [
+        one.duration / duration_of(clock) for one, clock in zip(bindings, clocks, strict=True)
+    ]
     worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:
         raise TimingError(
-            durations.total, found[worst].description, durations.total * factors[worst]
+            durations.total, bindings[worst].description, durations.total * factors[worst]
         )
 
 
