@@ -28,7 +28,7 @@ CLOCK_SAMPLES = 400
 
 
 def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
-    """Return the time-optimal clock of a segment with a continuous acceleration.
+    """Return the time-optimal clock of a segment, smoothed to a continuous acceleration.
 
     Parameters
     ----------
