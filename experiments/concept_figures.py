@@ -24,7 +24,7 @@ from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
-from mlivr_gym.motion.runs import Run
+from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.pictures.figures import tints, write_figure
 from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, NAMES, TOWARD_THE_EYE, View
 from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
@@ -228,7 +228,7 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
     axes.set_title("the gripper's way, and the limb where it is closest to the knots",
                    fontsize=9.5, loc="left", color="0.25")  # fmt: skip
     right = figure.add_axes((0.57, 0.14, 0.41, 0.68))
-    run, share = Run(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
+    run, share = RoundedLines(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
     curve, numbers = run.at(share), range(len(knots))
     for joint in range(1, 7):
         (line,) = right.plot(np.interp(share, run.ends, numbers), curve[:, joint],

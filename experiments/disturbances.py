@@ -25,7 +25,7 @@ from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances
 from mlivr_gym.simulation.limits import GENTLE, Limits
-from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success
+from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -75,7 +75,7 @@ def studies() -> dict[str, tuple[str, Disturbances]]:
 def told(outcomes: list[RunOutcome]) -> dict[str, Any]:
     """What is kept of a study."""
     steps = sum(outcome.done for outcome in outcomes)
-    return success(outcomes) | {
+    return success_rate(outcomes) | {
         "steps": sum(outcome.steps for outcome in outcomes),
         "steps_done": steps,
         "walks_with_tries": sum(outcome.tries > 1 for outcome in outcomes),

@@ -31,7 +31,7 @@ from mlivr_gym.simulation.controller import CONTROLLERS
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import Execution, execute
 from mlivr_gym.simulation.limits import GENTLE, Limits
-from mlivr_gym.simulation.path_dynamics import piece_rows
+from mlivr_gym.simulation.path_dynamics import segment_dynamics
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import shortest_clock, step_trajectory
 from mlivr_gym.stances.build import stance_graph
@@ -173,7 +173,7 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
         total, deciding = 0.0, Counter[str]()
         for path, parts in pieces:
             for piece in parts:
-                rows = piece_rows(graph.robot, path.regrasp, piece, limits)
+                rows = segment_dynamics(graph.robot, path.regrasp, piece, limits)
                 clock = shortest_clock(rows, limits)
                 total += duration_of(clock)
                 deciding[rows.binding(clock).limit] += 1

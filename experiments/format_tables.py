@@ -9,7 +9,7 @@ from typing import Any
 
 from reports import table
 
-from mlivr_gym.motion.plan_files import FORM, FORMAT, STATISTICS, motion_fields, step_fields
+from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
@@ -164,7 +164,7 @@ def tables() -> dict[str, str]:
     """The tables by the names of their marks."""
     point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
     robot, capsules = ROBOT, ROBOT.kinds["capsules"].kind.kind  # type: ignore[attr-defined]
-    query, world = FORM.required["query"], FORM.required["world"]
+    query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
     step, motion = step_fields(LIMBS), motion_fields(STANCES, LIMBS)
     return {
         "fields_map": "\n".join(
@@ -187,7 +187,7 @@ def tables() -> dict[str, str]:
         ),
         "fields_plan": "\n".join(
             (
-                fields(FORM),
+                fields(PLAN_FILE),
                 fields(query, title="`query`:"),
                 fields(world, title="`world`; its settings are those of `Settings`:"),
                 fields(motion, title="`motion`, of K stances and N limbs:"),

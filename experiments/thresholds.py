@@ -31,7 +31,7 @@ from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
-from mlivr_gym.simulation.execution import carry_out, timed_walk
+from mlivr_gym.simulation.execution import execute_walk, timed_walk
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -76,7 +76,7 @@ def told_plan(graph: PairGraph, plan: Plan, seed: int) -> Measure:
     }
     for name, setup in SETUPS.items():
         walk = timed_walk(graph, plan, setup.timing, setup.physics.timestep)
-        done = carry_out(setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk)
+        done = execute_walk(setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk)
         steps = done[: len(plan.steps)]
         told[name] = {
             "failure": None if done[-1].failure is None else done[-1].failure.kind,

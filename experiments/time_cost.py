@@ -17,7 +17,7 @@ from reports import command_line, publish, table
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.fastest import COSTS, step_seconds
+from mlivr_gym.fastest import COSTS, step_durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.build import stance_graph
@@ -35,7 +35,7 @@ def measured(tasks: int) -> dict[str, Any]:
         row = {}
         for cost, price in COSTS:
             plan = planner.plan(start.stance, goal, cost, regrasp_price=price).unwrap()
-            seconds = sum(step_seconds(planner.graph, plan)) if plan.steps else 0.0
+            seconds = sum(step_durations(planner.graph, plan)) if plan.steps else 0.0
             name = cost if price is None else f"{price:g} m a regrasp"
             row[name] = [seconds, len(plan.steps), plan.base_translation]
         row["fastest"] = min(row.values())

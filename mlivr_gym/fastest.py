@@ -1,10 +1,10 @@
-"""The fastest of several plans for one query: time as a cost.
+"""The fastest of several plans for one query.
 
-How long a step takes depends on the branches, joint angles and swing that a plan commits its steps
-to, not on the edge of the stance graph alone. So time is no cost of an edge, and A* does not apply.
-Here the plans that are optimal for several costs, from the least translation over prices of a
-regrasp to the fewest steps, get clocks (`simulation.timing`), and the fastest is taken: the best of
-those considered, with no bound on what others might take.
+The duration of a step depends on the branches, joint angles and swing to which a plan commits, not
+on the edge of the stance graph alone. Time is therefore not an edge cost, and A* does not apply.
+Instead, plans that are optimal for several costs, from the base displacement over several prices of
+a regrasp to the number of steps, are given time scalings (`simulation.timing`), and the fastest one
+is returned first. It is the best of these candidates; no bound on other plans is known.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ COSTS = (
     ("base", None), *(("weighted", price) for price in (0.01, 0.03, 0.1, 0.3, 1.0, 10.0)),
     ("steps", None),
 )  # fmt: skip
-"""Costs that are tried, with the price of a regrasp [m]."""
+"""Costs of the candidate plans, each with the price of a regrasp [m]."""
 
 
 class Candidate(NamedTuple):
-    """One plan that was considered."""
+    """One candidate plan."""
 
     plan: Plan
     """The plan."""
     cost: str
-    """The cost for which it is optimal, one of `motion.plan_parts.COSTS`."""
+    """The cost for which the plan is optimal, one of `motion.plan_parts.COSTS`."""
     price: float | None
-    """The price of a regrasp, with `"weighted"` [m]."""
+    """The price of a regrasp if the cost is `"weighted"` [m], otherwise None."""
     seconds: float
-    """How long its steps take [s]."""
+    """Duration of all steps [s]."""
 
 
 @checked({**QUERY, "timing": TIMING})
-def step_seconds(
+def step_durations(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
 ) -> list[float]:
-    """How long each step of a plan takes [s].
+    """Return the duration of each step of a plan [s].
 
     Parameters
     ----------
@@ -57,13 +57,18 @@ def step_seconds(
     plan
         The plan.
     timing
-        `Limits`, by default the default ones, or `Durations`.
+        `Limits`, by default `Limits()`, or `Durations`.
+
+    Raises
+    ------
+    TimingError
+        If durations violate a limit.
     """
-    found = []
+    durations = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        found.append(sum(map(duration_of, timed_path(path, timing).clocks)))
-    return found
+        durations.append(sum(map(duration_of, timed_path(path, timing).clocks)))
+    return durations
 
 
 @checked({**QUERY, "planner": Of(Planner), "limits": Maybe(Of(Limits))})
@@ -76,41 +81,52 @@ def fastest_plan(
     goal_tolerance: float = GOAL_TOLERANCE,
     goal_face: str | None = None,
 ) -> list[Candidate]:
-    """Plans for one query, the fastest first; equally fast ones with less translation first.
+    """Plan a query for several costs; return the candidates, the fastest first.
+
+    Of equally fast candidates the one with less base translation comes first.
 
     Parameters
     ----------
     planner
-        Plans on the graph.
+        The planner, with its stance graph.
     start
-        Point id (or index) of each limb.
+        Id or index of the point that each limb holds at the start.
     goal
-        x, y, z in the JEM frame [m].
+        Goal position of the base in the module frame, shape (3,) [m].
     limits
-        What the steps may ask for; by default the default ones.
+        Limits of the steps; by default `Limits()`.
     goal_tolerance
         Radius of the goal region [m].
     goal_face
-        Face of the map whose points all limbs hold at the goal.
+        Face of the map on which all limbs must hold points at the goal; None for any face.
+
+    Returns
+    -------
+    list[Candidate]
+        Candidates with different stances, at least one.
 
     Raises
     ------
     NoPlanError
-        If there is no plan.
+        If no plan exists.
     MlivrError
-        If an argument cannot be used; the message names it.
+        If an argument is invalid; the message names it.
 
-    Example:
-        >>> best = fastest_plan(planner, ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))[0]
-        >>> best.seconds, best.plan.base_translation
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> candidates = fastest_plan(Planner(stance_graph()), ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
+    >>> candidates[0].seconds <= candidates[-1].seconds
+    True
     """
-    found: dict[tuple[object, ...], Candidate] = {}
+    candidates: dict[tuple[object, ...], Candidate] = {}
     for cost, price in COSTS:
         plan = planner.plan(
             start, goal, cost, regrasp_price=price, goal_tolerance=goal_tolerance,
             goal_face=goal_face,
         ).unwrap()  # fmt: skip
-        if plan.stances not in found:
-            seconds = sum(step_seconds(planner.graph, plan, limits))
-            found[plan.stances] = Candidate(plan, cost, price, seconds)
-    return sorted(found.values(), key=lambda one: (one.seconds, one.plan.base_translation))
+        if plan.stances not in candidates:
+            seconds = sum(step_durations(planner.graph, plan, limits))
+            candidates[plan.stances] = Candidate(plan, cost, price, seconds)
+    return sorted(candidates.values(), key=lambda one: (one.seconds, one.plan.base_translation))

@@ -1,4 +1,8 @@
-"""The four cases of the paper's Table I, the modes they are planned in, and their relations."""
+"""The four cases of Table I of the paper, the modes in which they are planned, and their relations.
+
+The paper is Imai, Uno, Kuwahara and Yoshida, "Graph-Based Simultaneous Path and Foothold Planning
+for Multi-Limbed Intra-Vehicular Robots in Space Stations".
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,8 @@ from mlivr_gym.values import LONGEST
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 SETUP = asset_path("table1_setup.json")
-"""Start, goal and seed of the sparse map, written by `experiments/calibrate_start_goal.py`."""
+"""File with start, goal and seed of the sparse map, written by
+`experiments/calibrate_start_goal.py`."""
 
 SETUP_DATA = Fields(
     {
@@ -28,23 +33,23 @@ SETUP_DATA = Fields(
     },
     {"source": Anything()},
 )
-"""Fields of that file."""
+"""Schema of that file."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case of the table.
+    """One case of Table I.
 
     Attributes
     ----------
     manipulability
-        Whether the thresholds hold.
+        Whether the manipulability thresholds apply.
     cost
         Name of the cost.
     sparse
         Whether the map is the sparse one.
     title
-        Heading of its picture.
+        Title of its figure.
     """
 
     manipulability: bool
@@ -59,6 +64,7 @@ CASES = {
     3: Case(True, "steps", False, "Case 3: thresholds, step cost"),
     4: Case(True, "base", True, "Case 4: thresholds, base cost, sparse map"),
 }
+"""The cases of Table I by number."""
 
 _COLUMNS = ("expanded", "base_translation", "steps", "w_m_min", "w_b_min", "time")
 _ROWS = {
@@ -68,7 +74,8 @@ _ROWS = {
     4: (72, 5.0, 7, 0.12, 0.0020, 0.2),
 }
 PAPER = {case: dict(zip(_COLUMNS, row, strict=True)) for case, row in _ROWS.items()}
-"""Imai, Uno, Kuwahara, Yoshida: Table I, on an Intel i9-12900H."""
+"""Results of Table I as published, measured on an Intel i9-12900H: states explored, base
+translation [m], steps, minimum w_m and w_b, computing time [s]."""
 
 
 @dataclass(frozen=True)
@@ -78,13 +85,13 @@ class Mode:
     Attributes
     ----------
     title
-        Its name in tables.
+        Name of the mode in tables.
     transitions
         Whether steps are checked.
     collisions
-        Whether stances and steps must touch nothing.
+        Whether stances and steps are checked for collisions.
     heuristic
-        Heuristic of the search.
+        Name of the heuristic.
     """
 
     title: str
@@ -98,11 +105,17 @@ MODES = {
     "steps": Mode("steps checked", True, False, "consistent"),
     "collisions": Mode("steps and collisions checked", True, True, "cost_to_go"),
 }
-"""`faithful` is the paper's world as far as it is told: nothing is checked but stances."""
+"""Modes by name; `faithful` checks what the paper describes, which is stances only."""
 
 
 def default_setup() -> dict[str, Any]:
-    """The calibrated start (point ids), goal [m] and seed."""
+    """Return the calibrated start (point ids), goal [m], goal face and seed of the sparse map.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read or is invalid.
+    """
     read = SETUP_DATA.read
     return load(
         SETUP, "setup of Table I", FileError, lambda data: read(data, FieldPath("", FileError))
@@ -110,9 +123,9 @@ def default_setup() -> dict[str, Any]:
 
 
 def case_map(case: int, setup: dict[str, Any]) -> GraspMap:
-    """Map of a case.
+    """Return the map of a case.
 
-    The sparse map has half the points, none of them on the deck between start and goal.
+    The sparse map has half of the points, and none on the deck between start and goal.
     """
     full = jem_map()
     if not CASES[case].sparse:
@@ -125,9 +138,9 @@ def case_map(case: int, setup: dict[str, Any]) -> GraspMap:
 
 
 def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
-    """Stance graph of a case in one of `MODES`.
+    """Return the stance graph of a case in one of `MODES`.
 
-    The span of the paper-faithful robot is one that no two limbs can reach: it limits nothing.
+    Without checks of the steps the span of the robot is unlimited, as in the paper.
     """
     how, robot = MODES[mode], robot_spec("mlivr2")
     if not how.transitions:
@@ -143,32 +156,33 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
 
 
 def unlimited(robot: RobotSpec) -> RobotSpec:
-    """A robot with a span that no two of its limbs can reach."""
+    """Return the robot with a span beyond the reach of its limbs, which has no effect."""
     return replace(robot, span=2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length))
 
 
 Row = Mapping[str, Any]
-"""What a case gives: `base_translation` [m], `steps`, `w_m_min`, `w_b_min`, `expanded`,
-`backward`, `time`."""
+"""Results of one case: `base_translation` [m], `steps`, `w_m_min`, `w_b_min`, `expanded`,
+`backward`, `time` [s]."""
 
 CONSTRUCTION, CALIBRATION, FINDING = "construction", "calibration", "finding"
-"""Why a relation may hold: since an optimal plan cannot but hold it, since start and goal were
-chosen for it, or of itself."""
+"""Reasons for a relation: it follows from optimality, start and goal were chosen such that it
+holds, or it is a result."""
 
 
 def relations(rows: Mapping[int, Row]) -> dict[str, dict[str, Any]]:
-    """Whether the relations between the paper's cases hold, and why they may.
+    """Evaluate the relations between the cases, each with its reason.
 
     Parameters
     ----------
     rows
-        What cases 1 to 4 give.
+        Results of cases 1 to 4.
 
     Returns
     -------
     dict[str, dict[str, Any]]
-        `held` and `kind` by the name of each relation. Those by construction need an optimal
-        search from one start pose: the paper's heuristic may lose them.
+        `held` (bool) and `kind` (the reason) by the name of the relation. Relations by
+        construction assume optimal searches from one start pose; the heuristic of the paper may
+        violate them.
     """
     least_m, least_b = Settings().thresholds(2)
     meets = {k: r["w_m_min"] >= least_m and r["w_b_min"] >= least_b for k, r in rows.items()}

@@ -5,7 +5,7 @@ import pytest
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError
-from mlivr_gym.fastest import COSTS, fastest_plan, step_seconds
+from mlivr_gym.fastest import COSTS, fastest_plan, step_durations
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
@@ -27,7 +27,7 @@ def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
         assert len({one.plan.stances for one in found}) == len(found) <= len(COSTS)
         for cost in ("base", "steps"):
             plan = planner.plan(start.stance, goal, cost).unwrap()
-            assert times[0] <= sum(step_seconds(planner.graph, plan)) + 1e-9
+            assert times[0] <= sum(step_durations(planner.graph, plan)) + 1e-9
         several += len(found) > 1
     assert several
 
@@ -37,11 +37,11 @@ def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
     best = fastest_plan(planner, ("D2a:4", "D2b:4"), goal, GENTLE)[0]
     execution = execute(planner.graph, best.plan, GENTLE)
     assert execution.failure is None
-    waited = execution.step_times - step_seconds(planner.graph, best.plan, GENTLE)
+    waited = execution.step_times - step_durations(planner.graph, best.plan, GENTLE)
     # A step takes whole periods, and a gripper may wait before its point.
     assert (waited > -1e-9).all()
     assert (waited < 1.0 + 0.002).all()
-    fixed = step_seconds(planner.graph, best.plan, Durations())
+    fixed = step_durations(planner.graph, best.plan, Durations())
     np.testing.assert_allclose(fixed, 50.0)
 
 

@@ -1,1 +1,1 @@
-"""Plans, and the motion that executes them."""
+"""Plans, the committed motion of each step, and trajectories in time."""

@@ -1,4 +1,4 @@
-"""Kinds of arguments that functions on plans and motions share."""
+"""Schemas of the arguments that functions on plans and motions have in common."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-LONGEST_PERIOD = 60.0
-"""Largest spacing of a time grid [s]."""
+MAXIMUM_PERIOD = 60.0
+"""Upper bound of the sampling period of a trajectory [s]."""
 
 WALK: Kinds = {
     "graph": Of(StanceGraph),
@@ -22,9 +22,9 @@ WALK: Kinds = {
     "plan": Of(Plan),
     "index": Whole(0, 10**6),
     "trajectory": Of(Trajectory),
-    "period": Tuples((), 1e-12, LONGEST_PERIOD, "s"),
+    "period": Tuples((), 1e-12, MAXIMUM_PERIOD, "s"),
     "path": FileName(),
     "title": Text(0),
     "progress": Maybe(Called()),
 }
-"""By the names that they have everywhere."""
+"""Schema of each argument, by the name that the argument has in all of these functions."""

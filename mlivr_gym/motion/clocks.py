@@ -1,7 +1,9 @@
-"""Clocks: how a piece of a path is run through in time, from rest to rest.
+"""Time scalings (clocks) of path segments, each from rest to rest.
 
-A clock is a piecewise polynomial of time, SciPy's `PPoly`, that goes from 0 to 1, with velocity and
-acceleration zero at both ends. Its last breakpoint is the duration of the piece [s].
+A clock is the function s(t) that maps the time since the start of a segment to the share s of the
+segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's `PPoly`) whose
+first and second derivatives vanish at both ends; its last breakpoint is the duration of the
+segment [s].
 """
 
 from __future__ import annotations
@@ -17,12 +19,28 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 
-LONGEST_STEP = 3600.0
-"""Largest duration of a step [s]; the paper's is 50 s."""
+MAXIMUM_DURATION = 3600.0
+"""Upper bound of the duration of a step [s]; a step of the paper takes 50 s."""
 
 
 def quintic(duration: float) -> scipy.interpolate.PPoly:
-    """The quintic from 0 to 1 with velocity and acceleration zero at both ends."""
+    """Return the quintic time scaling `s(t) = 10 r^3 - 15 r^4 + 6 r^5` with `r = t / duration`.
+
+    It is the polynomial of lowest degree from 0 to 1 with zero velocity and acceleration at both
+    ends, and the minimum-jerk one (Flash and Hogan, Journal of Neuroscience 5, 1985); the paper
+    uses it for all motions.
+
+    Parameters
+    ----------
+    duration
+        Duration of the segment [s].
+
+    Examples
+    --------
+    >>> clock = quintic(2.0)
+    >>> round(float(clock(1.0)), 6), round(float(clock(1.0, 1)), 6)
+    (0.5, 0.9375)
+    """
     powers = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
     return scipy.interpolate.PPoly(
         powers[:, None] / duration ** np.arange(5, -1, -1)[:, None], [0.0, duration]
@@ -30,12 +48,12 @@ def quintic(duration: float) -> scipy.interpolate.PPoly:
 
 
 def duration_of(clock: scipy.interpolate.PPoly) -> float:
-    """How long a clock runs [s]."""
+    """Return the duration of a clock [s]."""
     return float(clock.x[-1])
 
 
 def stretched(clock: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
-    """The clock that takes `factor` times as long."""
+    """Return the clock of the same shape that takes `factor` times as long."""
     order = len(clock.c) - 1
     return scipy.interpolate.PPoly(
         clock.c / factor ** np.arange(order, -1, -1)[:, None], clock.x * factor
@@ -44,16 +62,21 @@ def stretched(clock: scipy.interpolate.PPoly, factor: float) -> scipy.interpolat
 
 @dataclass(frozen=True)
 class Durations:
-    """How long the parts of a step take; by default the paper's.
+    """Durations of the three phases of a step; by default those of the paper.
 
     Attributes
     ----------
     departure
-        Departure along the surface normal [s].
+        Duration of the departure along the surface normal [s].
     swing
-        Swing, with the base moving [s].
+        Duration of the swing, during which the base moves [s].
     approach
-        Approach along the surface normal [s].
+        Duration of the approach along the surface normal [s].
+
+    Examples
+    --------
+    >>> Durations().total
+    50.0
     """
 
     departure: float = 10.0
@@ -61,11 +84,11 @@ class Durations:
     approach: float = 10.0
 
     def __post_init__(self) -> None:
-        """Check that each is above zero, and the whole not too long."""
+        """Check that each duration is positive and that their sum is at most `MAXIMUM_DURATION`."""
         DURATIONS.check(self, FieldPath("duration", SettingError))
-        if self.total > LONGEST_STEP:
+        if self.total > MAXIMUM_DURATION:
             raise SettingError(
-                f"duration of a step is {self.total:g} s; it must be at most {LONGEST_STEP:g} s"
+                f"duration of a step is {self.total:g} s; it must be at most {MAXIMUM_DURATION:g} s"
             )
 
     @property
@@ -75,23 +98,24 @@ class Durations:
 
     @classmethod
     def of_step(cls, total: float) -> Durations:
-        """A step of `total` seconds, divided as the paper's: a fifth, three fifths, a fifth."""
+        """Return the durations of a step of `total` seconds, divided 1 : 3 : 1 as in the paper."""
         total = DURATION.read(total, FieldPath("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def clocks(self, pieces: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
-        """Quintics for the pieces of a step.
+    def clocks(self, segments: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
+        """Return a quintic clock for each segment of a step.
 
-        Those of the swing share its time with the square root of the farthest travel of a joint,
-        since accelerations go with travel over time squared.
+        The segments of the swing share its duration in proportion to the square root of their
+        largest joint travel. Accelerations scale with travel over time squared, so the segments
+        then have similar accelerations.
         """
-        roots: Array = np.sqrt([piece.travel for piece in pieces[1:-1]])
+        roots: Array = np.sqrt([segment.travel for segment in segments[1:-1]])
         swing = self.swing * roots / roots.sum()
         return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))
 
 
-DURATION = Tuples((), 1e-9, LONGEST_STEP, "s")
-"""How long something takes."""
+DURATION = Tuples((), 1e-9, MAXIMUM_DURATION, "s")
+"""Schema of a duration [s]."""
 
 DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
-"""Fields of `Durations`."""
+"""Schema of the fields of `Durations`."""

@@ -1,9 +1,9 @@
-"""From states to motion: what the robot is committed to on each step, branches and swing.
+"""From states to motion: branches, joint angles and swing that the robot commits to on each step.
 
-The stance graph keeps the branches that limbs may be on; a robot is on one of them, with the joint
-angles in their windows. `commit` finds the swing of a step, for plans and for the simulation alike.
-`committed_motion` does so for a sequence of states, where the branches of the whole walk are chosen
-together.
+A state of the stance graph holds the set of branches on which each limb may be; a robot is on one
+of them, with each joint angle in its window. `commit` chooses the swing of one step, for plans and
+for the simulation alike. `committed_motion` does so for a sequence of states, and chooses one
+branch for each interval in which a limb holds a point.
 """
 
 from __future__ import annotations
@@ -29,44 +29,44 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
-KEPT_STEPS = 4096
-"""Steps that `CommittedSteps` keeps."""
+CACHED_STEPS = 4096
+"""Capacity of the cache `CommittedSteps`, in steps."""
 
-LENGTH_SAMPLES = 17
-"""Places on a base path at which joints of limbs that hold are looked at to tell its length."""
+TRAVEL_SAMPLES = 17
+"""Samples of a base path from which the joint travel of the support limbs is estimated."""
 
 
 class Committed(NamedTuple):
-    """A step that the robot is committed to."""
+    """A committed step: branches and swing are chosen."""
 
     regrasp: Regrasp
-    """The step with the knots of its swing."""
+    """The step, with the knots of its swing."""
     swing: str
     """Kind of the swing, one of `plan_parts.SWING_KINDS`."""
 
 
 class CommittedMotion(NamedTuple):
-    """The motion of a walk, or why there is none."""
+    """The motion of a walk, or the step at which it fails."""
 
     motion: Motion | None
     """The motion; None if a step cannot be executed."""
     failed: int | None
-    """Index of a step for which no swing was found, or None."""
+    """Index of the step for which no swing exists, or None."""
     edges: tuple[Edge, ...] = ()
-    """The edge that each step is on the branches chosen; none where steps are not checked."""
+    """The edge of each step on the chosen branches; empty if steps are not checked."""
 
 
 def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
-    """Commit the robot to a step, or None if no swing is found for it.
+    """Choose the swing of a step; return None if no clear swing exists.
 
     Parameters
     ----------
     graph
         The stance graph.
     regrasp
-        The step on the branches chosen, without a swing.
+        The step on the chosen branches, without a swing.
     edge
-        How the graph has shown it, on these branches.
+        The edge of this step, as the graph has checked it on these branches.
     """
     if not graph.settings.collisions:
         return Committed(regrasp, "unchecked")
@@ -79,69 +79,77 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
         return None
     rounded = np.zeros((2, 2))
     if len(swing.knots) > 2:
-        rounded = finder.rounded(swing.knots, _lengths(path, swing.knots))
+        rounded = finder.round_corners(swing.knots, _line_travels(path, swing.knots))
     return Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
 
 
 class CommittedSteps:
-    """Steps to which a robot was committed before, the last `KEPT_STEPS`: walks share many.
+    """A cache of the last `CACHED_STEPS` committed steps, of which walks on one graph share many.
 
-    They are found again by all that tells what the robot does on a step, and forgotten when the
-    obstacles change.
+    The key is everything on which the swing depends; a change of the obstacles empties the cache.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Know no step of `graph`."""
+        """Start with an empty cache for `graph`."""
         self.graph, self._obstacles = graph, graph.obstacles
-        self._kept: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
+        self._cached: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
 
     def commit(self, regrasp: Regrasp, edge: Edge) -> Committed | None:
-        """See `commit`."""
-        graph, kept, step = self.graph, self._kept, regrasp
+        """Return the result of the function `commit`, from the cache if it is stored there."""
+        graph, cached, step = self.graph, self._cached, regrasp
         if self._obstacles != graph.obstacles:
-            kept.clear()
+            cached.clear()
             self._obstacles = graph.obstacles
         arrays = step.positions, step.rotations, step.joints, step.grasp_joints
         key = (
             step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold, edge.pair,
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
-        if key not in kept:
-            kept[key] = commit(graph, regrasp, edge)
-            if len(kept) > KEPT_STEPS:
-                kept.popitem(last=False)
-        return kept[key]
+        if key not in cached:
+            cached[key] = commit(graph, regrasp, edge)
+            if len(cached) > CACHED_STEPS:
+                cached.popitem(last=False)
+        return cached[key]
 
 
-def _lengths(path: RegraspPath, knots: Array) -> Array:
-    """How far any joint turns on the lines between knots, about, shape (k - 1,) [rad]."""
-    holding = path.supports(np.linspace(0.0, 1.0, LENGTH_SAMPLES))
+def _line_travels(path: RegraspPath, knots: Array) -> Array:
+    """Return the approximate joint travel on each line between knots, shape (k - 1,) [rad].
+
+    It is the maximum over the joints of the swing limb and, in proportion to the base parameter,
+    over those of the support limbs.
+    """
+    holding = path.supports(np.linspace(0.0, 1.0, TRAVEL_SAMPLES))
     turned = np.nanmax(np.abs(np.diff(holding, axis=0)).sum(axis=0))
     lines = np.abs(np.diff(knots, axis=0))
     longest: Array = np.maximum(lines[:, 1:].max(axis=1), turned * lines[:, 0])
     return longest
 
 
-def holds(points: IntArray, limb: int) -> list[tuple[int, int]]:
-    """First and last stance of each time `limb` holds one point; `points` has shape (K, N)."""
-    spans, first = [], 0
+def hold_intervals(points: IntArray, limb: int) -> list[tuple[int, int]]:
+    """Return the first and last stance of each interval in which `limb` holds one point.
+
+    The array `points` has the point index of each limb in each stance, shape (K, N).
+    """
+    intervals, first = [], 0
     for k in range(1, len(points) + 1):
         if k == len(points) or points[k, limb] != points[first, limb]:
-            spans.append((first, k - 1))
+            intervals.append((first, k - 1))
             first = k
-    return spans
+    return intervals
 
 
 def committed_motion(
     graph: StanceGraph,
     states: Sequence[State],
     postures: Postures | None = None,
-    known: CommittedSteps | None = None,
+    cache: CommittedSteps | None = None,
 ) -> CommittedMotion:
-    """The motion of a walk.
+    """Compute the motion of a walk: branches, joint angles and swings.
 
-    For each time a limb holds, the branch is the one kept at its end that has the largest least
-    `w_m` over the hold; of equal ones the first.
+    For each interval in which a limb holds a point, the branch is the one that maximises the
+    minimum `w_m` over the interval, among the branches of the last state on which the limb can be
+    released; ties go to the lowest number. If the graph proved a step by a line swing between two
+    other branches that are allowed as well, these are taken.
 
     Parameters
     ----------
@@ -150,20 +158,20 @@ def committed_motion(
     states
         K states, each with the branches kept.
     postures
-        Postures in which the robot stands in them; by default those of the graph.
-    known
-        Steps that are known, to which those of this walk are added.
+        Postures of the K stances; by default those of the graph.
+    cache
+        Cache in which steps are looked up and stored; by default a new one.
 
     Raises
     ------
     PlanError
-        If a limb is on no branch on which it can be released where it moves next; no
-        walk of the graph is such.
+        If a limb has no branch on which it can be released for its next step. This does not
+        occur for a walk of the graph.
     """
-    draft = _Draft(graph, states, graph.postures_of(states) if postures is None else postures)
-    known, steps = known or CommittedSteps(graph), []
+    draft = _MotionDraft(graph, states, graph.postures_of(states) if postures is None else postures)
+    cache, steps = cache or CommittedSteps(graph), []
     for k in range(len(states) - 1):
-        committed = draft.commit(k, known)
+        committed = draft.commit(k, cache)
         if committed is None:
             return CommittedMotion(None, k, tuple(draft.edges))
         steps.append(draft.step(k, committed))
@@ -181,55 +189,56 @@ def committed_motion(
     return CommittedMotion(motion, None, tuple(draft.edges))
 
 
-class _Draft:
-    """A motion in the making: branches first, which tell the joint angles, then swings."""
+class _MotionDraft:
+    """A motion under construction: first branches, then joint angles on them, then swings."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
+        """Choose branches and edges of the walk, and compute its joint angles."""
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._tried, self._room = (
+        held, self._candidate, self._scratch = (
             HeldStance.rows(count),
             CandidatePose.rows(count),
             PostureScratch.rows(1),
         )
         held["grasps"][:, :limbs] = solver.grasps[self.points]
-        self._tried["base"] = self.postures.base_rows
-        reach_all(graph.checks.robots, held, self._tried, self._room)
-        self._w: Array = self._tried["limbs"]["w"][:, :limbs]
+        self._candidate["base"] = self.postures.base_rows
+        reach_all(graph.checks.robots, held, self._candidate, self._scratch)
+        self._w: Array = self._candidate["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
         self.edges: list[Edge] = []
         if graph.settings.transitions:
             allowed = [self._choose_branches(limb) for limb in range(limbs)]
             self.edges = self._edges()
-            if self._take_lines(allowed):
+            if self._take_line_branches(allowed):
                 self.edges = self._edges()
         self.pivots = self._pivots()
         bits = self.branches + 8 * self.flips
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
     def _choose_branches(self, limb: int) -> dict[int, int]:
-        """Choose the branch of each hold; returns the branches allowed, by its first stance."""
+        """Choose a branch for each hold of a limb; return the allowed masks by the first stance."""
         graph, allowed = self.graph, {}
-        for first, last in holds(self.points, limb):
+        for first, last in hold_intervals(self.points, limb):
             mask = self.states[last].masks[limb]
             if graph.settings.collisions and last < len(self.points) - 1:
                 here = self.postures.take(slice(last, last + 1))
                 mask &= graph.released(self.states[last].stance, here, limb)
-            least = self._w[first : last + 1, limb].min(axis=0)
+            minimum = self._w[first : last + 1, limb].min(axis=0)
             bits = [bit for bit in range(16) if mask >> bit & 1]
             if not bits:
                 point = graph.grasp_map.ids[self.points[last, limb]]
                 raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")
-            bit = max(bits, key=lambda b: (round(float(least[(b & 7) >> 1]), 12), -b))
+            bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 12), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3
             allowed[first] = mask
         return allowed
 
     def _edges(self) -> list[Edge]:
-        """How each step is made on the branches and flips chosen."""
+        """Return the edge of each step on the chosen branches and flips."""
         bits, edges = self.branches + 8 * self.flips, []
         for k in range(len(self.points) - 1):
             masks = tuple(1 << int(bit) for bit in bits[k])
@@ -238,34 +247,36 @@ class _Draft:
             edges.append(self.graph.edge(state, self.states[k + 1].stance, both))
         return edges
 
-    def _take_lines(self, allowed: list[dict[int, int]]) -> bool:
-        """Put limbs on the branches of the line swings that the graph knows, where they may be.
+    def _take_line_branches(self, allowed: list[dict[int, int]]) -> bool:
+        """Move limbs to the branches of line swings that the graph proved, where these are allowed.
 
-        Returns whether any was changed.
+        Return whether any branch was changed.
         """
         changed = False
         for k, edge in enumerate(self.edges):
             if edge.pair < 0:
                 continue
             limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
-            spans = holds(self.points, limb)
-            for stance, wanted in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
-                first, last = next(span for span in spans if span[0] <= stance <= span[1])
-                bit = wanted + 8 * int(self.flips[first, limb])
-                if self.branches[first, limb] != wanted and allowed[limb][first] >> bit & 1:
-                    self.branches[first : last + 1, limb] = wanted
+            intervals = hold_intervals(self.points, limb)
+            for stance, branch in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
+                first, last = next(
+                    interval for interval in intervals if interval[0] <= stance <= interval[1]
+                )
+                bit = branch + 8 * int(self.flips[first, limb])
+                if self.branches[first, limb] != branch and allowed[limb][first] >> bit & 1:
+                    self.branches[first : last + 1, limb] = branch
                     changed = True
         return changed
 
     def _pivots(self) -> Array:
-        """Centroid of the held points of each step [m], shape (K - 1, 3)."""
+        """Return the centroid of the points held during each step, shape (K - 1, 3) [m]."""
         held = self.points[:-1] == self.points[1:]
         positions = self.graph.grasp_map.positions[self.points[:-1]]
         centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
         return centres
 
-    def commit(self, k: int, known: CommittedSteps) -> Committed | None:
-        """Commit the robot to step `k`."""
+    def commit(self, k: int, cache: CommittedSteps) -> Committed | None:
+        """Commit the robot to step `k`; return None if no clear swing exists."""
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
         regrasp = Regrasp(
             limb=limb,
@@ -282,10 +293,10 @@ class _Draft:
         )
         if not self.edges:
             return Committed(regrasp, "unchecked")
-        return known.commit(regrasp, self.edges[k])
+        return cache.commit(regrasp, self.edges[k])
 
     def step(self, k: int, committed: Committed) -> Step:
-        """Step `k` as a plan has it."""
+        """Return step `k` in the form in which a plan stores it."""
         regrasp, ids = committed.regrasp, self.graph.grasp_map.ids
         x, y, z = regrasp.pivot.tolist()
         return Step(
@@ -301,8 +312,8 @@ class _Draft:
         )
 
     def manipulability(self) -> tuple[Array, Array]:
-        """Limb manipulability (K, N) and base manipulability (K,) on the branches chosen."""
+        """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
         w_b = np.empty(len(self.points))
-        base_along(self.graph.checks.robots, self._tried, self.branches, self._room, w_b)
+        base_along(self.graph.checks.robots, self._candidate, self.branches, self._scratch, w_b)
         return w_m, w_b

@@ -1,9 +1,10 @@
-"""The pieces of a step: curves in the robot's configurations, each run through from rest to rest.
+"""Path segments of a step: curves in the configuration space of the robot, without time.
 
-A step departs, swings along the lines between its knots, and approaches. Lines that meet in a
-rounded corner are one piece. A piece is the curve of one of these with its first and second
-derivatives by the share of the piece, from 0 to 1. Dynamics along it are then a matter of the share
-and of how fast it changes, see `simulation.path_dynamics`.
+A step consists of the departure, one or more segments of the swing, and the approach. Consecutive
+lines of the swing that meet in a rounded corner form one segment; the robot is at rest at both ends
+of every segment. A segment is sampled over its share s, the path parameter from 0 to 1, and
+interpolated by a cubic spline, whose first and second derivatives by s give the velocities and
+accelerations for any time scaling s(t), see `simulation.path_dynamics`.
 """
 
 from __future__ import annotations
@@ -16,32 +17,32 @@ import scipy
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.regrasp import RegraspPath
 
-NODES = 97
-"""Places at which a line, departure or approach is looked at."""
+LINE_SAMPLES = 97
+"""Number of samples on a departure, on an approach and on each line of a swing."""
 
 
 @dataclass(frozen=True)
 class PathSegment:
-    """One piece of a step at K places.
+    """One segment of a step, sampled at K shares.
 
-    Speeds of the base are linear in the world and angular in the base's axes, as those of MuJoCo's
-    free joint.
+    The derivatives of the base are its linear velocity in the world frame and its angular velocity
+    in the body frame, the convention of MuJoCo's free joint.
 
     Attributes
     ----------
     phase
         Index into `regrasp.PHASES`.
     shares
-        Shares of the piece, shape (K,).
+        Shares s of the segment, from 0 to 1, shape (K,).
     base_positions
-        Shape (K, 3) [m].
+        Base positions in the world, shape (K, 3) [m].
     base_quaternions
-        Shape (K, 4), w, x, y, z.
+        Base orientations in the world w, x, y, z, shape (K, 4).
     joints
-        Shape (K, N, 6) [rad].
+        Joint angles, shape (K, N, 6) [rad].
     curve
-        Base position, base rotation and joints through these places; its derivatives by the
-        share are of shape (k, 6 + 6 N) [m, rad].
+        Cubic spline through base position, accumulated base rotation and joint angles at the
+        samples; its derivatives by s have shape (k, 6 + 6 N) [m, rad].
     """
 
     phase: int
@@ -53,30 +54,30 @@ class PathSegment:
 
     @property
     def travel(self) -> float:
-        """Farthest travel of any joint [rad]."""
+        """Largest travel of any joint along the segment [rad]."""
         return float(np.abs(np.diff(self.joints, axis=0)).sum(axis=0).max())
 
 
-def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, ...]:
-    """The pieces of a step in their order.
+def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSegment, ...]:
+    """Return the segments of a step in their order along the path.
 
     Parameters
     ----------
     path
         The step.
     nodes
-        Places at which a line, departure or approach is looked at.
+        Number of samples on a departure, on an approach and on each line of the swing.
 
     Raises
     ------
     PlanError
-        If a limb that holds cannot follow the base.
+        If a support limb cannot follow the base.
     """
     share, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
     shares = [
         share, *(np.linspace(0.0, 1.0, lines * (nodes - 1) + 1) for lines in path.lines), share
     ]  # fmt: skip
-    swings = [path.swing(piece, at) for piece, at in enumerate(shares[1:-1])]
+    swings = [path.swing(segment, at) for segment, at in enumerate(shares[1:-1])]
     parts = [
         (np.zeros(nodes), path.departure(share)), *swings, (np.ones(nodes), path.approach(share))
     ]  # fmt: skip
@@ -85,11 +86,11 @@ def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, .
     joints[:, limb] = np.concatenate([moving for _, moving in parts])
     positions, rotations = path.base(u)
     turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
-    found = []
+    segments = []
     ends = np.cumsum([0, *map(len, shares)])
     for k, at in enumerate(shares):
         here = slice(ends[k], ends[k + 1])
-        found.append(
+        segments.append(
             PathSegment(
                 0 if k == 0 else 2 if k == len(parts) - 1 else 1,
                 at,
@@ -99,15 +100,16 @@ def path_segments(path: RegraspPath, nodes: int = NODES) -> tuple[PathSegment, .
                 _curve(at, positions[here], turned[here], joints[here]),
             )
         )
-    return tuple(found)
+    return tuple(segments)
 
 
 def _curve(
     share: Array, positions: Array, turned: scipy.spatial.transform.Rotation, joints: Array
 ) -> scipy.interpolate.CubicSpline:
-    """Base position, angle turned about each of the base's axes, and joints, by the share.
+    """Return the cubic spline of base position, base rotation and joint angles over the share.
 
-    On a base path the base turns about one axis, so small turns add up.
+    The base turns about one fixed axis on a base path, so the rotation is the sum of small rotation
+    vectors in the body frame.
     """
     turns = (turned[:-1].inv() * turned[1:]).as_rotvec()
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(turns, axis=0)])

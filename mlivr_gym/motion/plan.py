@@ -1,4 +1,4 @@
-"""Plans: what a search returns, complete enough to be executed."""
+"""Plans: the results of a search, with everything that is needed to execute them."""
 
 from __future__ import annotations
 
@@ -13,30 +13,41 @@ from mlivr_gym.arguments import FileName, Kinds, Of, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.motion.plan_checks import check_counts, check_motion
+from mlivr_gym.motion.plan_checks import check_motion, check_totals
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, Maybe
 from mlivr_gym.world.grasp_map import GraspMap
 
 READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(GraspMap))}
-"""Kinds of what a plan is read from."""
+"""Schema of the arguments from which a plan is read."""
 
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """A sequence of K stances and everything that belongs to it.
+    """A sequence of K stances with the committed steps between them.
 
     Attributes
     ----------
     query
-        What was asked for.
+        The query that the plan answers.
     world
-        Where the plan was made, and for which robot.
+        The map, obstacles, robot and settings for which the plan was made.
     motion
         Stances, steps and configurations.
     statistics
-        What the search found and spent.
+        Cost of the plan, and the effort of the search.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> len(plan.stances) == len(plan.steps) + 1
+    True
+    >>> Plan.from_dict(plan.to_dict(), graph.grasp_map).actions == plan.actions
+    True
     """
 
     query: Query
@@ -45,7 +56,7 @@ class Plan:
     statistics: Statistics
 
     def __repr__(self) -> str:
-        """Ends, steps and translation, in one line."""
+        """Return the robot, the map, both end stances, the number of steps and the translation."""
         start, end = (" ".join(stance) for stance in (self.stances[0], self.stances[-1]))
         return (
             f"<Plan of {self.world.robot.name!r} on {self.world.map_name!r}: {start} to {end}, "
@@ -54,22 +65,22 @@ class Plan:
 
     @property
     def stances(self) -> tuple[tuple[str, ...], ...]:
-        """Point ids of each limb, K tuples of N."""
+        """Ids of the points that the limbs hold in each stance, K tuples of N."""
         return self.motion.stances
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """The committed steps, K - 1."""
+        """The K - 1 committed steps."""
         return self.motion.steps
 
     @property
     def actions(self) -> tuple[tuple[int, str], ...]:
-        """Limb and point id of each step, K - 1 pairs."""
+        """Limb that moves and id of the point that it grasps, for each of the K - 1 steps."""
         return tuple((step.limb, step.to_point) for step in self.steps)
 
     @property
     def footholds(self) -> tuple[tuple[str, ...], ...]:
-        """The points that each limb holds one after the other, N tuples of ids."""
+        """Ids of the points that each limb holds, in their order along the plan, N tuples."""
         starts = self.stances[0]
         return tuple(
             (start, *(step.to_point for step in self.steps if step.limb == limb))
@@ -78,35 +89,47 @@ class Plan:
 
     @property
     def cost(self) -> float:
-        """Cost of the plan."""
+        """Cost of the plan, in the unit of the query's cost ([m] or number of steps)."""
         return self.statistics.cost
 
     @property
     def base_translation(self) -> float:
-        """Sum of the base displacements [m]."""
+        """Sum of the base displacements over all steps [m]."""
         return float(np.linalg.norm(np.diff(self.motion.base_positions, axis=0), axis=1).sum())
 
     @property
     def w_m_min(self) -> float:
-        """Least limb manipulability over all stances and limbs."""
+        """Minimum limb manipulability over all stances and limbs."""
         return float(self.motion.w_m.min())
 
     @property
     def w_b_min(self) -> float:
-        """Least base manipulability over all stances."""
+        """Minimum base manipulability over all stances."""
         return float(self.motion.w_b.min())
 
     def configuration(self, k: int) -> tuple[Array, Array, Array]:
-        """Base position [m], quaternion w, x, y, z, and joint angles (N, 6) [rad] in stance `k`."""
+        """Return the configuration of the robot in stance `k`.
+
+        Returns
+        -------
+        tuple[Array, Array, Array]
+            Base position in the world, shape (3,) [m]; base orientation w, x, y, z, shape (4,);
+            joint angles, shape (N, 6) [rad].
+        """
         motion = self.motion
         return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as plain data for JSON."""
+        """Return the plan as plain data for JSON."""
         return plan_data(self.query, self.world, self.motion, self.statistics)
 
     def save(self, path: str | Path) -> None:
-        """Write the plan as JSON, whole or not at all.
+        """Write the plan as JSON; the file is replaced as a whole or not at all.
+
+        Parameters
+        ----------
+        path
+            Name of the file.
 
         Raises
         ------
@@ -118,42 +141,42 @@ class Plan:
     @classmethod
     @checked(READ, PlanError)
     def from_dict(cls, data: Any, grasp_map: GraspMap | None = None) -> Plan:
-        """Build a plan from plain data; what can be worked out again has to be what it tells.
+        """Build a plan from plain data, and check it by recomputing what follows from other fields.
 
         Parameters
         ----------
         data
             The parsed JSON.
         grasp_map
-            If given, the plan must have been made on this map, and its whole motion is
-            worked out again; else only what follows without the map is.
+            The map on which the plan must have been made. If it is given, the whole motion is
+            recomputed and compared; if not, only displacements, cost, goal and checksum are.
 
         Raises
         ------
         PlanError
-            If a field is missing or faulty, the plan belongs to another map or to other
-            rules of the stance graph, or a value is not the one that follows from the others.
+            If a field is missing or invalid, if the plan belongs to another map or to another
+            version of the graph rules, or if a value differs from the recomputed one.
         """
         plan = cls(*parts_of(data))
         if grasp_map is not None:
             plan.check_map(grasp_map)
             check_motion(plan.query, plan.world, plan.motion, grasp_map)
-        check_counts(plan.query, plan.motion, plan.statistics)
-        told, found = data.get("checksum"), plan.to_dict()["checksum"]
-        if told is not None and told != found:
+        check_totals(plan.query, plan.motion, plan.statistics)
+        given, expected = data.get("checksum"), plan.to_dict()["checksum"]
+        if given is not None and given != expected:
             raise PlanError(
-                f"checksum is {shortened(told)}; that of the other fields is {found!r}: a field "
-                "that does not follow from others was altered"
+                f"checksum is {shortened(given)}, but the other fields give {expected!r}: a "
+                "field that cannot be recomputed from the others was altered"
             )
         return plan
 
     def check_map(self, grasp_map: GraspMap) -> None:
-        """Refuse a map that the plan was not made on.
+        """Check that the plan was made on the given map.
 
         Raises
         ------
         PlanError
-            If it is another one.
+            If the map has another fingerprint, or lacks a point of the plan.
         """
         world = self.world
         if world.map_fingerprint != grasp_map.fingerprint:
@@ -170,11 +193,18 @@ class Plan:
     @classmethod
     @checked(READ, PlanError)
     def load(cls, path: str | Path, grasp_map: GraspMap | None = None) -> Plan:
-        """Read a plan from a JSON file; see `from_dict`.
+        """Read a plan from a JSON file, with the checks of `from_dict`.
+
+        Parameters
+        ----------
+        path
+            Name of the file.
+        grasp_map
+            The map on which the plan must have been made; see `from_dict`.
 
         Raises
         ------
         PlanError
-            If the file cannot be read or does not hold a plan for this map.
+            If the file cannot be read, or does not hold a valid plan for this map.
         """
         return load(path, "plan", PlanError, lambda data: cls.from_dict(data, grasp_map))

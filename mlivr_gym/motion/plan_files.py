@@ -1,4 +1,4 @@
-"""Plans as plain data: written, and read again with every field checked."""
+"""Plans as plain data: written to JSON, and read with a check of every field."""
 
 from __future__ import annotations
 
@@ -43,22 +43,23 @@ FORMAT = 5
 """Version of the file format."""
 
 BRANCHES = 8
-"""Inverse-kinematics branches of a limb."""
+"""Number of inverse-kinematics branches of a limb."""
 
 UNIT_TOLERANCE = 1e-6
-"""Largest deviation of a quaternion's length from 1."""
+"""Largest deviation of the norm of a quaternion from 1."""
 
 ROUNDING = 1e-9
-"""Shares of a line that exceed it by less are those of the whole line."""
+"""Shares of a line that exceed the whole line by less are accepted."""
 
-MOST_STEPS = 10_000
-"""Most steps of a plan that is read; a walk through the JEM and back takes about twenty."""
+MAXIMUM_STANCES = 10_000
+"""Upper bound of the stances of a plan that is read; a walk through the JEM and back has about
+twenty."""
 
 COUNT = Whole(0, 1 << 62)
-"""States that a search has seen."""
+"""Schema of a number of states."""
 
-SPENT = Tuples((), 0.0)
-"""A cost, or a time [s]."""
+NON_NEGATIVE = Tuples((), 0.0)
+"""Schema of a cost, or of a time [s]."""
 
 QUERY = Struct(
     Query,
@@ -66,14 +67,14 @@ QUERY = Struct(
         "goal": Tuples((3,), most=LONGEST, unit="m"),
         "goal_tolerance": Tuples((), 0.0),
         "cost_name": Choice(COSTS),
-        "regrasp_price": Maybe(SPENT),
+        "regrasp_price": Maybe(NON_NEGATIVE),
         "method": NAME,
         "heuristic": NAME,
         "goal_face": Maybe(NAME),
     },
     complete=True,
 )
-"""Fields of a `Query`."""
+"""Schema of the fields of a `Query`."""
 
 WORLD = Struct(
     World,
@@ -87,24 +88,24 @@ WORLD = Struct(
     },
     complete=True,
 )
-"""Fields of a `World`."""
+"""Schema of the fields of a `World`."""
 
 STATISTICS = Struct(
     Statistics,
     {
-        "cost": SPENT,
+        "cost": NON_NEGATIVE,
         "expanded": COUNT,
         "generated": COUNT,
         "backward": COUNT,
         "bound": Maybe(Tuples((), 1.0)),
-        "feasibility_time": SPENT,
-        "search_time": SPENT,
+        "feasibility_time": NON_NEGATIVE,
+        "search_time": NON_NEGATIVE,
     },
     complete=True,
 )
-"""Fields of `Statistics`."""
+"""Schema of the fields of `Statistics`."""
 
-FORM = Fields(
+PLAN_FILE = Fields(
     {
         "format": Anything(),
         "rules": Anything(),
@@ -115,11 +116,11 @@ FORM = Fields(
     },
     {"checksum": NAME},
 )
-"""A plan file; `motion_fields` says what its motion is, which depends on the robot."""
+"""Schema of a plan file; the schema of its motion depends on the robot, see `motion_fields`."""
 
 
 def step_fields(limbs: int) -> Struct[Step]:
-    """Fields of a `Step` of a robot of some number of limbs."""
+    """Return the schema of the fields of a `Step` for a robot with `limbs` limbs."""
     return Struct(
         Step,
         {
@@ -138,11 +139,14 @@ def step_fields(limbs: int) -> Struct[Step]:
 
 
 def motion_fields(stances: int, limbs: int) -> Struct[Motion]:
-    """Fields of a `Motion` of so many stances; no kernel looks up what is not checked here."""
+    """Return the schema of the fields of a `Motion` with `stances` stances.
+
+    It bounds everything that a kernel uses as an index.
+    """
     return Struct(
         Motion,
         {
-            "stances": Listed(Listed(NAME, limbs, limbs), 1, MOST_STEPS),
+            "stances": Listed(Listed(NAME, limbs, limbs), 1, MAXIMUM_STANCES),
             "steps": Listed(step_fields(limbs), stances - 1, stances - 1),
             "base_positions": Numbers((stances, 3), most=LONGEST, unit="m"),
             "base_quaternions": Numbers((stances, 4), -1.001, 1.001),
@@ -155,7 +159,7 @@ def motion_fields(stances: int, limbs: int) -> Struct[Motion]:
 
 
 def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics) -> dict[str, Any]:
-    """The parts of a plan as plain data for JSON."""
+    """Return the parts of a plan as plain data for JSON."""
     data = {"format": FORMAT, "rules": GRAPH_RULES, "query": asdict(query)}
     data["world"] = {
         "map_name": world.map_name, "map_fingerprint": world.map_fingerprint,
@@ -173,26 +177,29 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
 
 
 def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
-    """The parts of a plan from plain data.
+    """Read the parts of a plan from plain data.
 
     Raises
     ------
     PlanError
-        If they are of another format or of other rules of the stance graph, or a field
-        is missing, unknown or faulty; the message says what.
+        If the data has another format or other graph rules, or a field is missing, unknown or
+        invalid; the message names it.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         given = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise PlanError(f"not a plan of format {FORMAT}: found format {shortened(given)}")
+        raise PlanError(f"not a plan of format {FORMAT}: its format is {shortened(given)}")
     check_rules("the plan", data.get("rules"), "plan it anew", PlanError)
-    parts = FORM.read(data, FieldPath("", PlanError))
+    parts = PLAN_FILE.read(data, FieldPath("", PlanError))
     motion = _motion(parts["motion"], parts["world"].robot.limbs)
     return parts["query"], parts["world"], motion, parts["statistics"]
 
 
 def _motion(data: Any, limbs: int) -> Motion:
+    """Read the motion of a plan for a robot with `limbs` limbs."""
     place = FieldPath("motion", PlanError)
-    listed = Fields({"stances": Listed(Anything(), 1, MOST_STEPS)}, others=True).read(data, place)
+    listed = Fields({"stances": Listed(Anything(), 1, MAXIMUM_STANCES)}, others=True).read(
+        data, place
+    )
     motion = motion_fields(len(listed["stances"]), limbs).read(data, place)
     lengths = np.linalg.norm(motion.base_quaternions, axis=1)
     wrong = int(np.abs(lengths - 1.0).argmax())
@@ -213,7 +220,7 @@ def _motion(data: Any, limbs: int) -> Motion:
 
 
 def _check_corners(place: FieldPath, step: Step) -> None:
-    """Corners must be those of the knots, and the swing at rest at its ends."""
+    """Check that each knot has a corner, and that the swing is at rest at both ends."""
     corners = step.rounded
     if len(corners) != len(step.knots):
         raise place.fault(f"has {len(corners)} corners for {len(step.knots)} knots")
@@ -226,7 +233,7 @@ def _check_corners(place: FieldPath, step: Step) -> None:
 
 
 def _check_order(stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...]) -> None:
-    """Each step must lead from its stance to the next."""
+    """Check that each step leads from its stance to the next one."""
     for i, (before, step, after) in enumerate(zip(stances[:-1], steps, stances[1:], strict=True)):
         reached = tuple(
             step.to_point if limb == step.limb else point for limb, point in enumerate(before)

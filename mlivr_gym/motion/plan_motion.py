@@ -1,6 +1,6 @@
-"""What the robot does between the stances of a plan.
+"""Configurations of the robot along the steps of a plan, without time.
 
-`step_motion` gives configurations without a clock; `simulation.timing` gives them one.
+`simulation.timing` adds the time scaling.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 @dataclass(frozen=True)
 class StepMotion:
-    """Configurations along one step, k in all.
+    """k configurations along one step.
 
     Attributes
     ----------
     phase
         Index into `PHASES`, shape (k,).
     base_positions
-        Shape (k, 3) [m].
+        Base positions in the world, shape (k, 3) [m].
     base_quaternions
-        Shape (k, 4), w, x, y, z.
+        Base orientations in the world w, x, y, z, shape (k, 4).
     joint_positions
-        Shape (k, N, 6) [rad].
+        Joint angles, shape (k, N, 6) [rad].
     """
 
     phase: IntArray
@@ -40,11 +40,11 @@ class StepMotion:
 
 
 def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -> StepMotion:
-    """Configurations along one step of a plan that was made with collisions checked.
+    """Compute configurations along one step of a plan that was made with collision checks.
 
-    The limb that moves departs along the surface normal, follows the knots of its swing while the
-    base follows its path, and approaches along the other normal; the limbs that hold follow the
-    base on their branches.
+    The swing limb departs along the surface normal, follows the knots of its swing while the base
+    follows its path, and approaches along the other normal. The support limbs follow the base on
+    their branches.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     plan
         The plan.
     index
-        Index of the step.
+        Index of the step, from 0.
     samples
-        Configurations on the departure, on the approach, and between two knots of the
+        Number of configurations on the departure, on the approach, and on each line of the
         swing.
 
     Raises
     ------
     PlanError
-        If the step has no swing.
+        If the plan has no such step, or the step has no swing.
     """
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):
@@ -70,16 +70,16 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
 
 
 def path_motion(path: RegraspPath, samples: int) -> StepMotion:
-    """Configurations along a regrasp; see `step_motion`."""
+    """Compute configurations along a regrasp, as `step_motion` does."""
     limb, share = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
-    pieces = [
-        path.swing(piece, np.linspace(0.0, 1.0, samples * lines))
-        for piece, lines in enumerate(path.lines)
+    swings = [
+        path.swing(segment, np.linspace(0.0, 1.0, samples * lines))
+        for segment, lines in enumerate(path.lines)
     ]
-    u = np.concatenate([np.zeros(samples), *(u for u, _ in pieces), np.ones(samples)])
+    u = np.concatenate([np.zeros(samples), *(u for u, _ in swings), np.ones(samples)])
     joints = path.supports(u)
     joints[:, limb] = np.concatenate(
-        [path.departure(share), *(joints for _, joints in pieces), path.approach(share)]
+        [path.departure(share), *(joints for _, joints in swings), path.approach(share)]
     )
     positions, rotations = path.base(u)
     phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])

@@ -1,4 +1,4 @@
-"""The parts of a plan: what was asked for, the world, the motion, and what the search spent."""
+"""The parts of a plan: the query, the world, the motion, and the statistics of the search."""
 
 from __future__ import annotations
 
@@ -16,36 +16,39 @@ COSTS = ("base", "steps", "weighted")
 """Names of the costs."""
 
 SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
-"""Names of the kinds of swings, the shortest first; `unchecked` without collisions."""
+"""Names of the kinds of swings, the shortest first; `"unchecked"` is a plan without collision
+checks."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One regrasp and the base motion that goes with it.
+    """One regrasp, with the base path that goes with it.
 
     Attributes
     ----------
     limb
-        Limb that moves.
+        Index of the limb that moves.
     from_point
-        Point it leaves.
+        Id of the point that it releases.
     to_point
-        Point it grasps.
+        Id of the point that it grasps.
     path
-        `"straight"`, `"arc"`, or `"unchecked"` where steps were not checked.
+        Kind of the base path: `"straight"`, `"arc"`, or `"unchecked"` if the plan was made
+        without checks of the steps.
     pivot
-        Centre of the arc: centroid of the held points [m].
+        Centre of the arc in the world: the centroid of the points that the support limbs
+        hold [m].
     displacement
         Base displacement [m].
     swing
-        Kind of the limb's swing, one of `mlivr_gym.motion.swings.SWING_KINDS`.
+        Kind of the swing, one of `mlivr_gym.motion.plan_parts.SWING_KINDS`.
     knots
-        Base parameter from 0 to 1 and the limb's six joint angles [rad] at each knot of its
-        swing, from above the point it leaves to above the point it grasps; in between both
-        change linearly.
+        Knots of the swing, from above the point that the limb releases to above the point
+        that it grasps: base parameter from 0 to 1 and the six joint angles of the limb [rad].
+        Both change linearly between two knots.
     rounded
-        Shares of the lines before and after each knot that lie on its rounded corner,
-        see `mlivr_gym.motion.runs`; 0 and 0 where the swing comes to rest.
+        Shares of the lines before and after each knot that its rounded corner replaces, see
+        `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops.
     """
 
     limb: int
@@ -61,24 +64,24 @@ class Step:
 
 @dataclass(frozen=True)
 class Query:
-    """What was asked for.
+    """The query that a plan answers.
 
     Attributes
     ----------
     goal
-        Goal position [m].
+        Goal position of the base in the world [m].
     goal_tolerance
         Radius of the goal region [m].
     cost_name
         Name of the cost, one of `COSTS`.
     regrasp_price
-        Metres charged for a regrasp, if the cost is `"weighted"`.
+        Price of a regrasp [m] if the cost is `"weighted"`, otherwise None.
     method
-        Search method.
+        Name of the search method.
     heuristic
-        Heuristic.
+        Name of the heuristic.
     goal_face
-        Face of the map whose points all limbs hold at the goal; None for any.
+        Face of the map on which all limbs hold points at the goal; None for any face.
     """
 
     goal: tuple[float, float, float]
@@ -90,7 +93,7 @@ class Query:
     goal_face: str | None = None
 
     def cost_of(self, positions: Array) -> float:
-        """Cost of a way along base positions, shape (K, 3) [m]."""
+        """Return the cost of a sequence of base positions, shape (K, 3) [m]."""
         away = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         steps = float(len(positions) - 1)
         return steps if self.cost_name == "steps" else away + steps * (self.regrasp_price or 0.0)
@@ -98,22 +101,22 @@ class Query:
 
 @dataclass(frozen=True)
 class World:
-    """Where the plan was made, and for which robot.
+    """The map, obstacles, robot and settings for which a plan was made.
 
     Attributes
     ----------
     map_name
         Name of the map.
     map_fingerprint
-        Hash of the map's points and boxes.
+        Hash of the points and boxes of the map.
     obstacles
-        Boxes that stood there when the plan was made, besides those of the map.
+        Boxes in addition to those of the map.
     occupied
-        Ids of points that were not to be grasped.
+        Ids of the occupied points, which no limb may grasp.
     robot
         Description of the robot.
     settings
-        Thresholds and switches.
+        Thresholds and switches of the stance graph.
     """
 
     map_name: str
@@ -125,7 +128,7 @@ class World:
 
     @classmethod
     def of(cls, graph: StanceGraph) -> World:
-        """The world of a stance graph as it is now."""
+        """Return the present world of a stance graph."""
         grasp_map = graph.grasp_map
         return cls(
             grasp_map.name, grasp_map.fingerprint, graph.obstacles,
@@ -140,17 +143,17 @@ class Motion:
     Attributes
     ----------
     stances
-        Point ids of each limb, K tuples of N.
+        Ids of the points that the limbs hold, K tuples of N.
     steps
-        Committed steps, K - 1.
+        The K - 1 committed steps.
     base_positions
         Base positions in the world, shape (K, 3) [m].
     base_quaternions
         Base orientations in the world w, x, y, z, shape (K, 4).
     joint_positions
-        Joint angles, shape (K, N, 6) [rad]; continuous while a limb holds.
+        Joint angles, shape (K, N, 6) [rad]; a limb keeps branch and winding while it holds.
     branches
-        Branch of each limb, shape (K, N).
+        Inverse-kinematics branch of each limb, shape (K, N).
     w_m
         Limb manipulability, shape (K, N).
     w_b
@@ -167,31 +170,31 @@ class Motion:
     w_b: Array
 
     def __repr__(self) -> str:
-        """How many stances and limbs there are, in one line."""
+        """Return the number of stances and limbs in one line."""
         return f"<Motion: {len(self.stances)} stances of {len(self.stances[0])} limbs>"
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What the search found and spent.
+    """Cost of a plan, and the effort of the search that returned it.
 
     Attributes
     ----------
     cost
-        Cost of the plan.
+        Cost of the plan ([m] or number of steps).
     expanded
-        States expanded.
+        Number of states that the search expanded.
     generated
-        States generated.
+        Number of states that the search put into its open queue.
     feasibility_time
         Time spent on postures and stances for this query [s].
     search_time
-        Time spent on search and step checks [s].
+        Time spent on the search and on step checks [s].
     backward
-        Stances that searches backward have expanded for the heuristic, for this query.
+        Number of stances expanded by backward searches that computed the heuristic.
     bound
-        Factor of the least cost of any plan of the graph within which the cost is proved to
-        be, 1 if it is the least; None if nothing is proved.
+        Factor of the optimal cost within which the cost is proved to lie, 1 for an optimal
+        plan; None if nothing is proved.
     """
 
     cost: float

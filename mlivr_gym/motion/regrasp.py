@@ -1,7 +1,7 @@
-"""One regrasp as a path without a clock: departure, swing and approach of one limb.
+"""One regrasp as a path without time: departure, swing and approach of one limb.
 
 `RegraspPath` evaluates the configurations that were checked when the step was planned, at any
-places along it, so that a picture, a trajectory and a simulation all follow the same path.
+sampling, so that figures, trajectories and the simulation all follow the same path.
 """
 
 from __future__ import annotations
@@ -22,58 +22,59 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan_parts import Motion
-from mlivr_gym.motion.runs import Run
+from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 UNCHECKED_KNOTS: Array = np.zeros((0, 7))
-"""Knots of a swing that was not checked."""
+"""Knots of a swing that was not checked: none."""
 
 PHASES = ("departure", "swing", "approach")
-"""Parts of a step."""
+"""Names of the phases of a step, in their order."""
 
 SAME_KNOT = 1e-9
-"""Knots that differ by less are one [rad]."""
+"""Knots that differ by less are equal [1, rad]."""
 
 TASK_SPACE_SAMPLES = 400
-"""Places at which a swing in task space is looked at before it is used."""
+"""Number of samples at which the feasibility of a swing in task space is checked."""
 
 LARGEST_JUMP = 0.2
-"""Largest change of a joint between two of them [rad]; a larger one would be a singularity."""
+"""Largest change of a joint between two of these samples [rad]; a larger one indicates a
+singularity."""
 
 
 @dataclass(frozen=True)
 class Regrasp:
-    """What is needed to execute one step.
+    """Everything that determines the path of one step.
 
     Attributes
     ----------
     limb
-        Limb that moves.
+        Index of the limb that moves.
     before
-        Point index of each limb before the step, N of them.
+        Point index of each limb before the step, N numbers.
     to_point
-        Point index it grasps.
+        Index of the point that the limb grasps.
     positions
-        Base positions before and after, shape (2, 3) [m].
+        Base positions before and after the step, shape (2, 3) [m].
     rotations
-        Base rotations before and after, shape (2, 3, 3).
+        Base rotations before and after the step, shape (2, 3, 3).
     kind
         Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
     pivot
-        Centre of an arc, shape (3,) [m].
+        Centre of an arc in the world, shape (3,) [m].
     branches
-        Branch of each limb before the step, and of the moving limb after it, N + 1
-        numbers.
+        Branch of each limb before the step, followed by that of the swing limb after it,
+        N + 1 numbers.
     joints
         Joint angles before the step, shape (N, 6) [rad].
     grasp_joints
-        Joint angles of the moving limb after the step, shape (6,) [rad].
+        Joint angles of the swing limb after the step, shape (6,) [rad].
     knots
-        Base parameter and joint angles at each knot of the swing, shape (k, 7); none if the
+        Base parameter and joint angles at each knot of the swing, shape (k, 7); empty if the
         swing was not checked.
     rounded
-        Shares of the lines before and after each knot that lie on its rounded corner,
-        shape (k, 2); 0 where the swing comes to rest. None is rounded by default.
+        Shares of the lines before and after each knot that its rounded corner replaces, shape
+        (k, 2); 0 where the swing stops. By default no corner is rounded.
     """
 
     limb: int
@@ -96,7 +97,7 @@ class Regrasp:
 
     @cached_property
     def base_path(self) -> BasePath:
-        """The base path as compiled code takes it."""
+        """The base path as a record for compiled code."""
         first, last = map(pose, self.positions, self.rotations)
         return base_path(first, last, self.kind, self.pivot)
 
@@ -104,9 +105,9 @@ class Regrasp:
 class RegraspPath:
     """Configurations along a regrasp.
 
-    A swing that was checked is followed on its knots, round the corners that are rounded. One that
-    was not runs in task space, the gripper on a straight line with its rotation by slerp, where the
-    limb can do so on one branch inside its joint limits; else in joint space.
+    A swing that was checked follows its knots and rounded corners. A swing that was not checked
+    moves in task space, with the gripper on a straight line and its rotation by slerp, if the limb
+    can follow on one branch inside its joint limits; otherwise it is a line in joint space.
     """
 
     def __init__(self, graph: StanceGraph, regrasp: Regrasp) -> None:
@@ -114,63 +115,64 @@ class RegraspPath:
         self.graph, self.regrasp = graph, regrasp
 
     @cached_property
-    def _kept(self) -> BoolArray:
-        """Which knots count: each once."""
+    def _is_distinct(self) -> BoolArray:
+        """Which knots differ from the one before."""
         moved = np.abs(np.diff(self.regrasp.knots, axis=0)).max(axis=1) > SAME_KNOT
         kept: BoolArray = np.concatenate([[True], moved])
         return kept
 
     @cached_property
     def _knots(self) -> Array:
-        """Knots of the swing, each once; of one that was not checked, those at its ends."""
+        """Distinct knots of the swing; of a swing that was not checked, its two end points."""
         if len(self.regrasp.knots):
-            return self.regrasp.knots[self._kept]
+            return self.regrasp.knots[self._is_distinct]
         ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
         return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
 
     @cached_property
     def in_task_space(self) -> bool:
-        """Whether the gripper swings on a straight line."""
-        return not len(self.regrasp.knots) and self._serves_in_task_space()
+        """Whether the swing moves the gripper on a straight line."""
+        return not len(self.regrasp.knots) and self._is_feasible_in_task_space()
 
     @cached_property
-    def _runs(self) -> list[Run]:
-        """The pieces of the swing, chains of lines with rounded corners between them."""
+    def _swing_segments(self) -> list[RoundedLines]:
+        """The segments of the swing: chains of lines with rounded corners, at rest at both ends."""
         rounded, corners = self.regrasp.rounded, np.zeros((len(self._knots), 2))
         if len(rounded):
-            corners[1:-1] = rounded[self._kept][1:-1]
+            corners[1:-1] = rounded[self._is_distinct][1:-1]
         stops = np.flatnonzero((corners == 0.0).any(axis=1))
         return [
-            Run(self._knots[first : last + 1], corners[first + 1 : last])
+            RoundedLines(self._knots[first : last + 1], corners[first + 1 : last])
             for first, last in pairwise(stops)
         ]
 
     @property
-    def pieces(self) -> int:
-        """Number of pieces of the swing, each from rest to rest."""
-        return len(self._runs)
+    def segment_count(self) -> int:
+        """Number of segments of the swing."""
+        return len(self._swing_segments)
 
     @property
     def lines(self) -> list[int]:
-        """Number of lines between knots in each of them."""
-        return [len(run.knots) - 1 for run in self._runs]
+        """Number of lines between knots in each segment of the swing."""
+        return [len(lines.knots) - 1 for lines in self._swing_segments]
 
     def departure(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of its departure, shape (k, 6) [rad]."""
-        return self._lifted(0, share)
+        """Return joint angles of the swing limb at shares of its departure, shape (k, 6) [rad]."""
+        return self._along_normal(0, share)
 
     def approach(self, share: Array) -> Array:
-        """Joint angles of the moving limb at shares of its approach, shape (k, 6) [rad]."""
-        return self._lifted(1, 1.0 - share)
+        """Return joint angles of the swing limb at shares of its approach, shape (k, 6) [rad]."""
+        return self._along_normal(1, 1.0 - share)
 
-    def _lifted(self, end: int, height: Array) -> Array:
+    def _along_normal(self, end: int, height: Array) -> Array:
+        """Return joint angles of the swing limb at k shares of the lift, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
         grasp = graph.solver.grasps[point]
         flange = grasp["flange"]["position"] + graph.robot.lift * height[:, None] * grasp["normal"]
         grasped = step.grasp_joints if end else step.joints[step.limb]
-        # The angles are followed from the point on, where the windings are known.
+        # Start at the point, where the windings are known.
         order = np.argsort(height, kind="stable") if len(height) > 1 else slice(None)
         base = (step.positions[end][None], step.rotations[end][None])
         tool = grasp["flange"]["rotation"][None]
@@ -178,17 +180,18 @@ class RegraspPath:
         out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
 
-    def swing(self, piece: int, share: Array) -> tuple[Array, Array]:
-        """Base parameter and joint angles of the moving limb at shares of one piece of its swing.
+    def swing(self, segment: int, share: Array) -> tuple[Array, Array]:
+        """Return base parameter and joint angles of the swing limb along one segment of its swing.
 
-        Shapes (k,) and (k, 6) [rad].
+        Both are evaluated at k shares of the segment; their shapes are (k,) and (k, 6) [rad].
         """
         if self.in_task_space:
             return share, self._in_a_straight_line(share)
-        values = self._runs[piece].at(share)
+        values = self._swing_segments[segment].at(share)
         return values[:, 0], values[:, 1:]
 
-    def _serves_in_task_space(self) -> bool:
+    def _is_feasible_in_task_space(self) -> bool:
+        """Return whether the gripper can move on a straight line within limits, without jumps."""
         limits = self.graph.robot.limb.limits
         try:
             joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))
@@ -201,7 +204,7 @@ class RegraspPath:
         return bool(inside and smooth and np.abs(joints[-1] - self._knots[-1, 1:]).max() < 1e-6)
 
     def _in_a_straight_line(self, share: Array) -> Array:
-        """Joint angles of the moving limb on a straight line of its gripper, shape (k, 6) [rad]."""
+        """Return joint angles for a gripper that moves on a straight line, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         points = [step.before[step.limb], step.to_point]
         rows = graph.solver.grasps[points]
@@ -222,13 +225,14 @@ class RegraspPath:
         )
 
     def base(self, u: Array) -> tuple[Array, Array]:
-        """Base positions (k, 3) [m] and rotations (k, 3, 3) at base parameters."""
+        """Return base positions (k, 3) [m] and base rotations (k, 3, 3) at base parameters."""
         return base_poses(self.regrasp.base_path, u)
 
     def supports(self, u: Array) -> Array:
-        """Joint angles of all limbs at base parameters that start at 0, shape (k, N, 6) [rad].
+        """Return joint angles of the support limbs at base parameters, shape (k, N, 6) [rad].
 
-        Those of the moving limb are NaN.
+        The base parameters must start at 0, where the windings are known. Entries of the swing limb
+        are NaN.
         """
         step, solver, base = self.regrasp, self.graph.solver, self.base(u)
         joints = np.full((len(u), self.graph.limbs, 6), np.nan)
@@ -249,13 +253,13 @@ class RegraspPath:
         base: tuple[Array, Array],
         start: Array,
     ) -> Array:
-        """Joint angles of a limb on a branch at flange and base poses, continuous from `start`."""
+        """Return joint angles on a branch along flange and base poses, continuous from `start`."""
         bases, flanges = poses(*base), poses(*flange)
         out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
         reference["q"] = start
         robots = self.graph.checks.robots
-        found = joints_along(robots, limb, bases, flanges, branch, reference, out)
-        if found < len(out):
+        followed = joints_along(robots, limb, bases, flanges, branch, reference, out)
+        if followed < len(out):
             target = self.graph.grasp_map.ids[self.regrasp.to_point]
             raise PlanError(
                 f"limb {limb} cannot stay on its branch while limb {self.regrasp.limb} moves to "
@@ -266,16 +270,16 @@ class RegraspPath:
         return joints
 
 
-class Planned(Protocol):
-    """What has a motion, as a plan has."""
+class HasMotion(Protocol):
+    """Anything with a motion, such as a plan."""
 
     @property
     def motion(self) -> Motion:
         """Stances, steps and configurations."""
 
 
-def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
-    """What is needed to execute one step of a plan.
+def planned_regrasp(graph: StanceGraph, plan: HasMotion, index: int) -> Regrasp:
+    """Return the regrasp of one step of a plan.
 
     Parameters
     ----------
@@ -284,7 +288,7 @@ def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
     plan
         The plan.
     index
-        Index of the step.
+        Index of the step, from 0.
 
     Raises
     ------
@@ -298,7 +302,7 @@ def planned_regrasp(graph: StanceGraph, plan: Planned, index: int) -> Regrasp:
 
 
 def regrasp_of(graph: StanceGraph, motion: Motion, index: int) -> Regrasp:
-    """What is needed to execute step `index` of a motion; see `planned_regrasp`."""
+    """Return the regrasp of step `index` of a motion."""
     step, ends = motion.steps[index], slice(index, index + 2)
     turns = scipy.spatial.transform.Rotation.from_quat(
         motion.base_quaternions[ends], scalar_first=True

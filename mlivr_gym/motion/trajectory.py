@@ -1,7 +1,7 @@
-"""Trajectories: steps with a clock.
+"""Trajectories: the path of a step with a time scaling, sampled on a regular time grid.
 
-Each piece of a step runs from rest to rest on its clock, and the path that was checked is kept
-exactly: on lines, on corners that are rounded, and at those that are not, where velocity and
+Each path segment runs from rest to rest on its clock. The geometric path that was checked is kept
+exactly, on lines as well as on rounded corners; at a corner that is not rounded velocity and
 acceleration vanish.
 """
 
@@ -21,22 +21,25 @@ from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import RegraspPath
 
 FREE = -1
-"""Grasp state of a limb that holds nothing."""
+"""Point index of a limb that holds no point."""
 
-MOST_SAMPLES = 1_000_000
-"""Most samples of a step's trajectory, half an hour at 2 ms; they take about a gigabyte."""
+MAXIMUM_SAMPLES = 1_000_000
+"""Upper bound of the samples of a step: half an hour at 2 ms, about a gigabyte."""
 
 
 class TimedPath(NamedTuple):
-    """A step with a clock for each of its pieces."""
+    """A step with a clock for each of its path segments."""
 
     path: RegraspPath
-    pieces: tuple[PathSegment, ...]
+    """The path of the step."""
+    segments: tuple[PathSegment, ...]
+    """The path segments of the step."""
     clocks: tuple[scipy.interpolate.PPoly, ...]
+    """Clock of each segment."""
 
     @property
     def ends(self) -> Array:
-        """When each piece ends [s]."""
+        """Time at which each segment ends [s]."""
         ends: Array = np.cumsum([duration_of(clock) for clock in self.clocks])
         return ends
 
@@ -48,33 +51,33 @@ class TimedPath(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Configurations on a regular time grid, k in all, of one step or of several.
+    """Configurations, velocities and accelerations at k times, for one step or several.
 
     Attributes
     ----------
     times
-        Shape (k,) [s].
+        Times on a regular grid, shape (k,) [s].
     step
         Index of the step, shape (k,).
     phase
         Index into `regrasp.PHASES`, shape (k,).
     joint_positions
-        Shape (k, N, 6) [rad].
+        Joint angles, shape (k, N, 6) [rad].
     joint_velocities
-        Shape (k, N, 6) [rad/s].
+        Joint velocities, shape (k, N, 6) [rad/s].
     joint_accelerations
-        Shape (k, N, 6) [rad/s^2].
+        Joint accelerations, shape (k, N, 6) [rad/s^2].
     base_positions
-        Shape (k, 3) [m].
+        Base positions in the world, shape (k, 3) [m].
     base_quaternions
-        Shape (k, 4), w, x, y, z.
+        Base orientations in the world w, x, y, z, shape (k, 4).
     base_velocities
-        Linear in the world and angular in the base's axes, shape (k, 6) [m/s,
-        rad/s].
+        Linear velocity of the base in the world frame and angular velocity in the body frame,
+        shape (k, 6) [m/s, rad/s].
     base_accelerations
-        Their derivatives, shape (k, 6) [m/s^2, rad/s^2].
+        Derivatives of the base velocities, shape (k, 6) [m/s^2, rad/s^2].
     grasps
-        Point index each limb holds, or `FREE`, shape (k, N).
+        Point index that each limb holds, or `FREE`, shape (k, N).
     points
         Ids of all points of the map.
     """
@@ -109,13 +112,13 @@ class Trajectory:
         return replace(self, **joined)
 
     def at(self, places: IntArray) -> Trajectory:
-        """The samples at some places, one period apart."""
+        """Return the samples at some indices, with new times one period apart from 0."""
         kept: dict[str, Any] = {name: getattr(self, name)[places] for name in ARRAYS}
         kept["times"] = self.period * np.arange(len(places), dtype=np.float64)
         return replace(self, **kept)
 
     def every(self, period: float) -> Trajectory:
-        """The samples nearest to a coarser grid of about `period` seconds, with the last one."""
+        """Return every n-th sample, about `period` seconds apart, and the last one."""
         stride = max(round(period / self.period), 1)
         chosen = np.unique(np.append(np.arange(0, len(self.times), stride), len(self.times) - 1))
         kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in ARRAYS}
@@ -123,34 +126,37 @@ class Trajectory:
 
 
 ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
-"""Names of the arrays."""
+"""Names of the array fields of `Trajectory`."""
 
 
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
-    """The trajectory of one step.
+    """Compute the trajectory of one step.
+
+    By the chain rule the velocity is `q' s_dot` and the acceleration `q' s_ddot + q'' s_dot^2`,
+    with the derivatives q', q'' of the path segment and those of its clock s(t).
 
     Parameters
     ----------
     timed
         The step with its clocks.
     period
-        Spacing of the time grid [s]. The step takes a whole number of periods, for which
-        it is slowed down by less than one.
+        Spacing of the time grid [s]. The step is slowed down by less than one period, so that
+        it takes a whole number of periods.
 
     Raises
     ------
     PlanError
-        If a limb that holds cannot follow the base, or a joint would leave its limits.
+        If a support limb cannot follow the base, or a joint would leave its limits.
     SettingError
-        If the period does not fit the step.
+        If the period is not positive, exceeds the step, or gives too many samples.
     """
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):
         raise SettingError(f"period is {period!r}; it must be above 0 and below {duration:g} [s]")
-    if duration / period > MOST_SAMPLES:
+    if duration / period > MAXIMUM_SAMPLES:
         raise SettingError(
-            f"period is {period!r}: a step of {duration:g} s has more than {MOST_SAMPLES} "
-            f"samples; take at least {duration / MOST_SAMPLES:g} s"
+            f"period is {period!r}: a step of {duration:g} s has more than {MAXIMUM_SAMPLES} "
+            f"samples; it must be at least {duration / MAXIMUM_SAMPLES:g} s"
         )
     step, graph = path.regrasp, path.graph
     count = int(np.ceil(duration / period - 1e-9)) + 1
@@ -162,7 +168,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     u, moving = np.zeros(count), np.empty((count, 6))
     speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
     last = len(ends) - 1
-    for k, (piece, clock) in enumerate(zip(timed.pieces, timed.clocks, strict=True)):
+    for k, (segment, clock) in enumerate(zip(timed.segments, timed.clocks, strict=True)):
         here = part == k
         since = np.clip(times[here] / slower - starts[k], 0.0, clock.x[-1])
         share = np.clip(clock(since), 0.0, 1.0)
@@ -173,7 +179,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
         else:
             u[here], moving[here] = path.swing(k - 1, share)
         rate, change = clock(since, 1) / slower, clock(since, 2) / slower**2
-        first, second = piece.curve(share, 1), piece.curve(share, 2)
+        first, second = segment.curve(share, 1), segment.curve(share, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
     positions, rotations = path.base(u)
@@ -183,7 +189,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
     grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
-    phases = np.array([piece.phase for piece in timed.pieces])
+    phases = np.array([segment.phase for segment in timed.segments])
     return Trajectory(
         times=times,
         step=np.zeros(count, dtype=np.int64),
@@ -201,6 +207,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
 
 
 def _check_limits(limits: Array, joints: Array, times: Array) -> None:
+    """Check that all joint angles are inside the joint limits."""
     excess = np.maximum(limits[:, 0] - joints, joints - limits[:, 1])
     if excess.max() > LIMIT_TOLERANCE:
         k, limb, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
@@ -211,7 +218,7 @@ def _check_limits(limits: Array, joints: Array, times: Array) -> None:
 
 
 def _quaternions(rotations: Array) -> Array:
-    """Quaternions w, x, y, z without jumps of sign, the first with w >= 0."""
+    """Return continuous quaternions w, x, y, z of rotations; the first has w >= 0."""
     quaternions: Array = scipy.spatial.transform.Rotation.from_matrix(rotations).as_quat(
         scalar_first=True
     )

@@ -1,6 +1,6 @@
-"""Files of trajectories: NumPy archives, tables, and messages of ROS 2.
+"""Files of trajectories: NumPy archives, CSV tables and ROS 2 messages.
 
-Joints are called as in the MuJoCo scene, `limb0/joint1` and so on.
+Joints have the names of the MuJoCo model, `limb0/joint1` and so on.
 """
 
 from __future__ import annotations
@@ -21,24 +21,33 @@ from mlivr_gym.schema import NAME, FieldPath, Listed, Numbers
 from mlivr_gym.values import LONGEST, MOST_POINTS
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+"""Components of the base pose: position, and quaternion w, x, y, z."""
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
-"""Components of the base: pose; velocity in the world and angular velocity in the base's axes."""
+"""Components of the base velocity: linear in the world frame, angular in the body frame."""
 
 SAVED: Kinds = {"trajectory": Of(Trajectory), "path": FileName()}
-"""Kinds of what a trajectory is saved by."""
+"""Schema of the arguments with which a trajectory is saved."""
 
 
 def joint_names(trajectory: Trajectory) -> list[str]:
-    """Names of all joints, limb by limb."""
+    """Return the names of all joints, ordered by limb."""
     limbs = trajectory.grasps.shape[1]
     return [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
 
 
 @checked(SAVED)
 def save_npz(trajectory: Trajectory, path: str | Path) -> None:
-    """Write the arrays as a NumPy archive, whole or not at all.
+    """Write a trajectory as a NumPy archive; the file is replaced as a whole or not at all.
 
-    Besides the fields of `Trajectory` it holds `joint_names` and `phases`, the names of the phases.
+    In addition to the fields of `Trajectory` the archive holds `joint_names` and `phases`, the
+    names of the phases.
+
+    Parameters
+    ----------
+    trajectory
+        The trajectory.
+    path
+        Name of the file.
 
     Raises
     ------
@@ -57,12 +66,17 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
 
 
 def load_npz(path: str | Path) -> Trajectory:
-    """Read what `save_npz` wrote.
+    """Read a trajectory from a file of `save_npz`.
+
+    Parameters
+    ----------
+    path
+        Name of the file.
 
     Raises
     ------
     PlanError
-        If the file cannot be read or is not a trajectory.
+        If the file cannot be read or does not hold a trajectory.
     """
     path = FileName().read(path, FieldPath("path", PlanError))
     try:
@@ -70,18 +84,25 @@ def load_npz(path: str | Path) -> Trajectory:
             arrays = {name: data[name] for name in (*ARRAYS, "points")}
         return Trajectory(**_checked(arrays))
     except Exception as error:  # NumPy, zipfile and zlib raise many kinds
-        told = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        reason = told.splitlines()[0]
+        text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = text.splitlines()[0]
         raise PlanError(f"cannot read trajectory {path_shown(path)}: {one_line(reason)}") from None
 
 
 @checked(SAVED)
 def save_csv(trajectory: Trajectory, path: str | Path) -> None:
-    """Write one line a sample, units in the names of the columns.
+    """Write a trajectory as CSV, one line for each sample, with units in the column names.
 
-    Its columns are time, step, phase, base pose and velocity, position, velocity and acceleration
-    of each joint, the point that each limb holds, and `event`: which limb released or grasped what
-    since the line before.
+    The columns are time, step, phase, base pose and velocity; position, velocity and acceleration
+    of each joint; the point that each limb holds; and `event`, the releases and grasps since the
+    line before.
+
+    Parameters
+    ----------
+    trajectory
+        The trajectory.
+    path
+        Name of the file.
 
     Raises
     ------
@@ -109,18 +130,29 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(head)
     for k, row in enumerate(numbers):
-        told = [f"{trajectory.times[k]:.6f}", int(trajectory.step[k]), PHASES[trajectory.phase[k]]]
+        leading = [
+            f"{trajectory.times[k]:.6f}",
+            int(trajectory.step[k]),
+            PHASES[trajectory.phase[k]],
+        ]
         event = _event(held[max(k - 1, 0)], held[k])
-        writer.writerow([*told, *(f"{value:.9g}" for value in row), *held[k], event])
+        writer.writerow([*leading, *(f"{value:.9g}" for value in row), *held[k], event])
     write_whole(path, stream.getvalue())
 
 
 @checked(SAVED)
 def save_ros(trajectory: Trajectory, path: str | Path) -> None:
-    """Write a message `trajectory_msgs/msg/JointTrajectory` of ROS 2 as YAML.
+    """Write a trajectory as a ROS 2 message `trajectory_msgs/msg/JointTrajectory` in YAML.
 
-    It has positions, velocities and accelerations of all joints. Grasps stand in comments: the
-    message has no place for them.
+    The message has positions, velocities and accelerations of all joints; it has no field for
+    grasps, which are written as comments.
+
+    Parameters
+    ----------
+    trajectory
+        The trajectory.
+    path
+        Name of the file.
 
     Raises
     ------
@@ -142,17 +174,17 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
             lines.append(f"# {event}")
         for place, kind in enumerate(kinds):
             values = getattr(trajectory, f"joint_{kind}")[k].ravel()
-            told = ", ".join(f"{value:.9g}" for value in values)
-            lines.append(f"{'-' if place == 0 else ' '} {kind}: [{told}]")
+            numbers = ", ".join(f"{value:.9g}" for value in values)
+            lines.append(f"{'-' if place == 0 else ' '} {kind}: [{numbers}]")
         nanoseconds = round(1e9 * float(trajectory.times[k]))
-        seconds, rest = divmod(nanoseconds, 10**9)
+        seconds, nanoseconds = divmod(nanoseconds, 10**9)
         lines.append("  effort: []")
-        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}")
     write_whole(path, "\n".join(lines) + "\n")
 
 
 def _held(trajectory: Trajectory) -> list[list[str]]:
-    """Id of the point that each limb holds at each time, empty for none."""
+    """Return the id of the point that each limb holds at each time, empty for a free limb."""
     return [
         ["" if point == FREE else trajectory.points[point] for point in row]
         for row in trajectory.grasps
@@ -160,17 +192,17 @@ def _held(trajectory: Trajectory) -> list[list[str]]:
 
 
 def _event(before: list[str], after: list[str]) -> str:
-    """Which limbs released or grasped what."""
-    told = []
+    """Return the releases and grasps between two samples as text."""
+    events = []
     for limb, (was, now) in enumerate(zip(before, after, strict=True)):
         if was != now:
-            told += [f"limb{limb} releases {was}"] if was else []
-            told += [f"limb{limb} grasps {now}"] if now else []
-    return "; ".join(told)
+            events += [f"limb{limb} releases {was}"] if was else []
+            events += [f"limb{limb} grasps {now}"] if now else []
+    return "; ".join(events)
 
 
 def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
-    """The arrays of a file of one shape of k samples and N limbs, and the ids as a tuple."""
+    """Check that the arrays of a file have consistent shapes; return the fields."""
     points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), FieldPath("points", PlanError))
     shape = arrays["joint_positions"].shape
     k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
@@ -189,8 +221,8 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
     }
     if k < 2:
         raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         name: kind.read(arrays[name], FieldPath(name, PlanError)).astype(arrays[name].dtype)
         for name, kind in kinds.items()
     }
-    return found | {"points": points}
+    return values | {"points": points}

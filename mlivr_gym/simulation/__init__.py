@@ -1,1 +1,1 @@
-"""Carrying plans out in MuJoCo."""
+"""Dynamic simulation of plans in MuJoCo."""

@@ -1,24 +1,25 @@
-"""The controller of the joints, sampled at a finite rate, and how it is guided to a point.
+"""The joint controller: sampled PD control with feedforward, and guidance of the approach.
 
-At every period it reads the encoders and asks each joint for
+In every period the controller reads the encoders and commands each joint the torque
 
-    kp (q_ref - q) + kd (qdot_ref - qdot) + what is fed forward,
+    tau = kp (q_ref - q) + kd (qdot_ref - qdot) + tau_ff,
 
-cut off at the joint's largest torque and held until the next period. `q_ref` is the trajectory's
-angle with a shift added. When a step begins, `rebase` moves the references to where the encoders
-are, so that limbs that hold one robot do not work against each other. Departure and swing take that
-shift out again, or errors of one step after the other would add up. On approach `guided` moves the
-reference of the limb that approaches by what its sensor sees of the point.
+saturated at the torque limit and held until the next period. `tau_ff` is the inverse dynamics of
+the trajectory, see `feedforward`. `q_ref` is the trajectory plus an offset. At the beginning of a
+step `rebase` sets the offset such that the references equal the encoder readings; limbs that hold
+the same robot then do not work against each other. During departure and swing the offset decays, so
+that errors do not accumulate over steps. During a `guided` approach the offset of the swing limb
+follows what a sensor on the gripper measures of the point.
 
-A limb that holds carries the whole robot, some 30 kg m^2 about its joints, and is damped by the
-grasp; a limb that is free ends in a wrist of hardly more than its rotor's 0.1 kg m^2. Sampled, a
-gain of the speed error must stay below the inertia over the period, 50 N m s/rad for that wrist at
-500 Hz. So the two have gains of their own.
+A support limb carries the whole robot, about 30 kg m^2 about its joints, and is damped by its
+grasp. A free limb ends in a wrist of little more than its rotor inertia, 0.1 kg m^2. A sampled
+derivative gain must stay below inertia over period, which is 50 N m s/rad for that wrist at 500 Hz.
+Support limbs and free limbs therefore have different gains.
 
-On one limb the robot rocks slowly. What guides the free limb pushes the base the other way and
-feeds that motion; shoulder and elbow of the limb that holds, between heavy parts, damp it. A
-gripper waits until it is at rest in the world, since a grasp that takes hold of one that moves
-pulls at once by its damper.
+On a single support limb the robot oscillates slowly. Guiding the free limb pushes the base in the
+opposite direction and excites this motion; shoulder and elbow of the support limb damp it. The
+gripper waits until it is at rest in the world, since a grasp that captures a moving gripper loads
+it at once through its damper.
 """
 
 from __future__ import annotations
@@ -33,38 +34,45 @@ from mlivr_gym.simulation.figures import Figures
 
 @dataclass(frozen=True)
 class Controller(Figures):
-    """Gains and abilities of the controller.
+    """Gains and functions of the joint controller.
 
     Attributes
     ----------
     kp_free
-        Gain of the position error of each joint of a limb that is free [N m/rad].
+        Position gain of each joint of a free limb [N m/rad].
     kd_free
-        Gain of its speed error [N m s/rad].
+        Velocity gain of each joint of a free limb [N m s/rad].
     kp_hold
-        Gain of the position error of each joint of a limb that holds [N m/rad].
+        Position gain of each joint of a support limb [N m/rad].
     kd_hold
-        Gain of its speed error [N m s/rad].
+        Velocity gain of each joint of a support limb [N m s/rad].
     period
-        Time from one reading of the encoders to the next [s], a multiple of the time step.
+        Sampling period [s], rounded to a multiple of the time step.
     feedforward
-        Whether what the trajectory needs by the robot's dynamics is fed forward, see
-        `feedforward.feedforward`.
+        Whether the torques of the inverse dynamics and the deflection of the grasps are fed
+        forward, see `feedforward.feedforward`.
     rebase
-        Whether references move to where the encoders are when a step begins.
+        Whether the references move to the encoder readings at the beginning of a step.
     recovery
-        Time in which a shift falls to 1/e on departure and swing [s].
+        Time constant with which the offset of the references decays during departure and
+        swing [s].
     guided
         Whether a sensor on the gripper guides the approach.
     sensor_period
-        Time from one reading of that sensor to the next [s].
+        Sampling period of that sensor [s].
     guidance
-        Share of the error seen that is taken out in a second [1/s].
+        Gain of the guidance: rate at which the measured error is removed [1/s].
     patience
-        How long the gripper may wait before the point until the error seen is small and
-        the gripper at rest [s].
+        Longest time for which the gripper waits in front of the point for the measured error to
+        become small and the gripper to come to rest [s].
     tries
-        Approaches that are tried, all but the last of which must come close to the point.
+        Largest number of approaches. On all but the last the gripper must also be close to the
+        point by its own sensor before it grasps.
+
+    Examples
+    --------
+    >>> Controller.of("paper").kp_free
+    (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """
 
     kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
@@ -102,10 +110,11 @@ class Controller(Figures):
 PAPER = Controller(
     *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, rebase=False, guided=False, tries=1,
 )  # fmt: skip
-"""The paper's: proportional and derivative gains on a trajectory, the same for all joints."""
+"""The controller of the paper: PD control along a trajectory, with the same gains for all
+joints."""
 
 FEEDFORWARD = replace(PAPER, feedforward=True)
-"""The paper's gains, with what the dynamics need fed forward."""
+"""The gains of the paper with feedforward."""
 
 CONTROLLERS = {"full": Controller(), "feedforward": FEEDFORWARD, "paper": PAPER}
 """Controllers by name."""

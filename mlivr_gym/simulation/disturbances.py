@@ -1,12 +1,12 @@
-"""A simulated robot and module that are not those the controller knows.
+"""Disturbances: a simulated robot and module that differ from the model of the controller.
 
-`Disturbances` says how far each figure may be off; `draw` gives one `Disturbance`, a robot and
-module with figures of their own. `ALL` has the sizes that are studied. They are assumptions of the
-order that arms and stations show: friction of the UR5e's joints is identified by Clochiatti,
-Scalera, Boscariol and Gasparetto, "Electro-mechanical modeling and identification of the UR5
-e-series robot", Robotica 42, 2024; accelerations in the ISS are described by McPherson, Hrovat,
-Kelly and Keller, "Researcher's Guide to: International Space Station Acceleration Environment",
-NASA, 2015. For encoders, points and grasps of this robot no figures are published.
+`Disturbances` gives the range of each parameter; `draw` samples one `Disturbance` from them. `ALL`
+has the ranges that are studied. They are assumptions in the order of magnitude of published values:
+joint friction of the UR5e is identified by Clochiatti, Scalera, Boscariol and Gasparetto,
+"Electro-mechanical modeling and identification of the UR5 e-series robot", Robotica 42, 2024;
+accelerations in the ISS are described by McPherson, Hrovat, Kelly and Keller, "Researcher's Guide
+to: International Space Station Acceleration Environment", NASA, 2015. For encoders, points and
+grasps of this robot no values are published.
 """
 
 from __future__ import annotations
@@ -24,44 +24,52 @@ from mlivr_gym.simulation.figures import Figures
 from mlivr_gym.simulation.gl import mujoco
 
 STANDARD_GRAVITY = 9.80665
-"""One g [m/s^2]."""
+"""Standard acceleration of gravity, 1 g [m/s^2]."""
 
 
 @dataclass(frozen=True)
 class Disturbances(Figures):
-    """How far figures may be off; 0 everywhere is the robot that the controller knows.
+    """Ranges of the disturbances; 0 (1 for `stiffness`) is the model of the controller.
 
     Attributes
     ----------
     friction
-        Coulomb friction of each joint, drawn evenly from 0 to this [N m].
+        Upper bound of the Coulomb friction of each joint, uniform from 0 [N m].
     damping
-        Viscous friction of each joint, drawn evenly from 0 to this [N m s/rad].
+        Upper bound of the viscous friction of each joint, uniform from 0 [N m s/rad].
     encoder_bias
-        Error of each encoder, evenly within plus and minus this [rad].
+        Bound of the constant error of each encoder, uniform in plus and minus this [rad].
     encoder_noise
-        Standard deviation of each reading [rad].
+        Standard deviation of each encoder reading [rad].
     speed_noise
-        Standard deviation of each reading of a joint's speed [rad/s].
+        Standard deviation of each reading of a joint velocity [rad/s].
     delay
-        Time from a reading to the torque that it leads to [s].
+        Time from a reading to the torque computed from it [s].
     acceleration
-        Residual acceleration, of this size in a direction drawn for a walk [g].
+        Magnitude of the residual acceleration, in a direction drawn for each walk [g].
     payload
-        Mass fixed to the middle of the body, evenly from 0 to this [kg].
+        Upper bound of a mass at the centre of the body, uniform from 0 [kg].
     masses
-        Mass and inertia of each body, by a factor evenly within 1 plus and minus this.
+        Relative bound of the error of mass and inertia of each body, uniform.
     stiffness
-        Stiffness and damping of each grasp, by a factor from one over this to this,
-        evenly by its logarithm; 1 for none.
+        Largest factor of stiffness and damping of each grasp, log-uniform from its inverse; 1 for
+        none.
     point_position
-        Displacement of each point, evenly within a ball of this radius [m].
+        Radius of the ball in which each point is displaced, uniform [m].
     point_angle
-        Turn of each point about an axis drawn for it, evenly from 0 to this [rad].
+        Upper bound of the angle by which each point is rotated about a random axis, uniform
+        from 0 [rad].
     sensor_position
-        Standard deviation of the sensor's reading of a position [m].
+        Standard deviation of the gripper sensor in each position component [m].
     sensor_angle
-        Standard deviation of its reading of an angle [rad].
+        Standard deviation of the gripper sensor in each rotation component [rad].
+
+    Examples
+    --------
+    >>> Disturbances.of("all").payload
+    5.0
+    >>> Disturbances(friction=3.0).draw(seed=1, body_count=17, limbs=2, points=50).friction.shape
+    (2, 6)
     """
 
     friction: float = 0.0
@@ -98,24 +106,25 @@ class Disturbances(Figures):
     }
 
     def only(self, name: str) -> Disturbances:
-        """One of them, the others as they are by default."""
+        """Return one of these disturbances, with the others at their defaults."""
         return replace(Disturbances(), **{name: getattr(self, name)})
 
-    def draw(self, seed: int, parts: int, limbs: int, points: int) -> Disturbance:
-        """One robot and module.
+    def draw(self, seed: int, body_count: int, limbs: int, points: int) -> Disturbance:
+        """Draw the parameters of one robot and module.
 
-        Each figure has a stream of its own, so that it is the same whatever the others are.
+        Each parameter has a random stream of its own, so its draw does not depend on the other
+        ranges.
 
         Parameters
         ----------
         seed
-            Seed; the same one draws the same.
-        parts
-            Parts of the robot that have a mass, MuJoCo's bodies.
+            Seed of the draw.
+        body_count
+            Number of bodies of the robot in the MuJoCo model.
         limbs
-            Its limbs, N.
+            Number of limbs N.
         points
-            Points of the map, m.
+            Number of points of the map m.
         """
         streams = dict(
             zip(
@@ -140,7 +149,7 @@ class Disturbances(Figures):
             * STANDARD_GRAVITY
             * _directions(streams["acceleration"], 1)[0],
             payload=self.payload * float(streams["payload"].uniform()),
-            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, parts),
+            masses=1.0 + self.masses * streams["masses"].uniform(-1.0, 1.0, body_count),
             stiffness=self.stiffness**grasps,
             point_offsets=self.point_position * offsets,
             point_turns=self.point_angle * turns,
@@ -149,32 +158,32 @@ class Disturbances(Figures):
 
 @dataclass(frozen=True)
 class Disturbance:
-    """A robot and module with figures of their own.
+    """Parameters of one disturbed robot and module.
 
     Attributes
     ----------
     seed
-        Seed of its draw, and of the noise of readings.
+        Seed of the draw, and of the noise of the readings.
     sizes
-        What it was drawn from.
+        Ranges from which it was drawn.
     friction
-        Of each joint, shape (N, 6) [N m].
+        Coulomb friction of each joint, shape (N, 6) [N m].
     damping
-        Of each joint, shape (N, 6) [N m s/rad].
+        Viscous friction of each joint, shape (N, 6) [N m s/rad].
     encoder_bias
-        Reading less angle, shape (N, 6) [rad].
+        Encoder reading minus joint angle, shape (N, 6) [rad].
     gravity
-        Residual acceleration, shape (3,) [m/s^2].
+        Residual acceleration in the world, shape (3,) [m/s^2].
     payload
-        Mass in the middle of the body [kg].
+        Mass at the centre of the body [kg].
     masses
-        Factor of each body's mass and inertia, in the order of the robot's bodies.
+        Factor of mass and inertia of each body, in the order of the robot's bodies.
     stiffness
-        Factor of each grasp's stiffness and damping, shape (N,).
+        Factor of stiffness and damping of each grasp, shape (N,).
     point_offsets
-        Where points are, less where the map has them, shape (m, 3) [m].
+        Displacement of each point from its place in the map, shape (m, 3) [m].
     point_turns
-        How points are turned against the map, rotation vectors (m, 3) [rad].
+        Rotation vector of each point relative to the map, shape (m, 3) [rad].
     """
 
     seed: int
@@ -190,8 +199,12 @@ class Disturbance:
     point_turns: Array
 
     def apply(self, model: mujoco.MjModel) -> None:
-        """Change a model of `dynamics.dynamics_spec`; nothing but the points is left out."""
-        robot = parts_of_robot(model)
+        """Apply the disturbance to a model of `dynamics.dynamics_spec`.
+
+        Displaced points, encoders and delay are not part of the model; `Grippers` and
+        `JointControl` apply them.
+        """
+        robot = robot_body_ids(model)
         model.body_mass[robot] *= self.masses
         model.body_inertia[robot] *= self.masses[:, None]
         base = model.body("base").id
@@ -206,25 +219,25 @@ class Disturbance:
 
     @property
     def turned(self) -> Rotation:
-        """How points are turned against the map."""
+        """Rotation of each point relative to the map."""
         return Rotation.from_rotvec(self.point_turns)
 
 
-def parts_of_robot(model: mujoco.MjModel) -> IntArray:
-    """Indices of the robot's bodies."""
-    found: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
-    return found
+def robot_body_ids(model: mujoco.MjModel) -> IntArray:
+    """Return the indices of the robot's bodies in a model."""
+    indices: IntArray = np.flatnonzero(model.body_rootid == model.body("base").id)
+    return indices
 
 
 def _directions(rng: np.random.Generator, count: int) -> Array:
-    """Unit vectors, all directions alike, shape (count, 3)."""
+    """Draw unit vectors, uniform over the sphere, shape (count, 3)."""
     drawn = rng.normal(size=(count, 3))
     unit: Array = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
     return unit
 
 
 NONE = Disturbances()
-"""No disturbance but the noise of the gripper's sensor."""
+"""No disturbance other than the noise of the gripper sensor."""
 
 ALL = Disturbances(
     friction=3.0,
@@ -240,9 +253,9 @@ ALL = Disturbances(
     point_position=0.005,
     point_angle=float(np.deg2rad(1.0)),
 )
-"""All of them at once, at the sizes that are studied."""
+"""All disturbances together, in the ranges that are studied."""
 
-KNOWN = {"none": NONE, "all": ALL}
+DISTURBANCES = {"none": NONE, "all": ALL}
 """Disturbances by name."""
 
-Disturbances.named = KNOWN
+Disturbances.named = DISTURBANCES

@@ -1,17 +1,17 @@
-"""The dynamic model: the scene with motors, compliant grasps and sensors, in zero gravity.
+"""The dynamic model: the scene with joint motors, compliant grasps and sensors, in zero gravity.
 
-**Joints** have motors with the manufacturer's torque limits and, as their inertia, the rotors' too
-(`RobotSpec.limb_dynamics`); the controller is a program of its own, see `controller`.
+**Joints** have motors with the manufacturer's torque limits, and the rotor inertias
+(`RobotSpec.limb_dynamics`). The controller is a separate program, see `controller`.
 
-**Grasps** are springs and dampers in N/m and N m/rad between the grasp frame of a gripper and an
-anchor, a frame that is put on the point when the limb grasps it: six actuators a limb, along and
-about the anchor's axes, with no control. They are switched on and off together
-(`opt.disableactuator`). A weld could not do: its softness is normalised by mass. The damping is
-close to critical for the whole robot on one grasp, so that it neither swings on it nor creeps.
+**Grasps** are six-dimensional spring-dampers in N/m and N m/rad between the grasp frame of a
+gripper and its anchor, a frame that is put on the point at the moment of the grasp. Each limb has
+six actuators without control input, along and about the axes of the anchor, which are switched
+together (`opt.disableactuator`). MuJoCo's weld constraint is no alternative: its softness is
+normalised by mass. The damping is close to critical for the whole robot on one grasp.
 
-**Contacts** are MuJoCo's penalty contacts with its default time constant of 0.02 s and damping
-ratio of 1. Links of a limb that cannot meet are left out, and a gripper may touch what lies behind
-the surface of the point that it holds, leaves or grasps.
+**Contacts** are MuJoCo's soft contacts with its default time constant of 0.02 s and damping ratio
+of 1. Pairs of links of a limb that cannot touch are excluded. A gripper may touch boxes behind the
+surface of the point that it holds, leaves or grasps.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 FIRST_GRIPPER_BIT = 2
-"""Bit of `contype` that stands for the gripper of limb 0; those of the other limbs follow."""
+"""Bit of `contype` for the gripper of limb 0; those of the other limbs follow."""
 
 AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
@@ -39,34 +39,34 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 @dataclass(frozen=True)
 class Physics(Figures):
-    """Figures of grasps and failures.
+    """Parameters of grasps and failures.
 
     Attributes
     ----------
     timestep
-        Time step [s]; `experiments/dynamic_simulation.py` shows what it changes.
+        Time step [s]; `experiments/dynamic_simulation.py` shows its influence.
     grasp_stiffness
-        Restoring force of a grasp [N/m].
+        Translational stiffness of a grasp [N/m].
     grasp_damping
-        Its damping [N s/m]; nine tenths of critical for 64 kg.
+        Translational damping of a grasp [N s/m]; nine tenths of critical for 64 kg.
     grasp_rotational_stiffness
-        Restoring torque of a grasp [N m/rad].
+        Rotational stiffness of a grasp [N m/rad].
     grasp_rotational_damping
-        Its damping [N m s/rad]; critical for 40 kg m^2, that of the
+        Rotational damping of a grasp [N m s/rad]; critical for 40 kg m^2, the inertia of the
         two-limb robot about a grasp.
     capture_distance
-        A gripper farther than this from its point cannot grasp it [m].
+        Largest distance between gripper and point at which a grasp succeeds [m].
     capture_angle
-        Nor one turned by more than this from it [rad].
+        Largest angle between gripper and point at which a grasp succeeds [rad].
     hold_force
         Largest force that a grasp holds [N].
     hold_torque
         Largest torque that a grasp holds [N m].
     saturation_time
-        A joint whose torque is at its limit for longer than this has failed [s].
+        Time for which a joint torque may be at its limit before the joint fails [s].
     limit_margin
-        A joint farther outside its limits than this has failed [rad]; the
-        manufacturer's controller stops there.
+        Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
+        controller stops there.
     """
 
     timestep: float = 0.002
@@ -101,11 +101,11 @@ def dynamics_spec(
     physics: Physics | None = None,
     obstacles: Sequence[Box] = (),
 ) -> mujoco.MjSpec:
-    """The scene of `scene.scene_spec` with everything that dynamics needs.
+    """Return the scene of `scene.scene_spec` with motors, compliant grasps and sensors.
 
-    The actuator of joint k of limb i is `"limb{i}/joint{k}"`; those of its grasp are
-    `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1; each has a sensor of
-    its force under the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. Sensors
+    The motor of joint k of limb i is the actuator `"limb{i}/joint{k}"`; those of its grasp are
+    `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1. Each has a force
+    sensor of the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. The sensors
     `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
 
     Parameters
@@ -115,9 +115,14 @@ def dynamics_spec(
     robot
         The robot.
     physics
-        Figures; by default those of `Physics`.
+        Parameters of the grasps; by default `Physics()`.
     obstacles
-        Further boxes.
+        Boxes in addition to those of the map.
+
+    Returns
+    -------
+    mujoco.MjSpec
+        The specification, from which a model is compiled.
 
     Raises
     ------
@@ -150,11 +155,12 @@ def dynamics_spec(
 
 
 def gripper_bit(limb: int) -> int:
-    """Bit of `contype` of the boxes that the gripper of a limb meets."""
+    """Return the bit of `contype` of the boxes with which the gripper of a limb collides."""
     return 1 << (FIRST_GRIPPER_BIT + limb)
 
 
 def _add_motors(spec: mujoco.MjSpec, limb: int, torque_limits: Sequence[float]) -> None:
+    """Add a torque motor with its limit to each joint of a limb."""
     for k, limit in enumerate(torque_limits, 1):
         name = f"limb{limb}/joint{k}"
         # A stop would hide how far the controller lets a joint go; leaving the limits is a failure
@@ -170,6 +176,7 @@ def _add_motors(spec: mujoco.MjSpec, limb: int, torque_limits: Sequence[float]) 
 
 
 def _add_grasp(spec: mujoco.MjSpec, limb: int, physics: Physics) -> None:
+    """Add the anchor of a limb, and the spring-damper that pulls the gripper to it."""
     anchor = spec.worldbody.add_body(name=f"limb{limb}/anchor")
     anchor.add_site(name=f"limb{limb}/anchor", size=[0.005, 0, 0], rgba=(0, 0, 0, 0))
     along = (physics.grasp_stiffness, physics.grasp_damping)
@@ -188,5 +195,6 @@ def _add_grasp(spec: mujoco.MjSpec, limb: int, physics: Physics) -> None:
 
 
 def _add_force_sensor(spec: mujoco.MjSpec, actuator: str) -> None:
+    """Add a sensor of the force of an actuator, under the same name."""
     kind, what = mujoco.mjtSensor.mjSENS_ACTUATORFRC, mujoco.mjtObj.mjOBJ_ACTUATOR
     spec.add_sensor(name=actuator, type=kind, objtype=what, objname=actuator)

@@ -1,4 +1,4 @@
-"""Executes plans in MuJoCo, step by step, and tells what was measured."""
+"""Execution of plans in MuJoCo, step by step, with all measurements."""
 
 from __future__ import annotations
 
@@ -30,40 +30,40 @@ from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-REST = 2.0
-"""How long the last grasp is held at the end of a walk [s]."""
+FINAL_HOLD = 2.0
+"""Time for which the robot holds still after the last grasp [s]."""
 
 
 @dataclass(frozen=True)
 class Execution:
-    """A plan that was executed, or as far as it went.
+    """An executed plan, or the part of it before a failure.
 
     Attributes
     ----------
     plan
         The plan.
     timing
-        How fast it was to be carried out.
+        Limits or durations that determine the time scaling.
     controller
-        The controller of the joints.
+        The joint controller.
     physics
-        Figures of grasps and failures.
+        Parameters of grasps and failures.
     disturbance
-        How robot and module differed from what the controller knows.
+        Difference between the simulated robot and module and the model of the controller.
     recording
-        Measurements.
+        Measurements on a time grid.
     peaks
-        Largest values at any time step.
+        Maxima over all time steps.
     captures
-        How each limb grasped its point.
+        The captures, one for each step that ended with a grasp.
     failure
-        Why the walk ended before its end, or None.
+        The failure that ended the walk, or None if it was executed to its end.
     simulated_time
-        Time that passed in the simulation [s].
+        Time at the end of the simulation [s].
     preparation_time
-        Time spent on trajectories [s].
+        Computing time of the trajectories [s].
     simulation_time
-        Time spent on simulation [s].
+        Computing time of the simulation [s].
     """
 
     plan: Plan
@@ -81,12 +81,12 @@ class Execution:
 
     @property
     def step_times(self) -> Array:
-        """How long each step took that ended with a grasp, shape (k,) [s]."""
+        """Duration of each step that ended with a grasp, shape (k,) [s]."""
         times: Array = np.diff([0.0, *(capture.time for capture in self.captures)])
         return times
 
     def summary(self) -> dict[str, Any]:
-        """What was measured, without the arrays, as plain data for JSON."""
+        """Return the measurements without the arrays as plain data for JSON."""
         distances = [capture.distance for capture in self.captures]
         momenta = np.linalg.norm(self.recording.momenta, axis=1)
         return {
@@ -111,7 +111,12 @@ class Execution:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the measurements as a NumPy archive `path`, and `summary` as JSON beside it.
+        """Write the recording as a NumPy archive `path`, and the summary as JSON next to it.
+
+        Parameters
+        ----------
+        path
+            Name of the archive; the summary has the same name with the suffix `.json`.
 
         Raises
         ------
@@ -144,27 +149,38 @@ def execute(
     plan
         The plan.
     timing
-        How fast: as `Limits` allow, by default the default ones, or in given `Durations`.
+        `Limits` for a time-optimal execution, by default `Limits()`, or fixed `Durations`.
     physics
-        Figures of grasps and failures.
+        Parameters of grasps and failures.
     progress
-        Called with the number of steps done.
+        A function that is called after each step with the number of steps executed.
     simulation
-        A simulation of the plan's robot, map and obstacles, for another controller or
-        disturbance, or to use it again; its `physics` are used then.
+        A simulation of the plan's robot, map and obstacles, with another controller or
+        disturbance, or to be used again. Its own `physics` apply.
+
+    Returns
+    -------
+    Execution
+        The measurements; a failure is reported there and is not an exception.
 
     Raises
     ------
     PlanError
         If the plan has no step, or a step cannot be followed inside the joint limits.
     TimingError
-        If durations break a limit.
+        If durations violate a limit.
     RobotError
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
 
-    Example:
-        >>> execution = execute(graph, plan)
-        >>> execution.failure is None, execution.peaks.grasp_force.max()
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> execution = execute(graph, plan)
+    >>> execution.failure is None, len(execution.captures) == len(plan.steps)
+    (True, True)
     """
     timing = timing or Limits()
     start = time.perf_counter()
@@ -173,7 +189,7 @@ def execute(
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = carry_out(simulation, walk, progress)
+    done = execute_walk(simulation, walk, progress)
     return Execution(
         plan=plan,
         timing=timing,
@@ -191,27 +207,27 @@ def execute(
 
 
 class TimedWalk(NamedTuple):
-    """A plan with a clock, all that a simulation needs of it."""
+    """A plan with a time scaling: everything that the simulation needs."""
 
     start: tuple[Array, Array, Array]
-    """Base position [m], base quaternion and joint angles (N, 6) [rad] at the start."""
+    """Base position [m], base quaternion w, x, y, z and joint angles (N, 6) [rad] at the start."""
     points: tuple[int, ...]
-    """Point index each limb holds there."""
+    """Index of the point that each limb holds at the start."""
     steps: tuple[Trajectory, ...]
-    """The trajectory of each step, on the simulation's time grid."""
+    """Trajectory of each step on the time grid of the simulation."""
 
 
 def timed_walk(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
 ) -> TimedWalk:
-    """A plan with a clock, on a time grid [s].
+    """Compute the trajectories of all steps of a plan on a time grid with spacing `period` [s].
 
     Raises
     ------
     PlanError
         If the plan has no step, or a step cannot be followed inside the joint limits.
     TimingError
-        If durations break a limit.
+        If durations violate a limit.
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")
@@ -221,10 +237,10 @@ def timed_walk(
     return TimedWalk(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
 
 
-def carry_out(
+def execute_walk(
     simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
 ) -> list[ExecutedStep]:
-    """What came of each step up to the end or to the one that fails, and of the last hold."""
+    """Execute a walk to its end or to its first failure; return each step and the final hold."""
     simulation.reset(*walk.start, walk.points)
     done: list[ExecutedStep] = []
     for index, trajectory in enumerate(walk.steps):
@@ -233,5 +249,5 @@ def carry_out(
             progress(index + 1)
         if done[-1].failure is not None:
             return done
-    done.append(simulation.rest(walk.steps[-1], REST, len(walk.steps) - 1))
+    done.append(simulation.hold(walk.steps[-1], FINAL_HOLD, len(walk.steps) - 1))
     return done

@@ -1,4 +1,4 @@
-"""The simulation model as MJCF, for MuJoCo alone."""
+"""Export of the simulation model as MJCF, for use with MuJoCo alone."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
 START = "start"
-"""Name of the keyframe: the robot at rest in its first stance."""
+"""Name of the keyframe with the robot at rest in its first stance."""
 
 CAMERA = "cabin"
-"""Name of the camera, which looks at the robot from inside the cabin."""
+"""Name of the camera inside the cabin, which looks at the robot."""
 
 
 @checked({**WALK, "configuration": Anything(), "points": STANCE})
@@ -34,11 +34,11 @@ def exported_model(
     points: Sequence[int],
     obstacles: Sequence[Box] = (),
 ) -> str:
-    """The model that plans are carried out in, as MJCF.
+    """Return the model in which plans are executed, as MJCF.
 
-    It has the motors of the joints, the grasps of all limbs, those of the points that are held
-    switched on, sensors, the keyframe `START`, which MuJoCo loads with `mj_resetDataKeyframe`, and
-    the camera `CAMERA`. Names are those of `dynamics.dynamics_spec`.
+    It contains the joint motors, the compliant grasps of all limbs (switched on for the points that
+    are held), the sensors, the keyframe `START` for `mj_resetDataKeyframe`, and the camera
+    `CAMERA`. Names are those of `dynamics.dynamics_spec`.
 
     Parameters
     ----------
@@ -47,16 +47,23 @@ def exported_model(
     robot
         The robot.
     configuration
-        Base position [m], base quaternion w, x, y, z, joint angles (N, 6) [rad].
+        Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad].
     points
-        Point index that each limb holds.
+        Index or id of the point that each limb holds.
     obstacles
-        Further boxes.
+        Boxes in addition to those of the map.
+
+    Returns
+    -------
+    str
+        The model as XML.
 
     Raises
     ------
     RobotError
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    SimulationError
+        If a gripper is not at its point in this configuration.
     """
     physics = Physics()
     simulation = Simulation(grasp_map, robot, physics, obstacles)
@@ -67,7 +74,7 @@ def exported_model(
         anchor = simulation.model.body(name)
         spec.body(name).pos, spec.body(name).quat = anchor.pos, anchor.quat
     for geom in spec.worldbody.geoms:
-        # What lies behind the points that are held does not meet the grippers that hold them.
+        # Boxes behind a point that is held do not collide with the gripper that holds it.
         geom.contype = int(simulation.model.geom(geom.name).contype[0])
     low, high = np.array(grasp_map.cabin)
     spec.worldbody.add_camera(

@@ -1,4 +1,4 @@
-"""Tells at which time step a simulation failed, and why."""
+"""Detection of failures: the time step at which a simulated step failed, and the reason."""
 
 from __future__ import annotations
 
@@ -9,77 +9,77 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.instruments import Measured
+from mlivr_gym.simulation.instruments import Measurements
 from mlivr_gym.simulation.recording import Failure, Recording
 
-AT_LIMIT = 0.999
-"""A torque above this share of its limit counts as at the limit."""
+SATURATION_SHARE = 0.999
+"""A joint torque above this share of its limit counts as saturated."""
 
 
-class FailureWatch:
-    """Looks for the first failure of one step of a walk."""
+class FailureMonitor:
+    """Detects the first failure during one step of a walk."""
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
-        """Watch step `step` of a robot's walk."""
+        """Monitor step number `step` of a walk of `robot`."""
         self.physics, self.limits, self.step = physics, robot.limb.limits, step
         self._torques: Array = np.array(robot.limb_dynamics.torque_limits)
-        self._run: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
+        self._saturated: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
 
-    def first(
-        self, measured: Measured, phase: str, held: Sequence[bool]
+    def first_failure(
+        self, measurements: Measurements, phase: str, held: Sequence[bool]
     ) -> tuple[int, Failure] | None:
-        """The first time step, by index, at which something failed, and what; None if nothing did.
+        """Return the index of the first time step with a failure, and the failure, or None.
 
         Parameters
         ----------
-        measured
-            Time steps that follow those of the last call.
+        measurements
+            Measurements of the time steps that follow those of the previous call.
         phase
-            Their phase.
+            Name of their phase.
         held
-            Which limbs hold.
+            Whether each limb holds a point.
         """
-        recording, finite = measured.recording, measured.finite
+        recording, finite = measurements.recording, measurements.finite
         touching = recording.contacts > 0
-        found: list[_Found] = []
+        events: list[_Event] = []
         if not finite.all():
-            found.append((int(np.argmin(finite)), "divergence", -1, "the simulation diverged", {}))
+            events.append((int(np.argmin(finite)), "divergence", -1, "the simulation diverged", {}))
         if touching.any():
-            index, told = int(np.argmax(touching)), "the robot touches something"
-            found.append((index, "collision", -1, told, {}))
-        found += [*self._overloaded(recording, held), *self._out_of_range(recording)]
-        if not found:
+            index, message = int(np.argmax(touching)), "the robot touches something"
+            events.append((index, "collision", -1, message, {}))
+        events += [*self._lost_holds(recording, held), *self._joint_failures(recording)]
+        if not events:
             return None
-        index, kind, limb, message, values = min(found, key=lambda entry: entry[0])
+        index, kind, limb, message, values = min(events, key=lambda entry: entry[0])
         time = float(recording.times[index])
         return index, Failure(kind, time, self.step, phase, limb, message, values)
 
-    def _overloaded(self, recording: Recording, held: Sequence[bool]) -> Iterator[_Found]:
-        """Grasps that do not hold."""
+    def _lost_holds(self, recording: Recording, held: Sequence[bool]) -> Iterator[_Event]:
+        """Yield a failure for each grasp that is loaded beyond its strength."""
         for limb in np.flatnonzero(held).tolist():
-            for name, unit, wrench, most in (
+            for name, unit, wrench, limit in (
                 ("force", "N", recording.grasp_forces, self.physics.hold_force),
                 ("torque", "N m", recording.grasp_torques, self.physics.hold_torque),
             ):
                 size = np.linalg.norm(wrench[:, limb], axis=1)
-                if (size > most).any():
-                    index = int(np.argmax(size > most))
+                if (size > limit).any():
+                    index = int(np.argmax(size > limit))
                     value, key = float(size[index]), f"{name}_{unit.replace(' ', '_')}"
                     message = (
                         f"limb {limb} lost its hold: {name} of {value:.1f} {unit}; "
-                        f"it holds {most:g} {unit}"
+                        f"it holds {limit:g} {unit}"
                     )
-                    values = {key: value, f"allowed_{key}": most}
+                    values = {key: value, f"allowed_{key}": limit}
                     yield index, "lost hold", limb, message, values
 
-    def _out_of_range(self, recording: Recording) -> Iterator[_Found]:
-        """Joints at their torque limits for too long, or outside their position limits."""
-        at_limit = np.abs(recording.joint_torques) >= AT_LIMIT * self._torques
-        # Length of the run at the limit that ends at each time step.
+    def _joint_failures(self, recording: Recording) -> Iterator[_Event]:
+        """Yield failures of joints: torque saturated for too long, or angle outside its limits."""
+        at_limit = np.abs(recording.joint_torques) >= SATURATION_SHARE * self._torques
+        # Number of consecutive saturated time steps up to each time step.
         index = np.arange(1, len(at_limit) + 1)[:, None, None]
         start = np.maximum.accumulate(np.where(at_limit, 0, index), axis=0)
-        run = np.where(start == 0, index + self._run, index - start)
-        self._run = run[-1]
+        run = np.where(start == 0, index + self._saturated, index - start)
+        self._saturated = run[-1]
         allowed = self.physics.saturation_time
         for k, limb, joint in np.argwhere(run * self.physics.timestep > allowed)[:1].tolist():
             message = (
@@ -100,4 +100,5 @@ class FailureWatch:
             yield k, "joint limit", limb, message, {"joint": joint + 1.0, "angle_rad": angle}
 
 
-_Found = tuple[int, str, int, str, dict[str, float]]
+_Event = tuple[int, str, int, str, dict[str, float]]
+"""Index of a time step, and kind, limb, message and values of the failure."""

@@ -1,6 +1,7 @@
-"""What a trajectory needs by the dynamics of the robot, to be fed forward to the controller.
+"""Feedforward of a trajectory: joint torques of the inverse dynamics, and grasp deflections.
 
-The wrench of the grasps also bends them, which the joints of the limbs that hold make up for.
+The wrenches of the compliant grasps deflect them; the joints of the support limbs compensate the
+deflection, so that the base stays on its path.
 """
 
 from __future__ import annotations
@@ -16,52 +17,58 @@ from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.inverse_dynamics import needed
 
 SAMPLES = 400
-"""Times in a step at which torques are worked out; cubic splines lie in between."""
+"""Number of intervals of a step on whose ends the inverse dynamics is evaluated; cubic splines
+interpolate between them."""
 
 
 def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Joint torques [N m] and changes of the joint positions [rad] along one step's trajectory.
+    """Return feedforward torques [N m] and offsets of the joint positions [rad] along a step.
 
-    Both are of shape (k, N, 6).
+    Both have the shape (k, N, 6) of the trajectory. The torques are the inverse dynamics of the
+    trajectory (feedforward of the computed torque, evaluated along the reference). The offsets map
+    the deflection of each grasp to the joints by the pseudoinverse of the gripper's Jacobian.
     """
     coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
     count, limbs = coarse.grasps.shape
     times, holding = coarse.times, np.flatnonzero(coarse.grasps[1] != FREE)
 
-    def beside(base: Array, joints: Array) -> Array:
+    def stacked(base: Array, joints: Array) -> Array:
         return np.column_stack([base, joints.reshape(count, -1)])
 
     base = np.column_stack([coarse.base_positions, coarse.base_quaternions])
-    asked = needed(
+    dynamics = needed(
         robot,
         holding.tolist(),
-        beside(base, coarse.joint_positions),
-        beside(coarse.base_velocities, coarse.joint_velocities)[None],
-        beside(coarse.base_accelerations, coarse.joint_accelerations)[None],
+        stacked(base, coarse.joint_positions),
+        stacked(coarse.base_velocities, coarse.joint_velocities)[None],
+        stacked(coarse.base_accelerations, coarse.joint_accelerations)[None],
     )
-    bends = _bends(physics, asked.wrenches[0], float(times[1] - times[0]))
+    deflections = _deflections(physics, dynamics.wrenches[0], float(times[1] - times[0]))
     shifts = np.zeros((count, limbs, 6))
-    shifts[:, holding] = (np.linalg.pinv(asked.jacobians) @ bends[..., None])[..., 0]
-    rough = np.column_stack([asked.torques.reshape(count, -1), shifts.reshape(count, -1)])
+    shifts[:, holding] = (np.linalg.pinv(dynamics.jacobians) @ deflections[..., None])[..., 0]
+    rough = np.column_stack([dynamics.torques.reshape(count, -1), shifts.reshape(count, -1)])
     fine = CubicSpline(times, rough)(trajectory.times)
     both = fine.reshape(len(fine), 2, limbs, 6)
     return both[:, 0], both[:, 1]
 
 
-def _bends(physics: Physics, wrenches: Array, period: float) -> Array:
-    """How far wrenches, shape (k, n, 6), bend grasps that start at rest [m, rad]."""
-    bends = np.empty_like(wrenches)
+def _deflections(physics: Physics, wrenches: Array, period: float) -> Array:
+    """Return the deflections [m, rad] of initially relaxed grasps under wrenches, (k, n, 6).
+
+    Each axis of a grasp is a spring parallel to a damper (Kelvin-Voigt model). It follows its load
+    as a first-order lag with the time constant damping over stiffness, discretised for a load that
+    is linear between two samples.
+    """
+    deflections = np.empty_like(wrenches)
     for rows, stiffness, damping in (
         (slice(0, 3), physics.grasp_stiffness, physics.grasp_damping),
         (slice(3, 6), physics.grasp_rotational_stiffness, physics.grasp_rotational_damping),
     ):
-        # A spring beside a damper follows its load with the time constant damping / stiffness; the
-        # load is taken to be linear between two times.
         constant = damping / stiffness
-        kept = float(np.exp(-period / constant))
-        mean = (1.0 - kept) * constant / period
+        decay = float(np.exp(-period / constant))
+        mean = (1.0 - decay) * constant / period
         loads = -wrenches[..., rows] / stiffness
-        bends[..., rows], _ = lfilter(
-            [1.0 - mean, mean - kept], [1.0, -kept], loads, axis=0, zi=(mean - 1.0) * loads[:1]
+        deflections[..., rows], _ = lfilter(
+            [1.0 - mean, mean - decay], [1.0, -decay], loads, axis=0, zi=(mean - 1.0) * loads[:1]
         )
-    return bends
+    return deflections

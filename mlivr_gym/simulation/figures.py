@@ -1,4 +1,4 @@
-"""Figures that are checked when they are made: limits, controllers, physics, disturbances."""
+"""Parameters that are checked when they are made: limits, controllers, physics and disturbances."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from mlivr_gym.schema import FieldPath, Kind, Struct
 
 
 class Figures:
-    """What the dataclasses of this folder that hold figures share."""
+    """Base class of the parameter sets of the simulation."""
 
     called: ClassVar[str]
-    """What they are called in messages."""
+    """Name of the parameter set in messages."""
     kinds: ClassVar[Mapping[str, Kind[Any]]]
-    """Kind of each field."""
+    """Schema of each field."""
     named: ClassVar[Mapping[str, Any]] = {}
-    """Those that have names."""
+    """Parameter sets that can be given by name."""
 
     def __post_init__(self) -> None:
-        """Check every figure."""
+        """Check every parameter."""
         Struct(type(self), self.kinds).check(self, FieldPath(self.called, SettingError))
 
     @classmethod
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
-        """The figures as they are, from plain data, by name (one of `named`), or by default.
+        """Return a parameter set from an instance, plain data, or a name; the defaults from None.
 
         Raises
         ------
         SettingError
-            If there is no such name or field, or a field has a faulty value.
+            If no parameter set has this name, or a field is unknown or invalid.
         """
         known = cls.named or None
         return Struct(cls, cls.kinds).given(given, FieldPath(cls.called, SettingError), known)

@@ -1,7 +1,7 @@
-"""MuJoCo, which loads the GL library that `MUJOCO_GL` names when it is imported.
+"""The import of MuJoCo, which loads the GL library that the variable `MUJOCO_GL` names.
 
-Whatever needs it imports it from here: a `SettingError` where that variable has none of its values,
-a `RenderError` where the library cannot be loaded.
+All modules import MuJoCo from here. An invalid value of the variable is a `SettingError`, a library
+that cannot be loaded a `RenderError`.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from mlivr_gym.schema import Choice, FieldPath
 __all__ = ["mujoco", "no_gl"]
 
 BACKENDS = ("egl", "osmesa", "glfw", "disable")
-"""Values of `MUJOCO_GL`: without a screen, in software, with one, and for simulations alone."""
+"""Values of `MUJOCO_GL`: GPU without a screen, software, with a screen, and no rendering."""
 
 ALIASES = {"", "glx", "wgl", "cgl", "enable", "enabled", "on", "true", "1"} | {
     "disabled", "off", "false", "0",
 }  # fmt: skip
-"""Further ones that MuJoCo knows."""
+"""Further values that MuJoCo accepts."""
 
 
 def no_gl(error: Exception) -> RenderError:
-    """What to say where no picture can be rendered, from the loader's error."""
+    """Return the error for a GL library that cannot be loaded, from the loader's own error."""
     backend = os.environ.get("MUJOCO_GL", "default")
     message = (
         f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); "
@@ -37,7 +37,7 @@ def no_gl(error: Exception) -> RenderError:
 
 
 def _forget(error: BaseException) -> None:
-    """Release what remains of a failed GL context; its clean-up would print a traceback later."""
+    """Release the remains of a failed GL context, whose clean-up would print a traceback later."""
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     while error.__context__ is not None:
         error.__traceback__, error = None, error.__context__

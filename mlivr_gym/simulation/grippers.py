@@ -1,6 +1,6 @@
-"""The grippers of a simulated robot: what they hold, may touch, and how far they are from a point.
+"""The grippers of a simulated robot: grasps, allowed contacts, and errors relative to points.
 
-Points lie where the disturbance has moved them to, which the controller does not know.
+Points are at the places to which the disturbance moves them; the controller does not know these.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])
-"""Half a turn about the normal, under which a grasp is symmetric."""
+"""Half a turn about the surface normal, the symmetry of a grasp."""
 
 
 class Grippers:
@@ -31,7 +31,7 @@ class Grippers:
     Attributes
     ----------
     points
-        Point index each limb holds, or `FREE`.
+        Index of the point that each limb holds, or `FREE`.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class Grippers:
         disturbance: Disturbance,
         boxes: Sequence[Box],
     ) -> None:
-        """Look up what the model has of them; `boxes` are those of the map and obstacles."""
+        """Look up the parts of the model; `boxes` are those of the map and the obstacles."""
         self._model, self._data, self._map = model, data, grasp_map
         rails = grasp_map.rotations[:, :, 0]
         grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
         self._disturbance = disturbance
-        self._known: Array = grasps["flange"]["rotation"]
+        self._tools: Array = grasps["flange"]["rotation"]
         self._sites = [model.site(f"limb{i}/grasp").id for i in range(robot.limbs)]
         self._anchors = [model.body(f"limb{i}/anchor").id for i in range(robot.limbs)]
         self._boxes = np.array(
@@ -57,43 +57,43 @@ class Grippers:
         self._centres = np.array([box.centre for box in boxes]).reshape(-1, 3)
         self._halves = np.array([box.half for box in boxes]).reshape(-1, 3)
         self._axes = np.array([box.rotation for box in boxes]).reshape(-1, 3, 3)
-        self._met = model.geom_contype.copy()
+        self._contype = model.geom_contype.copy()
         self.points: list[int] = [FREE] * robot.limbs
         self.reset()
 
     def reset(self) -> None:
-        """Let go of everything; all points lie where the disturbance has moved them to."""
+        """Release all points, and move each to the place that the disturbance gives it."""
         self._turns: Array = self._disturbance.turned.as_matrix()
         self._positions: Array = self._map.positions + self._disturbance.point_offsets
-        self._model.geom_contype[:] = self._met
+        self._model.geom_contype[:] = self._contype
         for limb in range(len(self.points)):
             self.release(limb)
 
-    def place(self, point: int) -> None:
-        """Put a point where the map has it."""
+    def reset_point(self, point: int) -> None:
+        """Move a point back to its place in the map."""
         self._turns[point] = np.eye(3)
         self._positions[point] = self._map.positions[point]
 
     def pose(self, limb: int) -> tuple[Array, Array]:
-        """Position [m] and rotation of a gripper's grasp frame, as last worked out."""
+        """Return position [m] and rotation of a gripper's grasp frame, as of the last update."""
         site = self._sites[limb]
         return self._data.site_xpos[site].copy(), self._data.site_xmat[site].reshape(3, 3).copy()
 
     def jacobian(self, limb: int) -> Array:
-        """How base and joints move a gripper, in world axes, shape (6, 6 + 6 N)."""
+        """Return the Jacobian of a gripper by base and joints, world axes, shape (6, 6 + 6 N)."""
         both = np.zeros((6, self._model.nv))
         mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
         return both
 
-    def speeds(self, limb: int, joints: Array) -> tuple[float, float]:
-        """How fast a gripper moves [m/s] and turns [rad/s] if those that hold stand still.
+    def relative_speed(self, limb: int, joints: Array) -> tuple[float, float]:
+        """Return linear [m/s] and angular speed [rad/s] of a gripper while the others stand still.
 
         Parameters
         ----------
         limb
-            Its limb.
+            Limb of the gripper.
         joints
-            Speeds of all joints, shape (6 N,) [rad/s].
+            Velocities of all joints, shape (6 N,) [rad/s].
         """
         holding = [other for other, point in enumerate(self.points) if point != FREE]
         held, here = np.concatenate([self.jacobian(i) for i in holding]), self.jacobian(limb)
@@ -102,14 +102,14 @@ class Grippers:
         return float(np.linalg.norm(speed[:3])), float(np.linalg.norm(speed[3:]))
 
     def error(self, limb: int, point: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
+        """Return distance [m] and angle [rad] between a gripper and its grasp on a point."""
         position, rotation = self.pose(limb)
         turn = Rotation.from_matrix(self._tool(limb, point).T @ rotation)
         distance = np.linalg.norm(position - self._positions[point])
         return float(distance), float(turn.magnitude())
 
-    def displaced(self, point: int, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """Where a pose lies that is meant relative to a point of the map."""
+    def displaced_pose(self, point: int, position: Array, rotation: Array) -> tuple[Array, Array]:
+        """Return a pose planned relative to a point of the map, relative to the displaced point."""
         turn = self._turns[point]
         return (
             self._positions[point] + turn @ (position - self._map.positions[point]),
@@ -117,12 +117,12 @@ class Grippers:
         )
 
     def _tool(self, limb: int, point: int) -> Array:
-        """Rotation of a gripper that holds a point: of two, half a turn apart, the nearer one."""
-        found, tool = self.pose(limb)[1], self._turns[point] @ self._known[point]
-        return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ found)))
+        """Return the closer of the two rotations with which a gripper can hold a point."""
+        rotation, tool = self.pose(limb)[1], self._turns[point] @ self._tools[point]
+        return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ rotation)))
 
     def grasp(self, limb: int, point: int) -> None:
-        """Put the anchor on the point and switch the grasp on."""
+        """Move the anchor of a limb to a point and switch its compliant grasp on."""
         anchor, rotation = self._anchors[limb], self._tool(limb, point)
         self._model.body_pos[anchor] = self._positions[point]
         self._model.body_quat[anchor] = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
@@ -130,12 +130,12 @@ class Grippers:
         self.points[limb] = point
 
     def release(self, limb: int) -> None:
-        """Switch the grasp off."""
+        """Switch the compliant grasp of a limb off."""
         self._model.opt.disableactuator |= 2 << limb
         self.points[limb] = FREE
 
-    def meets(self, limb: int, points: Sequence[int]) -> None:
-        """Let a gripper meet every box but those that lie behind the surface of some points."""
+    def set_contacts(self, limb: int, points: Sequence[int]) -> None:
+        """Let a gripper collide with every box, except those behind the surface at some points."""
         bit, contype = gripper_bit(limb), self._model.geom_contype
         contype[self._boxes] |= bit
         for point in points:
@@ -145,6 +145,6 @@ class Grippers:
             contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
 
 
-def within(physics: Physics, distance: float, angle: float) -> bool:
-    """Whether a gripper that far from a point can grasp it."""
+def can_capture(physics: Physics, distance: float, angle: float) -> bool:
+    """Return whether a gripper at this distance [m] and angle [rad] from a point can capture it."""
     return distance <= physics.capture_distance and angle <= physics.capture_angle

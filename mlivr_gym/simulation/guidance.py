@@ -1,4 +1,8 @@
-"""The sensor on a gripper that sees the point it approaches, and how it guides the limb there."""
+"""Guidance of the approach by a sensor on the gripper (position-based visual servoing).
+
+The sensor measures the pose of the point relative to the gripper, with noise. A low-pass filter of
+the error, a proportional gain and the inverse Jacobian of the limb move the joint references.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +19,20 @@ from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_control import JointControl
 
 CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
-"""An error seen that is smaller counts as none [m, rad]."""
+"""Errors in position [m] and angle [rad] below which the gripper is close to its point."""
 
-AT_REST = 0.004, 0.01
-"""A gripper that moves and turns more slowly counts as at rest [m/s, rad/s]."""
+REST_SPEEDS = 0.004, 0.01
+"""Linear and angular speed below which the gripper counts as at rest [m/s, rad/s]."""
 
-MEMORY = 0.8
-"""Share of the error seen before that is kept at each reading of the sensor."""
+FILTER_MEMORY = 0.8
+"""Weight of the previous error in the low-pass filter, at each reading of the sensor."""
 
-LARGEST_CHANGE = 0.01
-"""Most that one reading may change the reference of a joint [rad]."""
+MAXIMUM_CHANGE = 0.01
+"""Upper bound of the change of a joint reference at one reading [rad]."""
 
 
 class Guidance:
-    """Guides one limb to one point."""
+    """Guidance of one limb to one point."""
 
     def __init__(
         self,
@@ -38,53 +42,58 @@ class Guidance:
         grippers: Grippers,
         joints: JointControl,
     ) -> None:
-        """Guide limbs of a simulated robot."""
+        """Prepare the guidance of the limbs of a simulated robot."""
         self._controller, self._grippers, self._joints = controller, grippers, joints
         self._model = robot_model(robot)
         self._planned = mujoco.MjData(self._model)
-        self._spread = np.repeat(
+        self._noise = np.repeat(
             [disturbance.sizes.sensor_position, disturbance.sizes.sensor_angle], 3
         )
         self._rng = np.random.default_rng([disturbance.seed, 2])
-        self._seen: Array | None = None
+        self._filtered: Array | None = None
 
-    def begin(self, limb: int, point: int) -> None:
-        """Begin to guide a limb to a point, by index."""
-        self._limb, self._point, self._seen = limb, point, None
+    def start(self, limb: int, point: int) -> None:
+        """Start to guide a limb to a point, given by its index."""
+        self._limb, self._point, self._filtered = limb, point, None
 
     @property
-    def close(self) -> bool:
-        """Whether the error seen is small, and the gripper at rest.
+    def is_close(self) -> bool:
+        """Whether the measured error is small and the gripper is at rest.
 
-        A grasp stops a gripper at once, by its damper: what the gripper is seen to do counts, not
-        what its limb does, for the whole robot still rocks on the limbs that hold.
+        A grasp stops a gripper at once through its damper. The motion of the gripper relative to
+        the points held therefore counts, which includes the slow oscillation of the robot on its
+        support limbs.
         """
-        if self._seen is None:
+        if self._filtered is None:
             return False
-        away, turned = np.linalg.norm(self._seen[:3]), np.linalg.norm(self._seen[3:])
-        moves, turns = self._grippers.speeds(self._limb, self._joints.speeds)
+        away, turned = np.linalg.norm(self._filtered[:3]), np.linalg.norm(self._filtered[3:])
+        moves, turns = self._grippers.relative_speed(self._limb, self._joints.speeds)
         small = away < CLOSE_POSITION and turned < CLOSE_ANGLE
-        return bool(small and moves < AT_REST[0] and turns < AT_REST[1])
+        return bool(small and moves < REST_SPEEDS[0] and turns < REST_SPEEDS[1])
 
     def correct(self, trajectory: Trajectory, k: int) -> None:
-        """Read the sensor at time `k` of the grid and move the references of the limb's joints."""
-        error = self._error(trajectory, k) + self._spread * self._rng.standard_normal(6)
-        seen = error if self._seen is None else MEMORY * self._seen + (1.0 - MEMORY) * error
-        self._seen = seen
+        """Read the sensor at index `k` of the time grid and move the limb's joint references."""
+        error = self._error(trajectory, k) + self._noise * self._rng.standard_normal(6)
+        filtered = (
+            error
+            if self._filtered is None
+            else FILTER_MEMORY * self._filtered + (1.0 - FILTER_MEMORY) * error
+        )
+        self._filtered = filtered
         share = self._controller.guidance * self._controller.sensor_period
         first = 6 * self._limb
         jacobian = self._grippers.jacobian(self._limb)[:, 6 + first : 12 + first]
-        change = share * np.linalg.lstsq(jacobian, seen)[0]
-        change *= min(1.0, LARGEST_CHANGE / max(float(np.abs(change).max()), 1e-12))
+        change = share * np.linalg.lstsq(jacobian, filtered)[0]
+        change *= min(1.0, MAXIMUM_CHANGE / max(float(np.abs(change).max()), 1e-12))
         self._joints.shift[first : first + 6] += change
 
     def _error(self, trajectory: Trajectory, k: int) -> Array:
-        """Displacement and rotation from the gripper to where it should be, shape (6,)."""
+        """Return displacement and rotation from the gripper to its reference, (6,) [m, rad]."""
         data, site = self._planned, self._model.site(f"limb{self._limb}/grasp").id
         data.qpos[:3], data.qpos[3:7] = trajectory.base_positions[k], trajectory.base_quaternions[k]
         data.qpos[7:] = trajectory.joint_positions[k].ravel()
         mujoco.mj_kinematics(self._model, data)
-        position, rotation = self._grippers.displaced(
+        position, rotation = self._grippers.displaced_pose(
             self._point, data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
         )
         here, turned = self._grippers.pose(self._limb)

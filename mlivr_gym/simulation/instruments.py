@@ -1,4 +1,4 @@
-"""Reads measurements from the states and sensor data of a simulation."""
+"""Measurements from the states and sensor data of a simulation."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from mlivr_gym.simulation.dynamics import AXES
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.recording import Peaks, Recording
 
-HUGE = mujoco.mjMAXVAL
-"""A state in which something is larger has diverged, as MuJoCo counts; so has one with NaN."""
+DIVERGENCE_LIMIT = mujoco.mjMAXVAL
+"""A state with a larger value, or with NaN, has diverged; the bound is MuJoCo's own."""
 
 RECORD_PERIOD = 0.02
-"""Spacing of the samples that are kept [s]."""
+"""Spacing of the recorded samples [s]."""
 
 
 JOINTS = [f"joint{k}" for k in range(1, 7)]
-"""Names of a limb's joints in the model, in which base and limbs follow each other."""
+"""Names of a limb's joints in the model, which has base and limbs in their order."""
 
 
-class Measured(NamedTuple):
-    """What n successive time steps measure, every one of them."""
+class Measurements(NamedTuple):
+    """Measurements at n successive time steps."""
 
     recording: Recording
-    """What is recorded."""
+    """The recorded quantities."""
     speeds: Array
     """Joint velocities, shape (n, N, 6) [rad/s]."""
     finite: BoolArray
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
 
 
 class Instruments:
-    """Where a model of `dynamics.dynamics_spec` keeps what is measured, and how it is read.
+    """The addresses of measured quantities in a model of `dynamics.dynamics_spec`.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Instruments:
     """
 
     def __init__(self, model: mujoco.MjModel, limbs: int) -> None:
-        """Look up the addresses of a robot with N limbs."""
+        """Look up the addresses for a robot with N limbs."""
         self.model, self._limbs = model, limbs
         self.mass = float(model.body_mass.sum())
         self._torques, self._wrenches = (
@@ -58,47 +58,48 @@ class Instruments:
         )
 
     def _sensor(self, name: str) -> int:
+        """Return the address of a sensor in the sensor data."""
         return int(self.model.sensor(name).adr[0])
 
-    def measured(
+    def measure(
         self,
         states: Array,
         sensors: Array,
         trajectory: Trajectory,
         first: int,
-        begun: int,
+        elapsed: int,
         step: int,
-    ) -> Measured:
-        """What n successive time steps measure.
+    ) -> Measurements:
+        """Return the measurements at n successive time steps.
 
         Parameters
         ----------
         states
-            Full states before each of them, n rows.
+            Full state before each time step, n records.
         sensors
-            Sensor data at each of them, n rows.
+            Sensor data at each time step, n records.
         trajectory
-            The trajectory that is followed.
+            The reference trajectory.
         first
-            Index of the first of them on its time grid.
-        begun
-            Time steps that passed before the first of them.
+            Index of the first time step on the time grid of the trajectory.
+        elapsed
+            Number of time steps before the first one since the reset.
         step
             Index of the step of the walk.
         """
-        count, there = len(states), slice(first, first + len(states))
-        times = np.arange(begun, begun + count, dtype=np.float64) * self.model.opt.timestep
+        count, samples = len(states), slice(first, first + len(states))
+        times = np.arange(elapsed, elapsed + count, dtype=np.float64) * self.model.opt.timestep
         # MuJoCo resets a state that diverged, and its clock with it.
         on_time = np.abs(states[:, 0] - times) < 0.5 * self.model.opt.timestep
-        finite: BoolArray = np.asarray((np.abs(states) < HUGE).all(axis=1) & on_time)
-        # What a diverged state holds is not looked at; a failure is reported at the first of them.
+        finite: BoolArray = np.asarray((np.abs(states) < DIVERGENCE_LIMIT).all(axis=1) & on_time)
+        # Values of a diverged state do not matter: a failure is reported at the first one.
         qpos, qvel = np.split(
             np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],
             [self.model.nq],
             1,
         )
         base = qpos[:, :7]
-        cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[there]).sum(axis=1))
+        cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[samples]).sum(axis=1))
         cosine /= np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         recording = Recording(
             times=times,
@@ -108,7 +109,7 @@ class Instruments:
             joint_torques=sensors[:, self._torques],
             base_positions=base[:, :3],
             base_quaternions=base[:, 3:],
-            base_errors=np.linalg.norm(base[:, :3] - trajectory.base_positions[there], axis=1),
+            base_errors=np.linalg.norm(base[:, :3] - trajectory.base_positions[samples], axis=1),
             base_angle_errors=2.0 * np.arccos(np.minimum(cosine, 1.0)),
             grasp_forces=sensors[:, self._wrenches[:, :3]],
             grasp_torques=sensors[:, self._wrenches[:, 3:]],
@@ -116,12 +117,12 @@ class Instruments:
             angular_momenta=sensors[:, self._momentum : self._momentum + 3],
             contacts=sensors[:, self._contact].astype(np.int64),
         )
-        return Measured(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
+        return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
 
-    def kept(self, measured: Measured, ended: int) -> tuple[Recording, Peaks]:
-        """Samples every `RECORD_PERIOD` of the first `ended` time steps, and the peaks of all."""
-        whole = measured.recording.part(slice(ended))
+    def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
+        """Return samples every `RECORD_PERIOD` of the first `ended` steps, and the peaks of all."""
+        whole = measurements.recording.part(slice(ended))
         stride = max(round(RECORD_PERIOD / self.model.opt.timestep), 1)
         start = round(whole.times[0] / self.model.opt.timestep)
-        peaks = Peaks.of(whole, measured.speeds[:ended])
+        peaks = Peaks.of(whole, measurements.speeds[:ended])
         return whole.part(slice(-start % stride, None, stride)), peaks

@@ -1,8 +1,8 @@
-"""What a motion needs by the dynamics of the robot: torques of joints and wrenches of grasps.
+"""Inverse dynamics of the robot on its grasps: joint torques and grasp wrenches of a motion.
 
-With the robot in free fall, what accelerates it is the wrench of the grasps that hold: the base
-rows of the inverse dynamics give that wrench, and the transposed Jacobians of the grasps what
-torque the joints have to add.
+The robot floats without gravity, so the wrenches of the grasps alone accelerate it. The base rows
+of the inverse dynamics (recursive Newton-Euler, MuJoCo's `mj_rne`) give the resultant wrench; the
+joint rows minus the transposed Jacobians of the grasps times their wrenches give the joint torques.
 """
 
 from __future__ import annotations
@@ -20,42 +20,44 @@ from mlivr_gym.simulation.scene import compiled, robot_alone
 
 
 class Needed(NamedTuple):
-    """What m motions through the same k configurations need, of which n limbs hold."""
+    """Inverse dynamics of m motions through the same k configurations on n support limbs."""
 
     torques: Array
-    """Of the joints, shape (m, k, N, 6) [N m]."""
+    """Joint torques, shape (m, k, N, 6) [N m]."""
     wrenches: Array
-    """Forces and torques of the grasps on the robot, in world axes, shape (m, k, n, 6) [N, N m]."""
+    """Force and torque of each grasp on the robot, in world axes, shape (m, k, n, 6) [N, N m]."""
     jacobians: Array
-    """Of the grippers of the limbs that hold by their joints, in world axes, shape (k, n, 6, 6)."""
+    """Jacobian of each support gripper by the joints of its limb, in world axes, shape (k, n, 6,
+    6)."""
 
 
 @lru_cache(maxsize=8)
 def robot_model(robot: RobotSpec) -> mujoco.MjModel:
-    """The robot alone, floating, as MuJoCo has it."""
+    """Return the MuJoCo model of the robot alone, floating freely."""
     return compiled(robot_alone(robot))
 
 
 def needed(
     robot: RobotSpec, holding: Sequence[int], positions: Array, speeds: Array, accelerations: Array
 ) -> Needed:
-    """What motions need.
+    """Compute the inverse dynamics of motions through the same configurations.
 
-    Where several limbs hold, they share the wrench such that the sum of its squares is least.
+    Several support limbs share the resultant wrench such that the sum of squares of all force and
+    torque components is minimal.
 
     Parameters
     ----------
     robot
         The robot.
     holding
-        Limbs that hold, n of them.
+        Indices of the n support limbs.
     positions
-        Base position, base quaternion and joints, shape (k, 7 + 6 N) [m, rad].
+        Base position, base quaternion w, x, y, z and joint angles, shape (k, 7 + 6 N) [m, rad].
     speeds
-        Of each motion, linear velocity of the base in the world, angular in the base's
-        axes, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
+        Velocities of each motion: linear of the base in the world frame, angular in the body
+        frame, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
     accelerations
-        Their derivatives, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
+        Derivatives of the velocities, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
     """
     model, count = robot_model(robot), len(positions)
     data = mujoco.MjData(model)

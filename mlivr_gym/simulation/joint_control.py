@@ -1,4 +1,4 @@
-"""The controller at work: from readings of the encoders to torques, time step by time step."""
+"""The joint controller at work: from encoder readings to joint torques, at each time step."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from mlivr_gym.simulation.gl import mujoco
 
 
 class Reference(NamedTuple):
-    """What the joints are to do at k times, limb by limb."""
+    """References of all joints at k times, ordered by limb."""
 
     positions: Array
-    """Shape (k, 6 N) [rad]."""
+    """Joint angles, shape (k, 6 N) [rad]."""
     speeds: Array
-    """Shape (k, 6 N) [rad/s]."""
+    """Joint velocities, shape (k, 6 N) [rad/s]."""
     torques: Array
-    """Fed forward, shape (k, 6 N) [N m]."""
+    """Feedforward torques, shape (k, 6 N) [N m]."""
 
     def at(self, places: IntArray, sense: float = 1.0) -> Reference:
-        """The reference at some of its times, run through backwards where `sense` is -1."""
+        """Return the reference at some indices; `sense` scales velocities, -1 runs backwards."""
         return Reference(self.positions[places], sense * self.speeds[places], self.torques[places])
 
     @classmethod
     def of(
         cls, trajectory: Trajectory, robot: RobotSpec, physics: Physics, controller: Controller
     ) -> Reference:
-        """The reference of a trajectory."""
+        """Return the reference of a trajectory, with feedforward if the controller has it."""
         count = len(trajectory.times)
         positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
         torques = np.zeros_like(positions)
@@ -48,12 +48,12 @@ class Reference(NamedTuple):
 
 
 class JointControl:
-    """Drives the joints of a simulated robot.
+    """Sampled control of the joints of a simulated robot.
 
     Attributes
     ----------
     shift
-        What is added to the references' positions, shape (6 N,) [rad].
+        Offset of the position references, shape (6 N,) [rad].
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class JointControl:
         controller: Controller,
         disturbance: Disturbance,
     ) -> None:
-        """Drive the joints of a model, whose first motors are those of the joints."""
+        """Control the joints of a model by the motors of the same names."""
         self._model, self._data = model, data
         self._controller, self._sizes = controller, disturbance.sizes
         self._bias = disturbance.encoder_bias.ravel()
@@ -77,23 +77,23 @@ class JointControl:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was learnt of friction and points."""
+        """Set the offset of the references to zero and forget past readings."""
         count = len(self._bias)
         self.shift = np.zeros(count)
         self._past: deque[tuple[Array, Array]] = deque(maxlen=self._late + 1)
         self._ticks = 0
 
     def rebase(self, positions: Array) -> None:
-        """Move the references, shape (6 N,) [rad], to where the encoders are."""
+        """Set the offset such that the references `positions` equal the encoder readings [rad]."""
         self.shift = self._data.qpos[7:] + self._bias - positions
 
     @property
     def speeds(self) -> Array:
-        """Speeds of all joints as last read, shape (6 N,) [rad/s]."""
+        """Velocities of all joints at the last reading, shape (6 N,) [rad/s]."""
         return self._past[-1][1]
 
     def _shifts(self, count: int, recovering: bool) -> Array:
-        """The shift at each of the next time steps, shape (1 or count, 6 N) [rad]."""
+        """Return the offset at each of the next time steps, shape (1 or count, 6 N) [rad]."""
         if not recovering:
             return self.shift[None]
         step = self._model.opt.timestep / self._controller.recovery
@@ -104,12 +104,21 @@ class JointControl:
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
     ) -> tuple[Array, Array]:
-        """Follow a reference, one time step for each of its times; if wanted, the shift goes out.
+        """Follow a reference, one time step for each of its samples.
+
+        Parameters
+        ----------
+        reference
+            The reference, k samples.
+        held
+            Whether each limb holds a point.
+        recovering
+            Whether the offset of the references decays.
 
         Returns
         -------
         tuple[Array, Array]
-            Time, positions and velocities before each time step, and sensor data at it.
+            Time, positions and velocities before each time step, and the sensor data at it.
         """
         model, data, controller = self._model, self._data, self._controller
         count, joints = reference.positions.shape
@@ -119,8 +128,8 @@ class JointControl:
         speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
         kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
         kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
-        wanted = reference.positions + self._shifts(count, recovering)
-        fed = kd * reference.speeds + reference.torques
+        targets = reference.positions + self._shifts(count, recovering)
+        forward = kd * reference.speeds + reference.torques
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
         for k in range(count):
@@ -128,7 +137,7 @@ class JointControl:
             self._past.append((q + noise[k], v + speed_noise[k]))
             if self._ticks % self._every == 0:
                 position, speed = self._past[0]
-                ctrl[self._motors] = kp * (wanted[k] - position) + (fed[k] - kd * speed)
+                ctrl[self._motors] = kp * (targets[k] - position) + (forward[k] - kd * speed)
             self._ticks += 1
             mujoco.mj_step(model, data)
             sensors[k] = data.sensordata

@@ -1,4 +1,4 @@
-"""Limits of how fast a step may be carried out."""
+"""Limits from which the duration of a step follows."""
 
 from __future__ import annotations
 
@@ -6,40 +6,44 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mlivr_gym.motion.clocks import LONGEST_STEP
+from mlivr_gym.motion.clocks import MAXIMUM_DURATION
 from mlivr_gym.schema import Choice, Kind, Maybe, Tuples
 from mlivr_gym.simulation.figures import Figures
 
 PROFILES = ("fastest", "quintic")
-"""Clocks of the pieces of a step: the shortest, or the paper's polynomial."""
+"""Time scalings of the path segments: time-optimal, or the quintic of the paper."""
 
 
 @dataclass(frozen=True)
 class Limits(Figures):
-    """What a step may ask of the robot and of the points it holds.
+    """Limits of the robot and of the grasps during a step.
 
     Attributes
     ----------
     torque
-        Share of each joint's largest torque.
+        Fraction of each joint's torque limit that may be used.
     speed
-        Share of each joint's largest speed.
+        Fraction of each joint's velocity limit that may be used.
     grasp_force
-        Force on a grasp [N].
+        Largest force on a grasp [N].
     grasp_torque
-        Torque on a grasp [N m].
+        Largest torque on a grasp [N m].
     surface_speed
-        Speed of a gripper on departure and approach [m/s].
+        Largest speed of a gripper during departure and approach [m/s].
     rise_time
-        Time in which the acceleration along the path may change from nothing to its
-        largest and back [s]; it bounds the jerk. For the profile `"fastest"`.
+        Time in which the acceleration along the path may rise from zero to its maximum and
+        fall again [s]; it bounds the jerk. It applies to the profile `"fastest"`.
     profile
-        One of `PROFILES`. On a given path the torques that the dynamics ask for are linear
-        in the second derivative and the squared first derivative of the share of a piece:
-        `"fastest"` follows the limits along the piece, `"quintic"` takes the shortest quintic.
+        One of `PROFILES`: `"fastest"` follows the limits along each path segment
+        (time-optimal path parameterisation), `"quintic"` is the shortest quintic within them.
     step_duration
-        Duration of every step [s], whose pieces are slowed down alike; None for the
-        shortest.
+        Duration of every step [s], to which all segments are slowed down by the same factor;
+        None for the shortest.
+
+    Examples
+    --------
+    >>> Limits.of("gentle").grasp_force
+    25.0
     """
 
     torque: float = 0.8
@@ -60,12 +64,12 @@ class Limits(Figures):
         "surface_speed": Tuples((), 1e-4, 10.0, "m/s"),
         "rise_time": Tuples((), 0.01, 10.0, "s"),
         "profile": Choice(PROFILES),
-        "step_duration": Maybe(Tuples((), 1e-3, LONGEST_STEP, "s")),
+        "step_duration": Maybe(Tuples((), 1e-3, MAXIMUM_DURATION, "s")),
     }
 
 
 GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0.1)
-"""Limits that leave room for a robot that is not the one the controller knows."""
+"""Limits with a reserve for a robot that differs from the model of the controller."""
 
 PACES = {"fast": Limits(), "gentle": GENTLE}
 """Limits by name."""

@@ -1,4 +1,4 @@
-"""Carries plans out many times, each time with a robot and a module that differ otherwise."""
+"""Monte Carlo simulation: plans are executed many times, each time with another disturbance."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Listed, Maybe, Whole
-from mlivr_gym.simulation.execution import TimedWalk, carry_out, timed_walk
+from mlivr_gym.simulation.execution import TimedWalk, execute_walk, timed_walk
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -25,26 +25,27 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 
 class RunOutcome(NamedTuple):
-    """How one walk went."""
+    """The outcome of one simulated walk."""
 
     plan: int
-    """Number of the plan."""
+    """Index of the plan."""
     seed: int
     """Seed of the disturbance."""
     failure: str | None
-    """Kind of failure, one of `recording.FAILURES`; None if the walk was carried out."""
+    """Kind of the failure, one of `recording.FAILURES`; None if the walk was executed to its
+    end."""
     message: str | None
-    """The failure in one sentence."""
+    """The failure in one sentence, or None."""
     steps: int
-    """Steps of the plan."""
+    """Number of steps of the plan."""
     done: int
-    """Steps that ended with a grasp."""
+    """Number of steps that ended with a grasp."""
     tries: int
-    """Most approaches that a grasp took."""
+    """Largest number of approaches of a grasp."""
     time: float
-    """Time that passed in the simulation [s]."""
+    """Time at the end of the simulation [s]."""
     capture_distance: float
-    """Largest distance of a gripper from its point just before it grasped [m]."""
+    """Largest distance between a gripper and its point just before a capture [m]."""
     grasp_force: float
     """Largest force on a grasp [N]."""
     grasp_torque: float
@@ -52,11 +53,11 @@ class RunOutcome(NamedTuple):
     joint_torque: float
     """Largest torque of a joint [N m]."""
     base_error: float
-    """Largest distance of the base from its trajectory [m]."""
+    """Largest distance between the base and its trajectory [m]."""
 
 
 class _Work(NamedTuple):
-    """One plan to be carried out with several seeds."""
+    """One plan to be executed with several seeds."""
 
     plan: int
     walk: TimedWalk
@@ -85,11 +86,11 @@ def execute_many(
     seed: int = 1,
     workers: int | None = None,
 ) -> Iterator[RunOutcome]:
-    """Carry plans out many times.
+    """Execute plans many times, each time with another disturbance.
 
-    Sample k of plan p has the seed `seed + p * samples + k`, so that the same arguments give the
-    same outcomes, whatever the number of processes. The processes are started afresh: a script that
-    uses more than one needs `if __name__ == "__main__":`.
+    Sample k of plan p has the seed `seed + p * samples + k`; the same arguments give the same
+    outcomes, whatever the number of processes. New processes are spawned: a script that uses more
+    than one needs `if __name__ == "__main__":`.
 
     Parameters
     ----------
@@ -98,29 +99,38 @@ def execute_many(
     plans
         The plans.
     setup
-        How they are carried out; its disturbances are drawn anew each time.
+        Limits, controller, physics and disturbances; by default `Setup()`.
     samples
-        How often each plan is carried out.
+        Number of executions of each plan.
     seed
         First seed, at least 1.
     workers
-        Processes; by default one for each core.
+        Number of processes; by default one for each core.
 
     Yields
     ------
     RunOutcome
-        Outcomes, as they come, plan by plan.
+        The outcomes, ordered by plan and sample.
 
     Raises
     ------
     PlanError
         If a plan has no step, or cannot be followed.
+    TimingError
+        If durations violate a limit.
     SettingError
         If a number is out of range.
 
-    Example:
-        >>> outcomes = list(execute_many(graph, [plan], Setup.of("gentle", disturbances="all"), 20))
-        >>> success(outcomes)
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> setup = Setup.of("gentle", disturbances="all")
+    >>> outcomes = list(execute_many(graph, [plan], setup, samples=2, workers=1))
+    >>> success_rate(outcomes)["walks"]
+    2
     """
     setup, count = setup or Setup(), workers or os.cpu_count() or 1
     works = (
@@ -145,14 +155,14 @@ def execute_many(
 
 
 def _outcomes(work: _Work) -> list[RunOutcome]:
-    """How one plan goes with several seeds."""
-    found = []
+    """Return the outcomes of one plan with several seeds."""
+    outcomes = []
     for seed in work.seeds:
         simulation = work.setup.simulation(work.grasp_map, work.robot, work.obstacles, seed)
-        done = carry_out(simulation, work.walk)
+        done = execute_walk(simulation, work.walk)
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
-        found.append(
+        outcomes.append(
             RunOutcome(
                 plan=work.plan,
                 seed=seed,
@@ -169,13 +179,14 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
                 base_error=peaks.base_error,
             )
         )
-    return found
+    return outcomes
 
 
-def success(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
-    """Share of walks that were carried out, with its interval, and the failures by kind.
+def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
+    """Return the share of walks executed to their end, its confidence interval, and the failures.
 
     The interval is Wilson's at 95 % (Journal of the American Statistical Association 22, 1927).
+    Failures are counted by kind. Without outcomes the share is None.
     """
     count = len(outcomes)
     failures = Counter(outcome.failure for outcome in outcomes if outcome.failure is not None)

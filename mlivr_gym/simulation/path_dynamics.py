@@ -1,9 +1,11 @@
-"""What a piece of a step asks of the robot, for any clock.
+"""Dynamics of the robot along a path segment, for any time scaling.
 
-With no gravity, torques and grasp wrenches at a share s of a piece are `a(s) s'' + b(s) s'^2`, and
-speeds are `c(s) s'`: one pass of inverse dynamics over the piece gives all three. So at twice the
-duration torques and wrenches fall to a quarter and speeds to a half, and how long a piece has to
-take on a clock of given shape is one number. The rows are kept in units of their limits.
+Without gravity, joint torques and grasp wrenches at share s of a segment are `a(s) s'' + b(s) s'^2`
+and velocities are `c(s) s'`, with derivatives by time (Bobrow, Dubowsky and Gibson, International
+Journal of Robotics Research 4, 1985). One pass of inverse dynamics over the segment gives the
+coefficients, which are stored in units of the limits. On a clock of given shape, torques and
+wrenches scale with `1 / T^2` and velocities with `1 / T`, so the shortest duration T is one number
+(dynamic scaling: Hollerbach, ASME Journal of Dynamic Systems 106, 1984).
 """
 
 from __future__ import annotations
@@ -20,73 +22,76 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.inverse_dynamics import needed
 from mlivr_gym.simulation.limits import Limits
 
-TIMES = 201
-"""Times of a clock at which what it asks for is looked at."""
+CLOCK_SAMPLES = 201
+"""Number of times at which the loads on a clock are evaluated."""
 
 
 class Binding(NamedTuple):
-    """The limit that decides how long a piece takes."""
+    """The limit that determines the duration of a path segment."""
 
     duration: float
-    """Shortest duration of the piece [s]."""
+    """Shortest duration of the segment within all limits [s]."""
     limit: str
-    """`"torque"`, `"grasp_force"`, `"grasp_torque"`, `"speed"` or `"surface_speed"`, as in
-    `Limits`."""
+    """The limit: `"torque"`, `"grasp_force"`, `"grasp_torque"`, `"speed"` or `"surface_speed"`, as
+    in `Limits`."""
     limb: int
-    """The limb concerned."""
+    """Index of the limb."""
     joint: int
-    """Its joint, from 1 on; 0 where the limit is the gripper's."""
+    """Number of the joint, from 1; 0 if the limit belongs to the gripper."""
 
     @property
-    def told(self) -> str:
-        """Limit and joint in words."""
+    def description(self) -> str:
+        """The limit with its joint and limb in words."""
         where = f"joint {self.joint} of limb {self.limb}" if self.joint else f"limb {self.limb}"
         return f"{self.limit} of {where}"
 
 
-class PieceRows(NamedTuple):
-    """What a piece asks for at K shares, in units of the limits."""
+class SegmentDynamics(NamedTuple):
+    """Coefficients of loads and velocities at K shares of a segment, in units of the limits."""
 
     holding: tuple[int, ...]
-    """Limbs that hold, n of them."""
+    """The n support limbs."""
     limb: int
     """The limb that moves."""
     shares: Array
-    """Shape (K,)."""
+    """Shares of the segment, shape (K,)."""
     torques: Array
-    """Of the joints, by s'' and by s'^2, shape (K, 2, 6 N)."""
+    """Joint torques by s'' and by s'^2, shape (K, 2, 6 N)."""
     wrenches: Array
-    """Forces and then torques of the grasps, by s'' and by s'^2, shape (K, 2, 2 n, 3)."""
+    """Forces, then torques of the grasps, by s'' and by s'^2, shape (K, 2, 2 n, 3)."""
     speeds: Array
-    """Of the joints and of the gripper that departs or approaches, shape (K, 6 N + 1)."""
+    """Velocities of the joints, then of the gripper on departure or approach, by s', (K, 6 N +
+    1)."""
 
-    def asked(self, clock: PPoly) -> tuple[Array, Array]:
-        """What a clock asks for at `TIMES` times.
+    def loads(self, clock: PPoly) -> tuple[Array, Array]:
+        """Return loads and speeds at `CLOCK_SAMPLES` times of a clock.
 
         Returns
         -------
         tuple[Array, Array]
-            Torques, grasp forces and grasp torques in units of their limits, shape
-            (TIMES, 6 N + 2 n), and speeds, shape (TIMES, 6 N + 1).
+            Magnitudes of joint torques, grasp forces and grasp torques in units of their limits,
+            shape (CLOCK_SAMPLES, 6 N + 2 n), and of velocities, shape (CLOCK_SAMPLES, 6 N + 1).
         """
-        times = np.linspace(0.0, clock.x[-1], TIMES)
+        times = np.linspace(0.0, clock.x[-1], CLOCK_SAMPLES)
         share, rate, change = (clock(times, order) for order in range(3))
         count = len(self.shares)
         both = np.concatenate(
             [self.torques.reshape(count, -1), self.wrenches.reshape(count, -1), self.speeds], axis=1
         )
-        found = CubicSpline(self.shares, both)(np.clip(share, 0.0, 1.0))
+        coefficients = CubicSpline(self.shares, both)(np.clip(share, 0.0, 1.0))
         joints, grasps = self.torques.shape[2], self.wrenches.shape[2]
-        torques, wrenches, speeds = np.split(found, [2 * joints, 2 * joints + 6 * grasps], axis=1)
+        torques, wrenches, speeds = np.split(
+            coefficients, [2 * joints, 2 * joints + 6 * grasps], axis=1
+        )
         factors = np.stack([change, rate**2], axis=1)
-        torque = (factors[:, :, None] * torques.reshape(TIMES, 2, -1)).sum(axis=1)
-        wrench = (factors[:, :, None] * wrenches.reshape(TIMES, 2, -1)).sum(axis=1)
-        sizes = np.linalg.norm(wrench.reshape(TIMES, grasps, 3), axis=2)
+        torque = (factors[:, :, None] * torques.reshape(CLOCK_SAMPLES, 2, -1)).sum(axis=1)
+        wrench = (factors[:, :, None] * wrenches.reshape(CLOCK_SAMPLES, 2, -1)).sum(axis=1)
+        sizes = np.linalg.norm(wrench.reshape(CLOCK_SAMPLES, grasps, 3), axis=2)
         return np.column_stack([np.abs(torque), sizes]), np.abs(rate[:, None] * speeds)
 
     def binding(self, clock: PPoly) -> Binding:
-        """The shortest duration of this piece on a clock of this shape, and what decides it."""
-        loads, speeds = self.asked(clock)
+        """Return the shortest duration of the segment on a clock of this shape, and its limit."""
+        loads, speeds = self.loads(clock)
         joints, duration = self.torques.shape[2], float(clock.x[-1])
         load, speed = loads.max(axis=0), speeds.max(axis=0)
         heaviest, fastest = int(np.argmax(load)), int(np.argmax(speed))
@@ -104,31 +109,35 @@ class PieceRows(NamedTuple):
         return Binding(shortest, ("grasp_force", "grasp_torque")[kind], self.holding[n], 0)
 
 
-def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: PathSegment, limits: Limits) -> PieceRows:
-    """What a piece of a step asks for, in units of the limits.
+def segment_dynamics(
+    robot: RobotSpec, regrasp: Regrasp, segment: PathSegment, limits: Limits
+) -> SegmentDynamics:
+    """Compute the dynamics along a path segment, in units of the limits.
 
     Raises
     ------
     RobotError
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
-    shares, count = piece.shares, len(piece.shares)
+    shares, count = segment.shares, len(segment.shares)
     holding = tuple(i for i in range(robot.limbs) if i != regrasp.limb)
     positions = np.column_stack(
-        [piece.base_positions, piece.base_quaternions, piece.joints.reshape(count, -1)]
+        [segment.base_positions, segment.base_quaternions, segment.joints.reshape(count, -1)]
     )
-    first, second = piece.curve(shares, 1), piece.curve(shares, 2)
-    still = np.zeros_like(first)
-    asked = needed(robot, holding, positions, np.stack([still, first]), np.stack([first, second]))
+    first, second = segment.curve(shares, 1), segment.curve(shares, 2)
+    at_rest = np.zeros_like(first)
+    dynamics_of = needed(
+        robot, holding, positions, np.stack([at_rest, first]), np.stack([first, second])
+    )
     dynamics = robot.limb_dynamics
     torque = limits.torque * np.tile(dynamics.torque_limits, robot.limbs)
     speed = limits.speed * np.tile(dynamics.speed_limits, robot.limbs)
-    torques = asked.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
-    wrenches = asked.wrenches.swapaxes(0, 1)
+    torques = dynamics_of.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
+    wrenches = dynamics_of.wrenches.swapaxes(0, 1)
     forces = np.concatenate(
         [wrenches[..., :3] / limits.grasp_force, wrenches[..., 3:] / limits.grasp_torque], axis=2
     )
-    # On departure and approach the gripper moves along the normal by the robot's lift.
-    lifted = robot.lift / limits.surface_speed if PHASES[piece.phase] != "swing" else 0.0
-    speeds = np.column_stack([first[:, 6:] / speed, np.full(count, lifted)])
-    return PieceRows(holding, regrasp.limb, shares, torques, forces, speeds)
+    # During departure and approach the gripper moves along the surface normal by the lift.
+    normal_rate = robot.lift / limits.surface_speed if PHASES[segment.phase] != "swing" else 0.0
+    speeds = np.column_stack([first[:, 6:] / speed, np.full(count, normal_rate)])
+    return SegmentDynamics(holding, regrasp.limb, shares, torques, forces, speeds)

@@ -1,4 +1,4 @@
-"""The joint torques of a simulated walk, phase by phase."""
+"""Joint torques of a simulated walk, by phase."""
 
 from __future__ import annotations
 
@@ -12,48 +12,48 @@ from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.simulation.recording import Capture, Recording
 
 CAPTURE = "capture"
-"""Name of the time just after a gripper took hold, beside those of `regrasp.PHASES`."""
+"""Name of the time after a capture, in addition to the phases of `regrasp.PHASES`."""
 
 CAPTURE_TIME = 1.0
-"""How long that lasts [s]; a grasp with the figures of `Physics` comes to rest with a time constant
-of 0.15 s."""
+"""Duration of that time [s]; a grasp with the parameters of `Physics` comes to rest with a time
+constant of 0.15 s."""
 
 PARTS = (*PHASES, CAPTURE)
-"""Parts of a step in the order in which they come."""
+"""Parts of a step in their order."""
 
 
 class PhaseTorque(NamedTuple):
-    """The root mean square of all joint torques in one part of a step."""
+    """Root mean square over all joint torques in one part of a step."""
 
     step: int
     """Index of the step."""
     part: str
-    """One of `PARTS`."""
+    """Name of the part, one of `PARTS`."""
     time: float
-    """When it is largest [s]."""
+    """Time of the maximum [s]."""
     peak: float
-    """Its largest value [N m]."""
+    """Maximum [N m]."""
     mean: float
-    """Its mean [N m]."""
+    """Mean [N m]."""
 
 
 def after_captures(recording: Recording, captures: Sequence[Capture]) -> BoolArray:
-    """Which samples lie in the `CAPTURE_TIME` after one of the captures, shape (k,)."""
+    """Return which samples lie within `CAPTURE_TIME` after a capture, shape (k,)."""
     inside: BoolArray = np.zeros(len(recording.times), dtype=np.bool_)
     for capture in captures:
         since = recording.times - capture.time
-        # Times are multiples of the time step but for rounding.
+        # Times are multiples of the time step up to rounding.
         inside |= (since > -1e-9) & (since < CAPTURE_TIME - 1e-9)
     return inside
 
 
 def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[PhaseTorque]:
-    """Peak and mean of the torques in each part of each step, in the order of time.
+    """Return maximum and mean of the torques in each part of each step, in the order of time.
 
-    What follows a capture belongs to the step that ends with it, even where the next one has begun.
-    Parts of which nothing was recorded are missing.
+    The time after a capture belongs to the step that the capture ends, even if the next step has
+    started. Parts without samples are omitted.
     """
-    found, rms, caught = [], recording.torque_rms, after_captures(recording, captures)
+    parts, rms, caught = [], recording.torque_rms, after_captures(recording, captures)
     for step in np.unique(recording.step).tolist():
         inside = {
             name: (recording.step == step) & (recording.phase == k) & ~caught
@@ -66,10 +66,10 @@ def phase_torques(recording: Recording, captures: Sequence[Capture]) -> list[Pha
             if len(samples):
                 best = samples[np.argmax(rms[samples])]
                 time, peak, mean = recording.times[best], rms[best], rms[samples].mean()
-                found.append(PhaseTorque(step, part, float(time), float(peak), float(mean)))
-    return found
+                parts.append(PhaseTorque(step, part, float(time), float(peak), float(mean)))
+    return parts
 
 
 def largest(torques: Sequence[PhaseTorque], step: int) -> PhaseTorque:
-    """The part of a step in which the torques are largest."""
+    """Return the part of a step with the largest torques."""
     return max((entry for entry in torques if entry.step == step), key=lambda entry: entry.peak)

@@ -1,7 +1,8 @@
-"""A walk through the stance graph that is executed in MuJoCo, one regrasp at a time.
+"""Execution of a walk in MuJoCo, one regrasp at a time.
 
-The graph keeps sets of inverse-kinematics branches; a robot is on one of them. A `PhysicalWalk`
-commits to a branch when a limb grasps; every step that leaves its state is executable.
+The states of the stance graph hold sets of inverse-kinematics branches; a robot is on one of them.
+A `PhysicalWalk` commits to a branch when a limb grasps. Every step that leaves its state is
+executable.
 """
 
 from __future__ import annotations
@@ -32,26 +33,27 @@ MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
     "peak_grasp_torque", "base_error", "step_time", "simulated_time",
 )  # fmt: skip
-"""What `PhysicalWalk.measures` tells of the last step besides its failure and its tries."""
+"""Keys of `PhysicalWalk.measures` in addition to `failure` and `tries`."""
 
 
 class PhysicalWalk:
-    """Executes steps of a stance graph.
+    """Execution of single steps of a stance graph.
 
     Attributes
     ----------
     graph
         The stance graph.
     setup
-        How steps are carried out.
+        Limits, controller, physics and disturbances.
     state
-        The present state, one branch a limb.
+        The present state, with one branch for each limb.
     joints
-        Joint angles of the stance, shape (N, 6) [rad].
+        Joint angles of the present stance, shape (N, 6) [rad].
     simulation
-        The simulation; it is made by `start`.
+        The simulation, made by `start`.
     measures
-        What the last step measured: `failure`, None or a dictionary, and `MEASURES`.
+        Measurements of the last step: `failure`, None or a dictionary, and the keys of
+        `MEASURES`.
     """
 
     simulation: Simulation
@@ -68,20 +70,20 @@ class PhysicalWalk:
             If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
         self.graph, self.setup = graph, setup
-        self._made: tuple[int, int] | None = None
+        self._simulated: tuple[int, int] | None = None
         _ = graph.robot.limb_dynamics
         self._plan: Plan | None = None
-        self._done = 0
+        self._next = 0
 
     def start(self, state: State, plan: Plan | None = None, seed: int = 0) -> State:
-        """Put the robot at rest into a stance; returns the state with one branch a limb.
+        """Put the robot at rest into a stance; return the state with one branch for each limb.
 
         Parameters
         ----------
         state
-            Where to start.
+            The state to start from.
         plan
-            A plan from this stance; as long as it is followed, its branches, joint angles and
+            A plan from this stance. As long as the walk follows it, its branches, joint angles and
             swings are used.
         seed
             Seed of the disturbance.
@@ -92,12 +94,12 @@ class PhysicalWalk:
             If the plan has no step or does not fit the graph.
         """
         graph = self.graph
-        if self._made != (graph.version, seed):
+        if self._simulated != (graph.version, seed):
             self.simulation = self.setup.simulation(
                 graph.grasp_map, graph.robot, graph.obstacles, seed
             )
-            self._made = graph.version, seed
-        self._plan, self._done = plan, 0
+            self._simulated = graph.version, seed
+        self._plan, self._next = plan, 0
         if plan is not None:
             self.joints = planned_regrasp(graph, plan, 0).joints.copy()
             self.state = self._on_branches(state, plan.motion.branches[0])
@@ -112,32 +114,41 @@ class PhysicalWalk:
         return self.state
 
     def draw(self, stream: Any) -> int:
-        """A seed of a disturbance from a stream of random numbers; 0 if there is none to draw."""
+        """Return a seed of the disturbance from a random stream; 0 if the setup has none."""
         if self.setup.disturbances == Disturbances():
             return 0
         return 1 + int(stream.integers(2**31))
 
     @property
     def configuration(self) -> tuple[Array, Array, Array]:
-        """Base position [m], base quaternion and joint angles (N, 6) [rad] in the simulation."""
+        """Simulated base position [m], quaternion w, x, y, z and joint angles (N, 6) [rad]."""
         return self.simulation.configuration
 
     def step(
         self, limb: int, point: int, masks: tuple[int, ...]
     ) -> tuple[State, ExecutedStep | Failure]:
-        """Move a limb to a point, by index; `masks` are the branches kept by all limbs after it.
+        """Move a limb to a point, given by its index.
+
+        Parameters
+        ----------
+        limb
+            Index of the limb.
+        point
+            Index of the point.
+        masks
+            Branches of all limbs after the step.
 
         Returns
         -------
         tuple[State, ExecutedStep | Failure]
-            The state after the step, that before it if it failed, and what came of it; a `Failure`
-            alone if no swing was found.
+            The state after the step, or the state before it if the step failed; and the executed
+            step, or a `Failure` alone if the step has no swing or no trajectory.
         """
         after = self.state.stance_after(limb, point)
-        found = self._planned(after) or self._found(State(after, masks))
-        if found is None:
+        result = self._planned(after) or self._committed(State(after, masks))
+        if result is None:
             return self._no_swing(limb, point, "no swing was found")
-        regrasp, reached = found
+        regrasp, reached = result
         try:
             path = RegraspPath(self.graph, regrasp)
             timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
@@ -151,7 +162,7 @@ class PhysicalWalk:
         return self.state, executed
 
     def _no_swing(self, limb: int, point: int, why: str) -> tuple[State, Failure]:
-        """The state as it is, and the failure of a step that could not begin."""
+        """Return the unchanged state, and the failure of a step that could not start."""
         message = f"limb {limb} to {self.graph.grasp_map.ids[point]!r}: {why}"
         time = self.simulation.time
         failure = Failure("no swing", time, 0, "departure", limb, message, {})
@@ -159,27 +170,27 @@ class PhysicalWalk:
         return self.state, failure
 
     def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:
-        """The next step of the plan, if it leads to the stance `after`."""
+        """Return the next step of the plan and its state, if it leads to the stance `after`."""
         plan = self._plan
-        if plan is None or self._done >= len(plan.steps):
+        if plan is None or self._next >= len(plan.steps):
             return None
-        regrasp = planned_regrasp(self.graph, plan, self._done)
+        regrasp = planned_regrasp(self.graph, plan, self._next)
         if regrasp.after != after:
             self._plan = None
             return None
-        self._done += 1
+        self._next += 1
         joints, limb = self.joints.copy(), regrasp.limb
         joints[limb] = regrasp.grasp_joints
-        reached = self._on_branches(State(after, ()), plan.motion.branches[self._done], joints)
+        reached = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
         masks = tuple(
             reached.masks[i] if i == limb else mask for i, mask in enumerate(self.state.masks)
         )
         return regrasp, State(after, masks)
 
-    def _found(self, reached: State) -> tuple[Regrasp, State] | None:
-        """A step to a stance, and the state it leads to.
+    def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
+        """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
-        The limb grasps on the branch that keeps most steps open of those to which a swing leads.
+        Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
         regrasp, edge = self._regrasp(reached.stance)
@@ -193,7 +204,7 @@ class PhysicalWalk:
         return None
 
     def _regrasp(self, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
-        """The step to a stance as far as the limbs that hold are concerned, and how it is made."""
+        """Return the step to a stance without grasp branch and swing, and its edge."""
         graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
@@ -206,7 +217,7 @@ class PhysicalWalk:
         return regrasp, edge
 
     def _options(self, state: State, limb: int) -> list[State]:
-        """The state with a limb on each of its branches, those that keep most steps open first."""
+        """Return the state with a limb on each of its branches, most successors first."""
         options = []
         for bit in range(16):
             if state.masks[limb] >> bit & 1:
@@ -217,7 +228,7 @@ class PhysicalWalk:
     def _on_branches(
         self, state: State, branches: Sequence[int] | IntArray, joints: Array | None = None
     ) -> State:
-        """The state with limbs on given branches; joint angles tell the half turn of the tool."""
+        """Return the state with limbs on given branches; the flips follow from the joint angles."""
         joints = self.joints if joints is None else joints
         plain = state._replace(masks=tuple(1 << int(branch) for branch in branches))
         unturned = self.graph.configuration(plain)[2]
@@ -229,12 +240,12 @@ class PhysicalWalk:
 
 
 def _branch(mask: int) -> int:
-    """Branch of a mask with one bit."""
+    """Return the branch of a mask with one bit."""
     return (mask.bit_length() - 1) & 7
 
 
 def _measures(executed: ExecutedStep, begin: float, time: float) -> dict[str, Any]:
-    """What a step measured from `begin` to `time` [s], as `PhysicalWalk.measures` tells it."""
+    """Return the measurements of a step that lasted from `begin` to `time` [s]."""
     peaks, capture, failure = executed.peaks, executed.capture, executed.failure
     return {
         "failure": None if failure is None else failure.to_dict(),

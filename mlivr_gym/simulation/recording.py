@@ -1,4 +1,4 @@
-"""What a simulation measured, and how it ended."""
+"""Records of a simulation: measurements, captures and failures."""
 
 from __future__ import annotations
 
@@ -13,32 +13,29 @@ from mlivr_gym.arrays import Array, IntArray
 FAILURES = (
     "missed grasp", "saturation", "collision", "lost hold", "joint limit", "divergence", "no swing",
 )  # fmt: skip
-"""Kinds of failure.
-
-`"no swing"` is that of an environment's step for which no swing was found.
-"""
+"""Kinds of failure. `"no swing"` is a step of an environment for which no swing exists."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a walk ended before its end.
+    """The failure that ended a walk.
 
     Attributes
     ----------
     kind
-        One of `FAILURES`.
+        Kind of failure, one of `FAILURES`.
     time
-        When [s].
+        Time of the failure [s].
     step
         Index of the step.
     phase
-        One of `regrasp.PHASES`.
+        Name of the phase, one of `regrasp.PHASES`.
     limb
-        The limb it concerns, -1 if it concerns none.
+        Index of the limb concerned, -1 if none is.
     message
-        One sentence with the numbers.
+        The failure in one sentence with its numbers.
     values
-        The numbers by name, what was measured and what was allowed, units in the names.
+        Measured and allowed values by name, with units in the names.
     """
 
     kind: str
@@ -50,30 +47,30 @@ class Failure:
     values: dict[str, float]
 
     def to_dict(self) -> dict[str, Any]:
-        """The failure as plain data for JSON."""
+        """Return the failure as plain data for JSON."""
         return asdict(self)
 
 
 @dataclass(frozen=True)
 class Capture:
-    """How a limb grasped a point.
+    """The capture of a point by a limb: a grasp that was established in simulation.
 
     Attributes
     ----------
     time
-        When [s].
+        Time of the capture [s].
     step
         Index of the step.
     limb
-        The limb.
+        Index of the limb.
     point
         Id of the point.
     distance
-        Distance of the gripper from the point just before [m].
+        Distance between gripper and point just before [m].
     angle
-        Angle between them, half turns apart [rad].
+        Angle between gripper and grasp just before, modulo half turns about the normal [rad].
     tries
-        Approaches that it took.
+        Number of approaches.
     """
 
     time: float
@@ -92,29 +89,27 @@ class Recording:
     Attributes
     ----------
     times
-        Shape (k,) [s].
+        Times since the start of the walk, shape (k,) [s].
     step
         Index of the step, shape (k,).
     phase
         Index into `regrasp.PHASES`, shape (k,).
     joint_positions
-        Shape (k, N, 6) [rad].
+        Joint angles, shape (k, N, 6) [rad].
     joint_torques
-        Shape (k, N, 6) [N m].
+        Motor torques, shape (k, N, 6) [N m].
     base_positions
-        Shape (k, 3) [m].
+        Base positions in the world, shape (k, 3) [m].
     base_quaternions
-        Shape (k, 4), w, x, y, z.
+        Base orientations in the world w, x, y, z, shape (k, 4).
     base_errors
-        Distance of the base from its trajectory, shape (k,) [m].
+        Distance between the base and its trajectory, shape (k,) [m].
     base_angle_errors
-        Angle between base and trajectory, shape (k,) [rad].
+        Angle between the base and its trajectory, shape (k,) [rad].
     grasp_forces
-        Force of each grasp on its gripper, in the frame of the grasp, shape (k, N, 3)
-        [N].
+        Force of each grasp on its gripper, in the grasp frame, shape (k, N, 3) [N].
     grasp_torques
-        Torque of each grasp on its gripper, in the frame of the grasp, shape (k, N,
-        3) [N m].
+        Torque of each grasp on its gripper, in the grasp frame, shape (k, N, 3) [N m].
     momenta
         Linear momentum of the robot, shape (k, 3) [kg m/s].
     angular_momenta
@@ -140,21 +135,21 @@ class Recording:
 
     @property
     def torque_rms(self) -> Array:
-        """Root mean square over all joints, shape (k,) [N m], as in the paper's last figure."""
+        """Root mean square over all joint torques, shape (k,) [N m]; the paper's last figure."""
         rms: Array = np.sqrt((self.joint_torques**2).mean(axis=(1, 2)))
         return rms
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All arrays by name."""
+        """Return all arrays by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def part(self, chosen: slice) -> Recording:
-        """Some of the samples."""
+        """Return a slice of the samples."""
         return Recording(**{name: array[chosen] for name, array in self.arrays().items()})
 
     @classmethod
     def join(cls, parts: list[Recording]) -> Recording:
-        """Recordings one after the other."""
+        """Concatenate recordings in time."""
         return cls(
             **{
                 field.name: np.concatenate([getattr(part, field.name) for part in parts])
@@ -165,24 +160,24 @@ class Recording:
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest values at any time step, also between the samples of a recording.
+    """Maxima over all time steps, including those between the samples of a recording.
 
     Attributes
     ----------
     joint_torque
-        Of each joint, shape (N, 6) [N m].
+        Torque of each joint, shape (N, 6) [N m].
     torque_rms
-        Root mean square over all joints [N m].
+        Root mean square over all joint torques [N m].
     grasp_force
-        Of each grasp, shape (N,) [N].
+        Force of each grasp, shape (N,) [N].
     grasp_torque
-        Of each grasp, shape (N,) [N m].
+        Torque of each grasp, shape (N,) [N m].
     base_error
-        Distance of the base from its trajectory [m].
+        Distance between the base and its trajectory [m].
     base_angle_error
-        Angle of the base from its trajectory [rad].
+        Angle between the base and its trajectory [rad].
     joint_speed
-        Of any joint [rad/s].
+        Velocity of any joint [rad/s].
     """
 
     joint_torque: Array
@@ -195,7 +190,7 @@ class Peaks:
 
     @classmethod
     def of(cls, recording: Recording, speeds: Array) -> Peaks:
-        """Those of every time step; `speeds` are the joints', shape (k, N, 6) [rad/s]."""
+        """Return the peaks of every time step; `speeds` are joint velocities (k, N, 6) [rad/s]."""
         return cls(
             joint_torque=np.abs(recording.joint_torques).max(axis=0),
             torque_rms=float(recording.torque_rms.max()),
@@ -208,7 +203,7 @@ class Peaks:
 
     @classmethod
     def join(cls, parts: list[Peaks]) -> Peaks:
-        """The larger of each."""
+        """Return the maxima over several peaks."""
         largest = {
             field.name: np.max([getattr(part, field.name) for part in parts], axis=0)
             for field in fields(cls)
@@ -219,7 +214,7 @@ class Peaks:
         return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
-        """The peaks as plain data for JSON."""
+        """Return the peaks as plain data for JSON."""
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in asdict(self).items()

@@ -1,8 +1,8 @@
 """The MuJoCo scene: cabin, racks, seat tracks, handrails, graspable points and the robot.
 
-`scene_spec` returns a `mujoco.MjSpec`, from which a model is compiled or MJCF exported. Geoms of
-each cabin face have a separate geom group (`FACE_GROUPS`), so that a picture can leave out the face
-in front.
+`scene_spec` returns a `mujoco.MjSpec`, from which a model is compiled or MJCF exported. The geoms
+of each cabin face have a geom group of their own (`FACE_GROUPS`), so that a figure can hide the
+face in front.
 """
 
 from __future__ import annotations
@@ -37,16 +37,14 @@ _COLOURS = {
 _METAL = ("track", "handrail")
 
 ROBOT, SURROUNDINGS = 1, 2
-"""Bits of `contype` and `conaffinity`.
-
-The robot's shapes meet each other and the surroundings; boxes never meet.
-"""
+"""Bits of `contype` and `conaffinity`: shapes of the robot collide with each other and with the
+surroundings; boxes do not collide with boxes."""
 
 _TOUCHES = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
 
 
 def rgba(colour: str) -> tuple[float, float, float, float]:
-    """Components of a colour like `"#1f77b4"`, opaque."""
+    """Return the components of a colour such as `"#1f77b4"`, opaque."""
     r, g, b = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     return (r, g, b, 1.0)
 
@@ -54,15 +52,29 @@ def rgba(colour: str) -> tuple[float, float, float, float]:
 def scene_spec(
     grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
 ) -> mujoco.MjSpec:
-    """Scene of a robot in a cabin.
+    """Return the scene of a robot in a cabin.
 
-    Its geoms are the shapes that collisions are checked with; boxes are called `"box/{id}"`,
-    capsules of limb i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of a limb's links that
-    cannot meet are excluded.
+    Its geoms are the shapes of the collision checks. Boxes are named `"box/{id}"`, capsules of limb
+    i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of links of a limb that cannot touch are
+    excluded.
 
-    The robot's body is `"base"` with free joint `"base"`; joint k of limb i is
-    `"limb{i}/joint{k}"`, its flange frame is site `"limb{i}/flange"`, its grasp point site
-    `"limb{i}/grasp"`. Graspable points are sites `"point/{id}"`.
+    The body of the robot is `"base"` with the free joint `"base"`. Joint k of limb i is
+    `"limb{i}/joint{k}"`, its flange frame is the site `"limb{i}/flange"`, its grasp frame the site
+    `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
+
+    Parameters
+    ----------
+    grasp_map
+        The map.
+    robot
+        The robot.
+    obstacles
+        Boxes in addition to those of the map.
+
+    Returns
+    -------
+    mujoco.MjSpec
+        The specification, from which a model is compiled.
 
     Raises
     ------
@@ -102,10 +114,10 @@ def scene_spec(
 
 
 def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
-    """A robot that floats in empty space without gravity; names are those of `scene_spec`.
+    """Return a robot that floats in empty space without gravity, with the names of `scene_spec`.
 
-    A robot whose masses are not known has those of the UR5e, which a picture does not need and
-    `dynamics.dynamics_spec` refuses.
+    A robot without known masses has those of the UR5e. Pictures do not depend on them, and
+    `dynamics.dynamics_spec` refuses such a robot.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -124,12 +136,12 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The model of a scene.
+    """Compile the model of a scene.
 
     Raises
     ------
     SceneError
-        If MuJoCo refuses it, with its reason.
+        If MuJoCo refuses the scene; the message has its reason.
     """
     try:
         return spec.compile()
@@ -147,27 +159,28 @@ def set_configuration(
     Parameters
     ----------
     model
-        Compiled from a spec whose only joints are those of `robot_alone`.
+        A model compiled from a specification without joints other than those of `robot_alone`.
     data
-        Its data.
+        The MuJoCo data of the model.
     position
-        Base position [m], shape (3,).
+        Base position in the world, shape (3,) [m].
     quaternion
-        Base orientation w, x, y, z, shape (4,).
+        Base orientation in the world w, x, y, z, shape (4,).
     joints
-        Joint angles [rad], shape (N, 6).
+        Joint angles, shape (N, 6) [rad].
     """
     data.qpos[:3], data.qpos[3:7], data.qpos[7:] = position, quaternion, np.ravel(joints)
     mujoco.mj_forward(model, data)
 
 
 def _quaternion(rotation: Array) -> Array:
+    """Return the quaternion w, x, y, z of a rotation matrix."""
     quaternion: Array = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
     return quaternion
 
 
 def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
-    """The robot's body, free to move, with a disc that marks its front."""
+    """Add the free body of the robot, with a disc that marks its front; return it."""
     half = 0.5 * robot.body_size
     base = spec.worldbody.add_body(name="base", pos=[0, 0, 0])
     base.add_freejoint(name="base")
@@ -183,7 +196,7 @@ def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
 
 
 def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoco.MjsBody]:
-    """The links of a limb with joints and inertias, by name."""
+    """Add the links of a limb with joints and inertias; return them by name."""
     limb, quarter = robot.limb, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
     known = robot.dynamics is not None or arm_of(limb) is not None
     dynamics = robot.limb_dynamics if known else arm_dynamics("ur5e")
@@ -214,7 +227,7 @@ def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoc
 def _cylinder(
     body: mujoco.MjsBody, mass: float, radius: float, length: float, height: float
 ) -> None:
-    """Give a body the inertia of a cylinder along z whose middle is at a height [m]."""
+    """Give a body the inertia of a cylinder along z with its centre at a height [m]."""
     across = mass * (3.0 * radius**2 + length**2) / 12.0
     body.mass, body.ipos = mass, [0, 0, height]
     body.inertia = [across, across, 0.5 * mass * radius**2]
@@ -222,7 +235,7 @@ def _cylinder(
 
 
 def _add_gripper(flange: mujoco.MjsBody, robot: RobotSpec, i: int) -> mujoco.MjsBody:
-    """The gripper of a limb, a cylinder, and the sites of flange and grasp point."""
+    """Add the gripper of a limb, a cylinder, with sites of flange and grasp frame; return it."""
     unseen = {"size": [0.005, 0, 0], "rgba": (0, 0, 0, 0)}
     flange.add_site(name=f"limb{i}/flange", **unseen)
     flange.add_site(name=f"limb{i}/grasp", pos=[0, 0, robot.tool_length], **unseen)
@@ -234,7 +247,7 @@ def _add_gripper(flange: mujoco.MjsBody, robot: RobotSpec, i: int) -> mujoco.Mjs
 
 
 def _add_capsules(links: dict[str, mujoco.MjsBody], robot: RobotSpec, i: int) -> None:
-    """The collision shapes of a limb, links in two shades of its colour."""
+    """Add the collision capsules of a limb, with its links in two shades of one colour."""
     colour = rgba(LIMB_COLOURS[i])
     pale = (*(0.55 * c + 0.45 for c in colour[:3]), 1.0)
     count: Counter[str] = Counter()
@@ -252,7 +265,7 @@ def _add_capsules(links: dict[str, mujoco.MjsBody], robot: RobotSpec, i: int) ->
 
 
 def _apart(capsule: Capsule) -> list[float]:
-    """The capsule's end, moved a hair along z where both ends are one: MuJoCo wants a direction."""
+    """Return the end of a capsule, offset by 1e-9 m from an equal start, to give a direction."""
     end = list(capsule.end)
     if capsule.start == capsule.end:
         end[2] += 1e-9
@@ -260,4 +273,5 @@ def _apart(capsule: Capsule) -> list[float]:
 
 
 def _body_name(link: str, limb: int) -> str:
+    """Return the name of a link's body in the model."""
     return "base" if link == "body" else f"limb{limb}" if link == "base" else f"limb{limb}/{link}"

@@ -1,4 +1,4 @@
-"""How plans are carried out: pace, controller, figures of grasps and failures, disturbances."""
+"""The setup of simulations: limits, controller, physics and disturbances."""
 
 from __future__ import annotations
 
@@ -24,18 +24,24 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 @dataclass(frozen=True)
 class Setup:
-    """How plans are carried out.
+    """Everything except the plan that determines how a plan is executed in simulation.
 
     Attributes
     ----------
     timing
-        How fast: as `Limits` allow, or in given `Durations`.
+        `Limits` for a time-optimal execution, or fixed `Durations`.
     controller
-        The controller of the joints.
+        The joint controller.
     physics
-        Figures of grasps and failures.
+        Parameters of grasps and failures.
     disturbances
-        How far robot and module may be from what the controller knows.
+        Ranges of the disturbances.
+
+    Examples
+    --------
+    >>> setup = Setup.of("gentle", "feedforward", disturbances="all")
+    >>> setup.timing.grasp_force, setup.controller.guided, setup.disturbances.payload
+    (25.0, False, 5.0)
     """
 
     timing: Limits | Durations = field(default_factory=Limits)
@@ -44,7 +50,7 @@ class Setup:
     disturbances: Disturbances = field(default_factory=Disturbances)
 
     def __post_init__(self) -> None:
-        """Check that each part is one."""
+        """Check the type of each part."""
         SETUP.check(self, FieldPath("", SettingError))
 
     @classmethod
@@ -55,12 +61,23 @@ class Setup:
         physics: Physics | dict[str, Any] | None = None,
         disturbances: Disturbances | dict[str, Any] | str | None = None,
     ) -> Setup:
-        """A setup of parts as they are, as plain data, by name, or by default.
+        """Return a setup from instances, plain data or names; a part that is None has its defaults.
+
+        Parameters
+        ----------
+        limits
+            `Limits`, their fields, or a name in `limits.PACES`.
+        controller
+            A `Controller`, its fields, or a name in `controller.CONTROLLERS`.
+        physics
+            `Physics`, or their fields.
+        disturbances
+            `Disturbances`, their fields, or a name in `disturbances.DISTURBANCES`.
 
         Raises
         ------
         SettingError
-            If a part is faulty; the message names it.
+            If a part is invalid; the message names it.
         """
         return cls(
             Limits.of(limits),
@@ -73,7 +90,18 @@ class Setup:
     def simulation(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), seed: int = 0
     ) -> Simulation:
-        """A simulation with a disturbance drawn from a seed.
+        """Return a simulation with a disturbance that is drawn from a seed.
+
+        Parameters
+        ----------
+        grasp_map
+            The map.
+        robot
+            The robot.
+        obstacles
+            Boxes in addition to those of the map.
+        seed
+            Seed of the disturbance.
 
         Raises
         ------
@@ -85,7 +113,7 @@ class Setup:
         return Simulation(grasp_map, robot, self.physics, obstacles, self.controller, drawn)
 
     def to_dict(self) -> dict[str, Any]:
-        """The setup as plain data for JSON."""
+        """Return the setup as plain data for JSON."""
         return {
             "timing": {"kind": type(self.timing).__name__} | asdict(self.timing),
             "controller": asdict(self.controller),
@@ -103,4 +131,4 @@ SETUP = Struct(
         "disturbances": Of(Disturbances),
     },
 )
-"""Fields of a `Setup`."""
+"""Schema of the fields of a `Setup`."""

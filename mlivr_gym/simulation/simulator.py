@@ -1,7 +1,7 @@
-"""Executes trajectories in MuJoCo.
+"""Execution of trajectories in MuJoCo.
 
-The controller reads the encoders and sets torques at its own rate. Afterwards every time step is
-looked at; a failure ends the walk at the very step at which it showed.
+The controller reads encoders and commands torques at its own rate. Afterwards every time step is
+checked for failures; a failure ends the walk at the time step at which it occurs.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.controller import Controller
 from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
-from mlivr_gym.simulation.failures import FailureWatch
+from mlivr_gym.simulation.failures import FailureMonitor
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.grippers import Grippers, within
+from mlivr_gym.simulation.grippers import Grippers, can_capture
 from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
 from mlivr_gym.simulation.inverse_dynamics import robot_model
@@ -37,38 +37,38 @@ from mlivr_gym.world.boxes import BOX, Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 CHUNK = 500
-"""Time steps between two looks for failures; a failure is found at its very step all the same."""
+"""Number of time steps between two checks for failures; each check covers every time step."""
 
 
 class ExecutedStep(NamedTuple):
-    """What came of a regrasp."""
+    """The result of one regrasp in simulation."""
 
     recording: Recording
-    """Samples of what was measured."""
+    """Samples of the measurements."""
     peaks: Peaks
-    """Largest values at any time step."""
+    """Maxima over all time steps."""
     capture: Capture | None
-    """How the limb grasped its point; None if it did not."""
+    """The capture of the point; None if it was not captured."""
     failure: Failure | None
-    """Why the step failed; None if it did not."""
+    """The failure of the step, or None."""
 
 
 class Simulation:
-    """A robot in a cabin, with its state.
+    """A robot in a cabin, with its dynamic state.
 
     Attributes
     ----------
     model
         The MuJoCo model; the simulation moves its anchors and changes its contact bits as
-        the robot grasps.
+        limbs grasp and release.
     data
-        Its data.
+        The MuJoCo data.
     physics
-        Figures of grasps and failures.
+        Parameters of grasps and failures.
     controller
-        The controller of the joints.
+        The joint controller.
     disturbance
-        How robot and module differ from what the controller knows.
+        Difference between the simulated robot and module and the model of the controller.
     time
         Time since the reset [s].
     mass
@@ -115,24 +115,24 @@ class Simulation:
 
     @property
     def points(self) -> list[int]:
-        """Point index each limb holds, or `FREE`."""
+        """Index of the point that each limb holds, or `FREE`."""
         return self._grippers.points
 
     def reset(
         self, position: Array, quaternion: Array, joints: Array, points: Sequence[int]
     ) -> None:
-        """Put the robot at rest into a stance, whose points lie where the map has them.
+        """Put the robot at rest into a stance, whose points move to their places in the map.
 
         Parameters
         ----------
         position
-            Base position [m], shape (3,).
+            Base position in the world, shape (3,) [m].
         quaternion
-            Base orientation w, x, y, z.
+            Base orientation in the world w, x, y, z, shape (4,).
         joints
-            Joint angles [rad], shape (N, 6).
+            Joint angles, shape (N, 6) [rad].
         points
-            Point index each limb holds, or `FREE`.
+            Index of the point that each limb holds, or `FREE`.
 
         Raises
         ------
@@ -146,15 +146,15 @@ class Simulation:
         self._joints.reset()
         for limb, point in enumerate(points):
             if point != FREE:
-                self._grippers.place(point)
+                self._grippers.reset_point(point)
                 distance, angle = self._grippers.error(limb, point)
-                if not within(self.physics, distance, angle):
+                if not can_capture(self.physics, distance, angle):
                     raise SimulationError(
                         f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg "
                         f"from point {self.grasp_map.ids[point]!r} and cannot hold it"
                     )
                 self._grippers.grasp(limb, point)
-                self._grippers.meets(limb, (point,))
+                self._grippers.set_contacts(limb, (point,))
         mujoco.mj_forward(self.model, self.data)
 
     @property
@@ -164,25 +164,24 @@ class Simulation:
         return base[:3], base[3:], self.data.qpos[7:].reshape(-1, 6).copy()
 
     def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
-        """Distance [m] and angle [rad] of a gripper from a point that it might hold."""
+        """Return distance [m] and angle [rad] between a gripper and its grasp on a point."""
         mujoco.mj_forward(self.model, self.data)
         return self._grippers.error(limb, point)
 
     def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
-        """Execute a regrasp: release, follow the trajectory, grasp.
+        """Execute a regrasp: release the point, follow the trajectory, capture the next point.
 
         Parameters
         ----------
         trajectory
-            One step on the time grid of the simulation, from the stance that the robot
-            holds.
+            Trajectory of one step on the time grid of the simulation, from the present stance.
         step
-            Index of the step, for the record.
+            Index of the step, for the recording.
 
         Raises
         ------
         SimulationError
-            If the trajectory's time grid or first stance is another.
+            If the trajectory has another time grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
         self._step = step
@@ -191,25 +190,25 @@ class Simulation:
             self._joints.rebase(reference.positions[0])
         allowed = ((self.points[limb],), (), (point,))
         self._grippers.release(limb)
-        self._guidance.begin(limb, point)
+        self._guidance.start(limb, point)
 
         def enter(phase: int) -> None:
-            self._grippers.meets(limb, allowed[phase])
+            self._grippers.set_contacts(limb, allowed[phase])
 
         runs, tries = [self._run(trajectory, reference, enter)], 1
         while runs[-1].failure is None:
-            runs += self._wait(trajectory, reference)
+            runs += self._wait_until_close(trajectory, reference)
             distance, angle = self.grasp_error(limb, point)
-            caught = within(self.physics, distance, angle)
-            sure = caught and (self._guidance.close or not self.controller.guided)
+            captured = can_capture(self.physics, distance, angle)
+            sure = captured and (self._guidance.is_close or not self.controller.guided)
             if sure or tries == self.controller.tries or runs[-1].failure is not None:
                 break
             tries += 1
-            runs += self._again(trajectory, reference)
+            runs += self._repeat_approach(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
-        if failure is None and not caught:
-            failure = self._missed(limb, point, distance, angle)
+        if failure is None and not captured:
+            failure = self._missed_grasp(limb, point, distance, angle)
         if failure is not None:
             return ExecutedStep(recording, peaks, None, failure)
         self._grippers.grasp(limb, point)
@@ -217,7 +216,7 @@ class Simulation:
         capture = Capture(self.time, step, limb, name, distance, angle, tries)
         return ExecutedStep(recording, peaks, capture, None)
 
-    def rest(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
+    def hold(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
         """Hold still in the stance in which a trajectory ended.
 
         Parameters
@@ -225,36 +224,36 @@ class Simulation:
         trajectory
             The trajectory that was executed last.
         duration
-            How long [s].
+            Duration [s].
         step
-            Index of the step, for the record.
+            Index of the step, for the recording.
         """
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[-1])
         self._step = step
-        return self._hold(trajectory, reference, duration)
+        return self._hold_still(trajectory, reference, duration)
 
-    def _hold(
+    def _hold_still(
         self,
         trajectory: Trajectory,
         reference: Reference,
         duration: float,
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
-        """Hold still for some time [s] where a trajectory ended."""
-        places = np.full(self._steps_of(duration) + 1, len(trajectory.times) - 1)
+        """Hold the last configuration of a trajectory for some time [s], or until a condition."""
+        places = np.full(self._step_count(duration) + 1, len(trajectory.times) - 1)
         return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
 
-    def _wait(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Hold before the point until the error seen is small, at most as long as is patient."""
-        if not self.controller.guided or self._guidance.close:
+    def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
+        """Hold in front of the point until the gripper is close and at rest, or patience ends."""
+        if not self.controller.guided or self._guidance.is_close:
             return []
         patience = self.controller.patience
-        return [self._hold(trajectory, reference, patience, lambda: self._guidance.close)]
+        return [self._hold_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
 
-    def _again(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Go back above the point and approach it once more."""
+    def _repeat_approach(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
+        """Move back above the point and approach it again."""
         approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
         back = approach[::-1]
         runs = [self._run(trajectory.at(back), reference.at(back, -1.0))]
@@ -269,31 +268,31 @@ class Simulation:
         enter: Callable[[int], None] = lambda _: None,
         until: Callable[[], bool] = lambda: False,
     ) -> ExecutedStep:
-        """Simulate until the end, the first failure, or what `until` says; nothing is grasped.
+        """Simulate until the end, the first failure, or the condition `until`; nothing is grasped.
 
-        `enter` is called with the phase before each piece of it.
+        `enter` is called with the index of the phase before each interval.
         """
         recordings, peaks, failure = [], [], None
-        watch = FailureWatch(self.physics, self.robot, self._step)
+        monitor = FailureMonitor(self.physics, self.robot, self._step)
         for first, last in _chunks(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
             states, sensors = self._follow(trajectory, reference, (first, last), until)
-            measured = self._instruments.measured(
+            measurements = self._instruments.measure(
                 states, sensors, trajectory, first, self._steps, self._step
             )
             self._steps += len(states)
             self.time = self._steps * self.physics.timestep
-            found = watch.first(measured, PHASES[phase], held)
-            ended = len(states) if found is None else found[0] + 1
-            recorded, largest = self._instruments.kept(measured, ended)
+            failed = monitor.first_failure(measurements, PHASES[phase], held)
+            ended = len(states) if failed is None else failed[0] + 1
+            recorded, largest = self._instruments.recorded(measurements, ended)
             recordings.append(recorded)
             peaks.append(largest)
-            if found is not None:
-                self._restore(states[found[0]], found[1].time)
-                failure = self._named(found[1])
-            if found is not None or until():
+            if failed is not None:
+                self._restore(states[failed[0]], failed[1].time)
+                failure = self._with_contact_names(failed[1])
+            if failed is not None or until():
                 break
         return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
@@ -301,14 +300,14 @@ class Simulation:
         self,
         trajectory: Trajectory,
         reference: Reference,
-        piece: tuple[int, int],
+        interval: tuple[int, int],
         until: Callable[[], bool],
     ) -> tuple[Array, Array]:
-        """Simulate a piece of a phase, guided where a limb approaches; see `JointControl.run`."""
-        phase, (first, last) = PHASES[trajectory.phase[piece[0] + 1]], piece
+        """Simulate an interval of a phase, guided during an approach; see `JointControl.run`."""
+        phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guided and phase == "approach" and free
-        period = self._steps_of(self.controller.sensor_period) if guides else last - first
+        period = self._step_count(self.controller.sensor_period) if guides else last - first
         followed = []
         for start in range(first, last, period):
             here = np.arange(start, min(start + period, last))
@@ -322,12 +321,12 @@ class Simulation:
         states, sensors = zip(*followed, strict=True)
         return np.concatenate(states), np.concatenate(sensors)
 
-    def _steps_of(self, duration: float) -> int:
-        """Time steps in a duration [s], at least one."""
+    def _step_count(self, duration: float) -> int:
+        """Return the number of time steps in a duration [s], at least one."""
         return max(round(duration / self.physics.timestep), 1)
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
-        """The limb that moves on a trajectory and the point that it grasps."""
+        """Return the limb that moves on a trajectory, and the point that it grasps."""
         if abs(trajectory.period - self.physics.timestep) > 1e-9:
             raise SimulationError(
                 f"the trajectory's period is {trajectory.period:g} s; "
@@ -344,12 +343,14 @@ class Simulation:
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
     def _restore(self, state: Array, time: float) -> None:
+        """Set the simulation back to a state at a time [s]."""
         self.time, self._steps = time, round(time / self.physics.timestep)
         self.data.time = state[0]
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
 
-    def _missed(self, limb: int, point: int, distance: float, angle: float) -> Failure:
+    def _missed_grasp(self, limb: int, point: int, distance: float, angle: float) -> Failure:
+        """Return the failure of a grasp outside the capture distance or angle."""
         allowed = self.physics
         values = {
             "distance_m": distance, "allowed_distance_m": allowed.capture_distance,
@@ -362,8 +363,8 @@ class Simulation:
         )
         return Failure("missed grasp", self.time, self._step, PHASES[-1], limb, message, values)
 
-    def _named(self, failure: Failure) -> Failure:
-        """A collision with the names of what touched."""
+    def _with_contact_names(self, failure: Failure) -> Failure:
+        """Return a collision failure with the names of the two geoms in contact."""
         if failure.kind != "collision" or not self.data.ncon:
             return failure
         contact = self.data.contact[int(np.argmin(self.data.contact.dist))]
@@ -377,7 +378,7 @@ class Simulation:
 
 
 def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-    """First and last time step of pieces within a phase."""
+    """Yield first and last time step of intervals of at most `CHUNK` time steps within a phase."""
     edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
     for start, stop in pairwise(edges):
         for first in range(start, stop, CHUNK):

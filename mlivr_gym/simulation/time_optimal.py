@@ -1,11 +1,13 @@
-"""The fastest clock of a piece under limits of torque, grasp wrench and speed.
+"""Time-optimal path parameterisation under limits of torque, grasp wrench and velocity.
 
-With `b = s'^2` as a function of the share s, `s'' = b' / 2`, and every limit is convex in both: the
-largest b from which the end can still be reached is found backwards, the largest that can be
-reached from the start forwards (reachability analysis: Pham and Pham, "A New Approach to
-Time-Optimal Path Parameterization Based on Reachability Analysis", IEEE Transactions on Robotics
-34, 2018). The acceleration of that clock jumps; a moving average over time takes the jumps out, and
-a last stretch, one number, brings what the average changed back within the limits.
+With `b = s'^2` as a function of the share s of a segment, `s'' = (db/ds) / 2`, and all limits are
+convex in b and s'' (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl, IEEE Transactions on
+Automatic Control 54, 2009). A backward pass computes the largest b from which the end can still be
+reached, a forward pass the largest b that can be reached from the start (reachability analysis:
+Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability
+Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this clock is
+discontinuous. A moving average over time limits its rate of change, and a final uniform time
+scaling restores the limits.
 """
 
 from __future__ import annotations
@@ -16,31 +18,39 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.simulation.path_dynamics import PieceRows
+from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 
-SMALL = 1e-12
-"""Numbers below count as zero."""
+TINY = 1e-12
+"""Numbers below this count as zero."""
 
-SAMPLES = 400
-"""Times at which a clock is kept."""
+CLOCK_SAMPLES = 400
+"""Number of samples of a clock in time."""
 
 
-def fastest_clock(rows: PieceRows, rise_time: float) -> PPoly:
-    """The fastest clock of a piece, its acceleration without jumps; see `Limits.rise_time` [s]."""
-    squares = fastest_squares(rows)
-    times, shares = _times(rows.shares, squares)
-    clock = _averaged(times, shares, rise_time)
-    longer = rows.binding(clock).duration / float(clock.x[-1])
+def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
+    """Return the time-optimal clock of a segment, smoothed to a continuous acceleration.
+
+    Parameters
+    ----------
+    dynamics
+        Dynamics along the segment, in units of the limits.
+    rise_time
+        Width of the moving average [s], see `Limits.rise_time`.
+    """
+    squares = time_optimal_squared_rates(dynamics)
+    times, shares = _sampled(dynamics.shares, squares)
+    clock = _smoothed(times, shares, rise_time)
+    factor = dynamics.binding(clock).duration / float(clock.x[-1])
     order = len(clock.c) - 1
     powers = np.arange(order, -1, -1)[:, None]
-    return PPoly(clock.c / longer**powers, clock.x * longer)
+    return PPoly(clock.c / factor**powers, clock.x * factor)
 
 
-class _Squares(NamedTuple):
-    """Squares of what is asked for at K nodes, in units of the limits, as a form of s'' and b.
+class _SquaredLoads(NamedTuple):
+    """Squared loads at K nodes in units of the limits, as quadratic forms in s'' and b.
 
-    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b +
-    vv b^2` is at most 1. Shapes (K, G) for G torques and wrenches.
+    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b + vv
+    b^2` is at most 1. All arrays have the shape (K, G) for G torques and wrenches.
     """
 
     uu: Array
@@ -48,61 +58,71 @@ class _Squares(NamedTuple):
     vv: Array
 
     @classmethod
-    def of(cls, rows: PieceRows) -> _Squares:
-        """Those of a piece."""
+    def of(cls, dynamics: SegmentDynamics) -> _SquaredLoads:
+        """Return the squared loads of a segment."""
         u, v = (
-            np.concatenate([rows.torques[:, k, :, None] * [1.0, 0.0, 0.0], rows.wrenches[:, k]], 1)
+            np.concatenate(
+                [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
+            )
             for k in (0, 1)
         )
         return cls((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
 
 
-def fastest_squares(rows: PieceRows) -> Array:
-    """Squared rate of the share at each node of a piece, at rest at both ends, shape (K,)."""
-    step, asked = np.diff(rows.shares), _Squares.of(rows)
-    most: Array = 1.0 / np.maximum((rows.speeds**2).max(axis=1), SMALL)
-    squares: Array = np.minimum(most, _largest_with_any_change(asked))
+def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
+    """Return the largest b = s'^2 at each node of a segment, zero at both ends, shape (K,)."""
+    step, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
+    speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
+    squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
     squares[0] = squares[-1] = 0.0
     last = len(squares) - 1
     for k in range(last - 1, 0, -1):
         # s'' = (b[k + 1] - b[k]) / (2 step) at node k
         ahead = squares[k + 1]
         while True:
-            high = _largest(asked, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0))
-            if high >= 0.0 or ahead < SMALL:
+            high = _largest_feasible(
+                loads, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0)
+            )
+            if high >= 0.0 or ahead < TINY:
                 break
             ahead *= 0.9
         squares[k] = min(squares[k], max(high, 0.0))
     for k in range(last):
         here = squares[k]
-        high = _largest(asked, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0))
+        high = _largest_feasible(
+            loads, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0)
+        )
         squares[k + 1] = min(squares[k + 1], max(high, 0.0))
     return squares
 
 
-def _largest_with_any_change(asked: _Squares) -> Array:
-    """Largest b at each node that some s'' allows, of many ratios of the two, shape (K,)."""
+def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
+    """Return the largest b at each node for which some s'' is feasible, shape (K,).
+
+    This is the maximum velocity curve of Bobrow et al. (1985), over a grid of ratios s'' / b.
+    """
     ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
     r = ratios[:, None, None]
-    largest = (r * r * asked.uu + 2.0 * r * asked.uv + asked.vv).max(axis=2)
-    least: Array = np.sqrt(np.maximum(largest.min(axis=0), SMALL**2))
-    return 1.0 / least
+    largest = (r * r * loads.uu + 2.0 * r * loads.uv + loads.vv).max(axis=2)
+    minimum: Array = np.sqrt(np.maximum(largest.min(axis=0), TINY**2))
+    return 1.0 / minimum
 
 
-def _largest(
-    asked: _Squares, k: int, change: tuple[float, float], square: tuple[float, float]
+def _largest_feasible(
+    loads: _SquaredLoads, k: int, change: tuple[float, float], square: tuple[float, float]
 ) -> float:
-    """Largest x with `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x` allowed.
+    """Return the largest x at which all loads of node `k` are within their limits.
 
-    -1 if there is none above zero.
+    Here `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if no
+    x from 0 on is feasible.
     """
-    uu, uv, vv = asked.uu[k], asked.uv[k], asked.vv[k]
+    uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
     (p, dp), (q, dq) = change, square
     # a x^2 + 2 b x + c <= 0
     a = dp * dp * uu + 2.0 * dp * dq * uv + dq * dq * vv
     b = p * dp * uu + (p * dq + q * dp) * uv + q * dq * vv
     c = p * p * uu + 2.0 * p * q * uv + q * q * vv - 1.0
-    moving = a > SMALL**2
+    moving = a > TINY**2
     if (c[~moving] > 1e-9).any():
         return -1.0
     a, b, c = a[moving], b[moving], c[moving]
@@ -114,27 +134,27 @@ def _largest(
     return float(high) if high >= low - 1e-9 else -1.0
 
 
-def _times(shares: Array, squares: Array) -> tuple[Array, Array]:
-    """Times of evenly spaced samples of a clock, and its shares there."""
+def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
+    """Return evenly spaced times of a clock given by b at its nodes, and its shares there."""
     rates = np.sqrt(squares)
-    each = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], SMALL)
-    nodes = np.concatenate([[0.0], np.cumsum(each)])
-    times = np.linspace(0.0, nodes[-1], SAMPLES)
-    part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(each) - 1)
+    intervals = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], TINY)
+    nodes = np.concatenate([[0.0], np.cumsum(intervals)])
+    times = np.linspace(0.0, nodes[-1], CLOCK_SAMPLES)
+    part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(intervals) - 1)
     change = (squares[part + 1] - squares[part]) / (2.0 * np.diff(shares)[part])
     since = times - nodes[part]
     return times, shares[part] + rates[part] * since + 0.5 * change * since**2
 
 
-def _averaged(times: Array, shares: Array, window: float) -> PPoly:
-    """A clock through the moving average of shares over two windows, one after the other."""
+def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
+    """Return the clock through a moving average of shares over two successive windows."""
     step = times[1]
     half = max(round(0.5 * window / step), 1)
     box = np.ones(half) / half
     kernel = np.convolve(box, box)
     padded = np.concatenate([np.zeros(len(kernel)), shares, np.ones(len(kernel))])
     smooth = np.convolve(padded, kernel, mode="valid")
-    # Beyond the ends of the average nothing changes.
+    # The average is constant outside these samples.
     first = int(np.flatnonzero(smooth > 0.0)[0]) - 1
     last = int(np.flatnonzero(smooth < 1.0 - 1e-12)[-1]) + 1
     kept = np.clip(smooth[max(first, 0) : last + 1], 0.0, 1.0)

@@ -1,7 +1,7 @@
-"""How fast the steps of a plan are carried out.
+"""Time scaling of the steps of a plan.
 
-By default as fast as `Limits` allow; with `Durations` each part takes the time that is given, and
-one that breaks a limit is refused.
+With `Limits` each path segment is as fast as the limits allow. With `Durations` each phase has a
+given duration, and one that violates a limit is refused.
 """
 
 from __future__ import annotations
@@ -21,72 +21,83 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import Maybe
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import PieceRows, piece_rows
-from mlivr_gym.simulation.time_optimal import fastest_clock
+from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
+from mlivr_gym.simulation.time_optimal import time_optimal_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TIMING = Maybe(Of(Limits, Durations))
-"""How fast steps are carried out."""
+"""Schema of the argument that determines the time scaling."""
 
 ROUNDING = 1e-6
-"""A duration that falls short of the shortest by a smaller share is not refused."""
+"""Relative amount by which a given duration may fall short of the shortest one."""
 
 
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
-    """A step with clocks for its pieces.
+    """Return a step with a clock for each of its path segments.
 
     Parameters
     ----------
     path
-        The step.
+        The path of the step.
     timing
-        `Limits`, by default the default ones, or `Durations`.
+        `Limits`, by default `Limits()`, or `Durations`.
 
     Raises
     ------
     TimingError
-        If durations break the default limits, or the limits' own step duration is
-        shorter than they allow.
+        If durations violate the default limits, or `Limits.step_duration` is shorter than the
+        limits allow.
     PlanError
-        If a limb that holds cannot follow the base.
+        If a support limb cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
-    pieces = path_segments(path)
-    rows = [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+    segments = path_segments(path)
+    dynamics = [
+        segment_dynamics(path.graph.robot, path.regrasp, segment, limits) for segment in segments
+    ]
     if isinstance(timing, Durations):
-        clocks = timing.clocks(pieces)
-        _check(rows, clocks, timing)
-        return TimedPath(path, pieces, clocks)
-    clocks = tuple(shortest_clock(row, limits) for row in rows)
+        clocks = timing.clocks(segments)
+        _check(dynamics, clocks, timing)
+        return TimedPath(path, segments, clocks)
+    clocks = tuple(shortest_clock(one, limits) for one in dynamics)
     shortest = sum(map(duration_of, clocks))
     if limits.step_duration is not None:
         if limits.step_duration < shortest * (1.0 - ROUNDING):
-            slowest = max(rows, key=lambda row: row.binding(quintic(1.0)).duration)
-            raise TimingError(limits.step_duration, slowest.binding(quintic(1.0)).told, shortest)
+            slowest = max(dynamics, key=lambda one: one.binding(quintic(1.0)).duration)
+            raise TimingError(
+                limits.step_duration, slowest.binding(quintic(1.0)).description, shortest
+            )
         factor = limits.step_duration / shortest
         clocks = tuple(stretched(clock, factor) for clock in clocks)
-    return TimedPath(path, pieces, clocks)
+    return TimedPath(path, segments, clocks)
 
 
-def shortest_clock(rows: PieceRows, limits: Limits) -> PPoly:
-    """The shortest clock of a piece within limits, of the limits' profile.
+def shortest_clock(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
+    """Return the shortest clock of a segment within limits, for the profile of the limits.
 
-    The fastest of its kind may be longer than the shortest quintic where the rise time binds.
+    The quintic is also a candidate for the profile `"fastest"`: it can be shorter than the
+    time-optimal clock with limited rise time.
     """
-    plain = quintic(rows.binding(quintic(1.0)).duration)
+    plain = quintic(dynamics.binding(quintic(1.0)).duration)
     if limits.profile == "quintic":
         return plain
-    fast = fastest_clock(rows, limits.rise_time)
+    fast = time_optimal_clock(dynamics, limits.rise_time)
     return min(fast, plain, key=duration_of)
 
 
-def _check(rows: Sequence[PieceRows], clocks: Sequence[PPoly], durations: Durations) -> None:
-    """Refuse durations that break a limit, with those that would do."""
-    found = [row.binding(clock) for row, clock in zip(rows, clocks, strict=True)]
-    factors = [one.duration / duration_of(clock) for one, clock in zip(found, clocks, strict=True)]
+def _check(
+    dynamics: Sequence[SegmentDynamics], clocks: Sequence[PPoly], durations: Durations
+) -> None:
+    """Check that durations respect all limits; the error names the durations that would."""
+    bindings = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
+    factors = [
+        one.duration / duration_of(clock) for one, clock in zip(bindings, clocks, strict=True)
+    ]
     worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:
-        raise TimingError(durations.total, found[worst].told, durations.total * factors[worst])
+        raise TimingError(
+            durations.total, bindings[worst].description, durations.total * factors[worst]
+        )
 
 
 @checked({**WALK, "timing": TIMING})
@@ -97,7 +108,28 @@ def step_trajectory(
     timing: Limits | Durations | None = None,
     period: float = 0.002,
 ) -> Trajectory:
-    """The trajectory of one step of a plan; see `timed_path` and `trajectory.trajectory`."""
+    """Compute the trajectory of one step of a plan.
+
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map.
+    plan
+        The plan.
+    index
+        Index of the step, from 0.
+    timing
+        `Limits`, by default `Limits()`, or `Durations`.
+    period
+        Spacing of the time grid [s].
+
+    Raises
+    ------
+    PlanError
+        If the plan has no such step, or it cannot be followed inside the joint limits.
+    TimingError
+        If durations violate a limit.
+    """
     path = RegraspPath(graph, planned_regrasp(graph, plan, index))
     return trajectory(timed_path(path, timing), period)
 
@@ -109,7 +141,7 @@ def plan_trajectory(
     timing: Limits | Durations | None = None,
     period: float = 0.01,
 ) -> Trajectory:
-    """The trajectory of a whole plan.
+    """Compute the trajectory of a whole plan.
 
     Parameters
     ----------
@@ -118,7 +150,7 @@ def plan_trajectory(
     plan
         The plan, with at least one step.
     timing
-        `Limits`, by default the default ones, or `Durations`.
+        `Limits`, by default `Limits()`, or `Durations`.
     period
         Spacing of the time grid [s].
 
@@ -127,10 +159,17 @@ def plan_trajectory(
     PlanError
         If the plan has no step, or a step cannot be followed inside the joint limits.
     TimingError
-        If durations break a limit.
+        If durations violate a limit.
 
-    Example:
-        >>> save_csv(plan_trajectory(graph, plan, period=0.1), "walk.csv")
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> walk = plan_trajectory(graph, plan, Durations(), period=0.1)
+    >>> round(float(walk.times[-1]), 6) == 50.0 * len(plan.steps)
+    True
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")

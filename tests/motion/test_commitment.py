@@ -14,7 +14,7 @@ from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.motion.commitment import committed_motion, holds
+from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 
@@ -206,7 +206,7 @@ def test_a_hold_is_on_the_branch_whose_least_manipulability_is_the_largest(small
         points = np.array([state.stance for state in states])
         motion, postures = committed_motion(graph, states).motion, graph.postures_of(states)
         for limb in range(2):
-            for first, last in holds(points, limb):
+            for first, last in hold_intervals(points, limb):
                 least = {}
                 for bit in (b for b in range(16) if states[last].masks[limb] >> b & 1):
                     bits = motion.branches.copy()

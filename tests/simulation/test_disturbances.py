@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, Controller
-from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, parts_of_robot
-from mlivr_gym.simulation.execution import carry_out, timed_walk
+from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, robot_body_ids
+from mlivr_gym.simulation.execution import execute_walk, timed_walk
 from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import execute_many, success
+from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 
@@ -54,7 +54,7 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
     simulation = setup.simulation(jem, plan.world.robot, seed=5)
     known = Setup().simulation(jem, plan.world.robot)
     drawn, model, plain = simulation.disturbance, simulation.model, known.model
-    parts = parts_of_robot(model)
+    parts = robot_body_ids(model)
     expected = plain.body_mass[parts] * drawn.masses
     expected[0] += drawn.payload
     np.testing.assert_allclose(model.body_mass[parts], expected)
@@ -99,7 +99,7 @@ def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, p
         simulation = Simulation(
             checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
         )
-        done = carry_out(simulation, walk)
+        done = execute_walk(simulation, walk)
         assert done[-1].failure is None
         found[name] = done[0].capture.distance
     assert found["blind"] == pytest.approx(0.005, abs=5e-4)
@@ -114,7 +114,7 @@ def test_a_grasp_that_misses_is_tried_again(checked_graph, plan):
         controller = replace(FEEDFORWARD, tries=tries)
         setup = Setup.of(controller=controller, physics={"capture_distance": 1e-9})
         simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
-        done = carry_out(simulation, walk)
+        done = execute_walk(simulation, walk)
         assert done[-1].failure.kind == "missed grasp"
         times.append(simulation.time)
     approach = (walk.steps[0].phase == 2).sum() * 0.002
@@ -128,7 +128,7 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     assert alone == spread
     assert [(one.plan, one.seed) for one in alone] == [(0, 9), (0, 10), (1, 11), (1, 12)]
     assert len({one.base_error for one in alone}) == 4
-    told = success(alone)
+    told = success_rate(alone)
     assert told["walks"] == 4
     assert told["carried_out"] + sum(told["failures"].values()) == 4
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
@@ -154,7 +154,7 @@ def test_a_gripper_moves_with_the_limbs_that_hold(jem, plan):
     grippers, data = simulation._grippers, simulation.data
     grippers.release(limb)
     speeds = rng.uniform(-0.5, 0.5, 12)
-    found = grippers.speeds(limb, speeds)
+    found = grippers.relative_speed(limb, speeds)
     held, here = (pose_of(grippers, each) for each in (1 - limb, limb))
     data.qpos[7:] += moment * speeds
     mujoco.mj_kinematics(simulation.model, data)
@@ -177,10 +177,10 @@ def test_a_gripper_is_close_only_while_the_robot_rests_on_the_limb_that_holds(je
     simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
     simulation._grippers.release(step.limb)
     guidance, joints = simulation._guidance, simulation._joints
-    guidance.begin(step.limb, jem.index(step.to_point))
-    guidance._seen = np.zeros(6)
+    guidance.start(step.limb, jem.index(step.to_point))
+    guidance._filtered = np.zeros(6)
     for turning in (0.0, 0.02):
         speeds = np.zeros((2, 6))
         speeds[1 - step.limb, 0] = turning
         joints._past.append((np.zeros(12), speeds.ravel()))
-        assert guidance.close == (turning == 0.0)
+        assert guidance.is_close == (turning == 0.0)

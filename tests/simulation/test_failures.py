@@ -15,8 +15,8 @@ from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.disturbances import NONE, Disturbances
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.failures import FailureWatch
-from mlivr_gym.simulation.instruments import Measured
+from mlivr_gym.simulation.failures import FailureMonitor
+from mlivr_gym.simulation.instruments import Measurements
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation, SimulationError
@@ -96,27 +96,31 @@ def measured(count, finite=None, **changes):
     """What some time steps of a robot of two limbs measure that rests, but for some changes."""
     recording = replace(resting(count), times=0.002 * np.arange(count), **changes)
     finite = np.ones(count, dtype=bool) if finite is None else finite
-    return Measured(recording, recording.joint_torques * 0.0, finite)
+    return Measurements(recording, recording.joint_torques * 0.0, finite)
 
 
 def test_the_first_failure_is_found_also_across_chunks():
-    watch = FailureWatch(Physics(saturation_time=0.02), MLIVR2, 4)
-    assert watch.first(measured(50), "swing", [True, True]) is None
+    monitor = FailureMonitor(Physics(saturation_time=0.02), MLIVR2, 4)
+    assert monitor.first_failure(measured(50), "swing", [True, True]) is None
     torques = np.zeros((50, 2, 6))
     torques[43:, 1, 4] = -28.0
-    assert watch.first(measured(50, joint_torques=torques), "swing", [True, True]) is None
+    assert monitor.first_failure(measured(50, joint_torques=torques), "swing", [True, True]) is None
     torques = np.zeros((50, 2, 6))
     torques[:20, 1, 4] = -28.0
-    index, failure = watch.first(measured(50, joint_torques=torques), "swing", [True, True])
+    index, failure = monitor.first_failure(
+        measured(50, joint_torques=torques), "swing", [True, True]
+    )
     # Seven time steps at the end of the last chunk and four here make more than 0.02 s.
     assert (index, failure.kind, failure.limb, failure.step) == (3, "saturation", 1, 4)
     joints = np.zeros((50, 2, 6))
     joints[30:, 0, 2] = 2 * np.pi + 0.1
-    index, failure = watch.first(measured(50, joint_positions=joints), "approach", [True, True])
+    index, failure = monitor.first_failure(
+        measured(50, joint_positions=joints), "approach", [True, True]
+    )
     assert (index, failure.kind, failure.limb) == (30, "joint limit", 0)
     assert failure.values["joint"] == 3.0
     finite = np.arange(50) < 10
-    index, failure = watch.first(
+    index, failure = monitor.first_failure(
         measured(50, finite=finite, joint_positions=joints), "approach", [True, True]
     )
     assert (index, failure.kind) == (10, "divergence")
@@ -131,7 +135,7 @@ def test_both_limits_of_every_joint_are_watched(sign, limb, joint):
     for beyond, fails in ((np.deg2rad(2.9), False), (np.deg2rad(3.1), True)):
         joints = np.zeros((20, 2, 6))
         joints[7:, limb, joint] = edge + sign * beyond
-        found = FailureWatch(Physics(), robot, 0).first(
+        found = FailureMonitor(Physics(), robot, 0).first_failure(
             measured(20, joint_positions=joints), "swing", [True, True]
         )
         assert (found is not None) == fails
@@ -151,10 +155,9 @@ def test_a_hold_is_lost_above_its_force_and_above_its_torque(limb, name, most, k
         wrench = np.zeros((20, 2, 3))
         wrench[4:, limb] = size * most * np.array([2.0, -1.0, 2.0]) / 3.0
         given = measured(20, **{name: wrench})
-        assert FailureWatch(Physics(), MLIVR2, 0).first(given, "swing", [limb != 0, limb == 0]) is (
-            None
-        )
-        found = FailureWatch(Physics(), MLIVR2, 0).first(given, "swing", [True, True])
+        other = [limb != 0, limb == 0]
+        assert FailureMonitor(Physics(), MLIVR2, 0).first_failure(given, "swing", other) is None
+        found = FailureMonitor(Physics(), MLIVR2, 0).first_failure(given, "swing", [True, True])
         assert (found is not None) == (size > 1.0)
     index, failure = found
     assert (index, failure.kind, failure.limb) == (4, "lost hold", limb)

@@ -11,7 +11,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.feedforward import _bends, feedforward
+from mlivr_gym.simulation.feedforward import _deflections, feedforward
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -85,5 +85,5 @@ def test_a_grasp_that_is_loaded_bends_as_a_spring_beside_a_damper():
     times, constant = period * np.arange(40)[:, None, None], damping / stiffness
     rise = 1.0 - np.exp(-times / constant)
     expected = -(loads * rise + slopes * (times - constant * rise)) / stiffness
-    found = _bends(physics, loads + slopes * times, period)
+    found = _deflections(physics, loads + slopes * times, period)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)

@@ -35,7 +35,7 @@ def test_a_gripper_meets_every_box_but_those_of_which_no_corner_stands_out(jem, 
     geoms = [model.geom(scene_name(BOX, box.id)).id for box in boxes]
     for points in ([], *([point] for point in chosen), chosen[:2].tolist()):
         before = model.geom_contype.copy()
-        simulation._grippers.meets(limb, points)
+        simulation._grippers.set_contacts(limb, points)
         met = model.geom_contype[geoms] & bit != 0
         free = np.array(
             [any(behind(box, jem.positions[p], jem.normals[p]) for p in points) for box in boxes]

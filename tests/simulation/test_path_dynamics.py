@@ -12,9 +12,9 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import TIMES, piece_rows
+from mlivr_gym.simulation.path_dynamics import CLOCK_SAMPLES, segment_dynamics
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.time_optimal import fastest_clock, fastest_squares
+from mlivr_gym.simulation.time_optimal import time_optimal_clock, time_optimal_squared_rates
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 
@@ -28,7 +28,7 @@ def paths(checked_graph, walk):
 
 def rows_of(path, limits):
     pieces = path_segments(path)
-    return [piece_rows(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+    return [segment_dynamics(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
 
 
 def bindings(timed, limits):
@@ -62,7 +62,7 @@ def test_the_simulation_asks_for_what_the_rows_say(checked_graph, walk, paths):
     most = {"torque": 0.0, "grasp_force": 0.0, "grasp_torque": 0.0}
     for path in paths:
         for rows in rows_of(path, limits):
-            loads, _ = rows.asked(quintic(rows.binding(quintic(1.0)).duration))
+            loads, _ = rows.loads(quintic(rows.binding(quintic(1.0)).duration))
             most["torque"] = max(most["torque"], loads[:, :12].max())
             most["grasp_force"] = max(most["grasp_force"], loads[:, 12].max())
             most["grasp_torque"] = max(most["grasp_torque"], loads[:, 13].max())
@@ -78,7 +78,7 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
     for path in paths:
         timed = timed_path(path, limits)
         for rows, clock in zip(rows_of(path, limits), timed.clocks, strict=True):
-            loads, speeds = rows.asked(clock)
+            loads, speeds = rows.loads(clock)
             assert max(loads.max(), speeds.max()) == pytest.approx(1.0, abs=1e-6)
             times = np.linspace(0.0, duration_of(clock), 500)
             assert (np.diff(clock(times)) > -1e-9).all()
@@ -86,8 +86,8 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
             np.testing.assert_allclose(clock(ends), [0.0, 1.0], atol=1e-9)
             np.testing.assert_allclose(clock(ends, 1), 0.0, atol=1e-6)
             slower, faster = stretched(clock, 2.0), stretched(clock, 0.5)
-            np.testing.assert_allclose(rows.asked(slower)[0], loads / 4.0, atol=1e-9)
-            np.testing.assert_allclose(rows.asked(faster)[1], 2.0 * speeds, atol=1e-9)
+            np.testing.assert_allclose(rows.loads(slower)[0], loads / 4.0, atol=1e-9)
+            np.testing.assert_allclose(rows.loads(faster)[1], 2.0 * speeds, atol=1e-9)
 
 
 def test_the_fastest_squares_are_those_of_brute_force(paths):
@@ -95,7 +95,7 @@ def test_the_fastest_squares_are_those_of_brute_force(paths):
     rows = rows_of(paths[2], Limits())[1]
     nodes = np.arange(0, len(rows.shares), 4)
     coarse = replace_rows(rows, nodes)
-    squares = fastest_squares(coarse)
+    squares = time_optimal_squared_rates(coarse)
     step = np.diff(coarse.shares)
     time = float((2.0 * step / (np.sqrt(squares[:-1]) + np.sqrt(squares[1:]))).sum())
     levels = np.linspace(0.0, 1.1 * np.sqrt(squares.max()), 180)
@@ -134,7 +134,7 @@ def test_the_fastest_clock_is_shorter_than_the_quintic_and_its_jerk_goes_with_th
         for rows in rows_of(path, limits):
             total["quintic"] += rows.binding(quintic(1.0)).duration
             for rise in (0.1, 0.2, 0.4):
-                total[rise] += duration_of(fastest_clock(rows, rise))
+                total[rise] += duration_of(time_optimal_clock(rows, rise))
     assert total[0.1] < total[0.2] < total[0.4]
     assert total[0.2] < 0.85 * total["quintic"]
 
@@ -154,7 +154,7 @@ def test_a_duration_that_breaks_a_limit_is_refused_with_the_shortest(checked_gra
     assert max(entry.duration / part for entry, part in zip(
         found, np.diff([0.0, *timed_path(paths[0], longer).ends]), strict=True
     )) == pytest.approx(1.0, abs=1e-3)  # fmt: skip
-    assert len(step_trajectory(checked_graph, walk, 0, longer).times) > TIMES
+    assert len(step_trajectory(checked_graph, walk, 0, longer).times) > CLOCK_SAMPLES
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
         left = graph.successors(walk.state)
         for k in rng.choice(len(left.limb), 15):
             after = left.after(walk.state, int(k))
-            found = walk._found(State(after.stance, after.masks))
+            found = walk._committed(State(after.stance, after.masks))
             assert found is not None
             path = RegraspPath(graph, found[0])
             parts = [path.departure(shares), path.approach(shares), path._knots[:, 1:]]

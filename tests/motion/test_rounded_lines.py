@@ -14,7 +14,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.sweep import set_joints
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.motion.runs import Run
+from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.motion.swings import SwingFinder
 
 CLEARANCE = 0.02
@@ -23,7 +23,7 @@ CLEARANCE = 0.02
 def random_run(rng, lines):
     """A run whose corners take half of each line at most."""
     knots = np.column_stack([np.sort(rng.uniform(size=lines + 1)), rng.normal(size=(lines + 1, 6))])
-    return Run(knots, rng.uniform(0.1, 0.5, (lines - 1, 2)))
+    return RoundedLines(knots, rng.uniform(0.1, 0.5, (lines - 1, 2)))
 
 
 @pytest.mark.parametrize("lines", [1, 2, 4])
@@ -47,10 +47,9 @@ def test_a_run_rounds_the_corner_that_the_sweep_checks():
     round_corner(scratch, 0.5, knots[1, 1:])
     q = np.zeros(6)
     for t in np.linspace(0.0, 1.0, 9):
-        assert called(set_joints)(
-            LimbShapes(ROBOT).robot, scratch["motion"]["first"], t, scratch, q
-        )
-        values = Run(knots, np.ones((1, 2))).at(np.array([t]))[0]
+        arm = LimbShapes(ROBOT).robot
+        assert called(set_joints)(arm, scratch["motion"]["first"], t, scratch, q)
+        values = RoundedLines(knots, np.ones((1, 2))).at(np.array([t]))[0]
         np.testing.assert_allclose(q, values[1:], atol=1e-12)
         np.testing.assert_allclose(values, at_corner(*knots, np.array([t]))[0], atol=1e-12)
 
@@ -65,7 +64,7 @@ def rounded_step(checked_graph, plan):
 def configurations(graph, regrasp, share):
     """Where the robot is on its swing: base position, quaternion and joints of all limbs."""
     path = RegraspPath(graph, regrasp)
-    parts = [path.swing(k, share) for k in range(path.pieces)]
+    parts = [path.swing(k, share) for k in range(path.segment_count)]
     u = np.concatenate([part[0] for part in parts])
     joints = path.supports(u)
     joints[:, regrasp.limb] = np.concatenate([part[1] for part in parts])
@@ -98,12 +97,12 @@ def test_a_corner_is_rounded_only_as_far_as_the_clearance_allows(checked_graph, 
     """
     graph, step = checked_graph, rounded_step
     box, lengths = in_the_corner(graph, step), 1.0 / step.rounded[1]
-    free = SwingFinder.of(graph, step).rounded(step.knots, lengths)
+    free = SwingFinder.of(graph, step).round_corners(step.knots, lengths)
     np.testing.assert_allclose(free, step.rounded, atol=1e-9)
     with obstacles(graph, box):
         finder = SwingFinder.of(graph, step)
-        assert finder.clear(step.knots)
-        found = replace(step, rounded=finder.rounded(step.knots, lengths))
+        assert finder.is_clear(step.knots)
+        found = replace(step, rounded=finder.round_corners(step.knots, lengths))
     assert (found.rounded[1] < step.rounded[1]).all()
     ruler, share = Ruler(ROBOT, [box]), np.linspace(0.0, 1.0, 200)
 
