@@ -29,17 +29,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 
 @dataclass
-class Explored:
+class SearchTree:
     """The tree of a search: its expanded states in order, the goal last if it was found."""
 
-    status: int = EXHAUSTED
+    status: int = SEARCH_EXHAUSTED
     """`FOUND`, `EXHAUSTED` or `LIMIT`."""
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -61,7 +61,7 @@ def algorithm1(
     inflation: float = 1.0,
     limit: int = 10_000_000,
     progress: Callable[[int], None] | None = None,
-) -> Explored:
+) -> SearchTree:
     """Search from a state to any stance at the goal.
 
     Parameters
@@ -87,38 +87,38 @@ def algorithm1(
         distance = goal.distance(positions)
         return inflation * cost.heuristic(heuristic, distance, goal.tolerance, graph.max_step)
 
-    explored = Explored()
+    tree = SearchTree()
     origin = graph.posture_of(start).base_position[0]
     # An entry: f, minus g, its age, the state, its base position, the index of its parent.
     queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
-    least, closed = {start: 0.0}, set()
+    best_cost, closed = {start: 0.0}, set()
     while queue:  # line 2
         _, minus_g, _, state, here, parent = heapq.heappop(queue)  # line 3
         if state in closed:  # line 4
             continue
         closed.add(state)
-        index = len(explored.states)
-        explored.states.append(state)
-        explored.parents.append(parent)
-        explored.costs.append(-minus_g)
-        explored.positions.append(here)
+        index = len(tree.states)
+        tree.states.append(state)
+        tree.parents.append(parent)
+        tree.costs.append(-minus_g)
+        tree.positions.append(here)
         if goal.reached(here, state.stance):  # line 5
-            explored.status = FOUND
-            return explored
+            tree.status = GOAL_REACHED
+            return tree
         if index + 1 >= limit:
-            explored.status = LIMIT
-            return explored
+            tree.status = LIMIT_REACHED
+            return tree
         if progress is not None and index % 100 == 0:
             progress(index)
         steps = graph.successors(state)  # line 6
-        away = np.linalg.norm(steps.base_in_world - here, axis=1)
-        g = -minus_g + cost.base_weight * away + cost.step_weight  # line 7
+        distances = np.linalg.norm(steps.base_in_world - here, axis=1)
+        g = -minus_g + cost.base_weight * distances + cost.step_weight  # line 7
         f = g + estimate(steps.base_in_world)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
-            if after not in closed and g[k] < least.get(after, np.inf):  # line 8
-                least[after] = float(g[k])
-                entry = (float(f[k]), -float(g[k]), explored.generated)
+            if after not in closed and g[k] < best_cost.get(after, np.inf):  # line 8
+                best_cost[after] = float(g[k])
+                entry = (float(f[k]), -float(g[k]), tree.generated)
                 heapq.heappush(queue, (*entry, after, steps.base_in_world[k], index))  # line 9
-                explored.generated += 1
-    return explored  # line 10
+                tree.generated += 1
+    return tree  # line 10

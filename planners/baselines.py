@@ -51,17 +51,17 @@ class _Task:
     def distance(self, state: State) -> float:
         return distance(self.moves.place(state).base_in_world, self.goal.tolist())
 
-    def done(self, state: State) -> bool:
+    def is_at_goal(self, state: State) -> bool:
         return self.distance(state) <= self.tolerance
 
     def walk(self, states: list[State]) -> Walk:
-        return Walk(tuple(states), self.done(states[-1]), self.expanded)
+        return Walk(tuple(states), self.is_at_goal(states[-1]), self.expanded)
 
 
 def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Random possible actions until the goal or `longest` steps."""
     states = [task.start]
-    while not task.done(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
         if not len(steps.limb):
             break
@@ -72,7 +72,7 @@ def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Local foothold choice."""
     states, seen = [task.start], {task.start.stance}
-    while not task.done(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
         for k in np.argsort(distances(steps.base_in_world, task.goal), kind="stable"):
             after = steps.after(states[-1], int(k))
@@ -85,7 +85,7 @@ def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk(states)
 
 
-class _Node:
+class _TreeNode:
     """A state of the search tree: its steps in order of promise, and what was tried."""
 
     __slots__ = ("children", "order", "state", "steps", "total", "visits")
@@ -96,20 +96,20 @@ class _Node:
         self.order = np.argsort(
             distances(self.steps.base_in_world, task.goal), kind="stable"
         ).tolist()
-        self.children: list[_Node] = []
+        self.children: list[_TreeNode] = []
         self.visits, self.total = 0, 0.0
 
 
 def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Monte Carlo tree search, `budget` simulations for each step taken."""
-    states, reach = [task.start], 0.5
-    while not task.done(states[-1]) and len(states) <= task.longest:
-        root = _Node(task, states[-1])
+    states, scale = [task.start], 0.5
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
+        root = _TreeNode(task, states[-1])
         best: tuple[float, list[State]] = (-math.inf, [])
         for _ in range(budget):
-            value, states_ahead = _simulate(task, root, rng, reach)
+            value, states_ahead = _simulate(task, root, rng, scale)
             best = max(best, (value, states_ahead), key=lambda pair: pair[0])
-        if best[1] and task.done(best[1][-1]):
+        if best[1] and task.is_at_goal(best[1][-1]):
             # A simulation that arrives is a plan: later ones would only repeat it.
             return task.walk([*states, *best[1]])
         if not root.children:
@@ -120,14 +120,14 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 
 
 def _simulate(
-    task: _Task, root: _Node, rng: np.random.Generator, reach: float
+    task: _Task, root: _TreeNode, rng: np.random.Generator, scale: float
 ) -> tuple[float, list[State]]:
     """Descend, add a node, roll out, and back the value up; the value and the states passed."""
     node, path, ahead = root, [root], list[State]()
-    while node.order and not task.done(node.state):
+    while node.order and not task.is_at_goal(node.state):
         allowed = min(len(node.order), 2 + int(math.sqrt(node.visits)))
         if len(node.children) < allowed:
-            child = _Node(task, node.steps.after(node.state, node.order[len(node.children)]))
+            child = _TreeNode(task, node.steps.after(node.state, node.order[len(node.children)]))
             node.children.append(child)
         else:
             log = math.log(node.visits + 1)
@@ -142,7 +142,7 @@ def _simulate(
             break
     state, seen = node.state, {n.state.stance for n in path}
     for _ in range(8):
-        if task.done(state):
+        if task.is_at_goal(state):
             break
         steps = node.steps if state == node.state else task.steps(state)
         if not len(steps.limb):
@@ -154,7 +154,7 @@ def _simulate(
             break
         seen.add(state.stance)
         ahead.append(state)
-    value = -float(len(ahead)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / reach
+    value = -float(len(ahead)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / scale
     for passed in path:
         passed.visits += 1
         passed.total += value / 10.0
@@ -172,7 +172,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
         queue: list[tuple[float, int]] = [(0.0, 0)]
         while queue and len(states) < 20_000:
             _, here = heapq.heappop(queue)
-            if task.done(states[here]):
+            if task.is_at_goal(states[here]):
                 chain = [here]
                 while parents[chain[-1]] >= 0:
                     chain.append(parents[chain[-1]])
@@ -197,7 +197,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk([task.start])
 
 
-FINDERS: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
+BASELINES: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
     "random": random_walk, "local": local_walk, "mcts": tree_search, "two_level": two_level,
 }  # fmt: skip
 """The baselines by name."""
@@ -240,6 +240,6 @@ def find_walk(
     SettingError
         If the method is unknown.
     """
-    choice("method", method, FINDERS)
+    choice("method", method, BASELINES)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, longest)
-    return FINDERS[method](task, np.random.default_rng(seed), budget)
+    return BASELINES[method](task, np.random.default_rng(seed), budget)

@@ -36,9 +36,9 @@ class CostToGo:
         """Work it out; steps that are not known are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)
-        self._held = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
+        self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
         self._releasable = graph.releasable if graph.settings.transitions else graph.mask
-        self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
+        self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
         """Cost from a state to the goal; infinity from a stance that cannot be held.
@@ -58,7 +58,7 @@ class CostToGo:
             return 0.0
         return float(
             min(
-                self._held[s, i][_bits(state.masks[i])].min()
+                self._table[s, i][_bits(state.masks[i])].min()
                 if can_release(state.masks[1 - i], int(self._releasable[s, 1 - i]))
                 else np.inf
                 for i in range(2)

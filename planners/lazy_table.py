@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
-from mlivr_gym.planners.label_search import NodeWalk
+from mlivr_gym.planners.labels import NodeWalk
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances.checked_steps import join
@@ -54,20 +54,20 @@ class LazyTable(ABC):
         Whether an edge that was checked keeps what was found whatever the label.
     """
 
-    complete: bool
-    exact: bool
+    is_complete: bool
+    label_independent: bool
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Look at nothing yet."""
         self.version, self.table = graph.version, table
-        self.known = CheckedEdges.none(len(table.points))
+        self.checked_edges = CheckedEdges.empty(len(table.points))
 
-    def new(self, bits: IntArray) -> IntArray:
+    def unchecked(self, edges: IntArray) -> IntArray:
         """Those of some edges that were not checked, each once."""
-        return np.asarray(np.unique(bits[~self.known.has(bits)]))
+        return np.asarray(np.unique(edges[~self.checked_edges.contains(edges)]))
 
     def check_nodes(
-        self, rows: IntArray, most: int | None = None, about: Array | None = None
+        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
         """Work out what obstacles leave of nodes; whether they take something of one.
 
@@ -83,11 +83,11 @@ class LazyTable(ABC):
         return False
 
     @abstractmethod
-    def check(self, bits: IntArray) -> None:
+    def check_edges(self, edges: IntArray) -> None:
         """Check edges that are not known."""
 
     @abstractmethod
-    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Branches that limbs may be on after edges, which are checked; 0 where there is none.
 
         Parameters
@@ -99,7 +99,7 @@ class LazyTable(ABC):
         """
 
     @abstractmethod
-    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
+    def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
         """The states of a walk whose edges were checked; None if a step is none after all.
 
         Parameters
@@ -116,89 +116,91 @@ class LazyTable(ABC):
 class LazyPairTable(LazyTable):
     """Two limbs: the graph itself keeps what is known of stances and steps."""
 
-    exact = True
+    label_independent = True
 
     def __init__(self, graph: PairGraph) -> None:
         """Begin with what the graph knows."""
         super().__init__(graph, graph.table)
-        self.graph, self.complete = graph, graph.table_complete
-        if graph.obstacles or graph.occupied or not self.complete:
+        self.graph, self.is_complete = graph, graph.table_complete
+        if graph.obstacles or graph.occupied or not self.is_complete:
             masks = packed(graph.mask)
             released = self.table.released & masks
             bits = self.table.bits.copy()
             self.table = self.table._replace(masks=masks, released=released, bits=bits)
-            if not self.complete and graph.settings.transitions:
-                self._learn_released(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
+            if not self.is_complete and graph.settings.transitions:
+                self._record_releases(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
 
-    def _learn_released(self, rows: IntArray) -> None:
+    def _record_releases(self, rows: IntArray) -> None:
         self.table.released[rows] = packed(self.graph.releasable[rows].astype(np.int64))
 
-    def check(self, bits: IntArray) -> None:
+    def check_edges(self, edges: IntArray) -> None:
         """Check edges that are not known."""
-        new = self.new(bits)
-        if self.complete or not len(new):
+        unchecked = self.unchecked(edges)
+        if self.is_complete or not len(unchecked):
             return
-        (before, limb), (after, _), back = edge_ends(self.table, new)
+        (before, limb), (after, _), reverse = edge_ends(self.table, unchecked)
         held = 1 - limb
         kept = self.graph.edge_masks(held, before, after).astype(np.uint64)
-        self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
-        clear_bits(self.table.bits, np.concatenate([new, back])[np.tile(kept == 0, 2)])
-        self._learn_released(np.concatenate([before, after]))
+        self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
+            after, reverse, kept
+        )
+        clear_bits(self.table.bits, np.concatenate([unchecked, reverse])[np.tile(kept == 0, 2)])
+        self._record_releases(np.concatenate([before, after]))
 
-    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """See `LazyTable.masks_after`."""
-        self.check(bits)
-        (before, limb), (end, _), _ = edge_ends(self.table, bits)
-        rows = np.arange(len(bits))
+        self.check_edges(edges)
+        (before, limb), (end, _), _ = edge_ends(self.table, edges)
+        rows = np.arange(len(edges))
         found, leaves, grasps = (
             unpacked(one, 2)
             for one in (masks, self.table.released[before], self.table.released[end])
         )
-        able = found[rows, limb] & leaves[rows, limb] != 0
-        found[rows, 1 - limb] &= self.known.of(bits).astype(np.int64)
+        can_leave = found[rows, limb] & leaves[rows, limb] != 0
+        found[rows, 1 - limb] &= self.checked_edges.kept_on(edges).astype(np.int64)
         found[rows, limb] = grasps[rows, limb]
         after = packed(found)
-        after[~able | ~found.all(axis=1)] = 0
+        after[~can_leave | ~found.all(axis=1)] = 0
         return after
 
-    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
+    def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
         """The states of a walk whose edges were checked."""
-        points, masks = self.table.points[found.nodes[1:]], unpacked(found.masks[1:], 2)
+        points, masks = self.table.points[node_walk.nodes[1:]], unpacked(node_walk.masks[1:], 2)
         states = zip(map(tuple, points.tolist()), map(tuple, masks.tolist()), strict=True)
-        positions = np.concatenate([start.positions, self.table.base_position[found.nodes[1:]]])
+        positions = np.concatenate([start.positions, self.table.base_position[node_walk.nodes[1:]]])
         return StatePath((*start.states, *(State(*one) for one in states)), positions)
 
 
 class LazyNodeTable(LazyTable):
     """More limbs: postures, releases and steps are worked out where a walk leads."""
 
-    complete = exact = False
+    is_complete = label_independent = False
 
     def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
         """Look at nothing yet."""
         super().__init__(graph, table)
-        self.graph, self._free = graph, table
-        self._unseen = np.zeros(len(table.points), dtype=np.bool_)
+        self.graph, self._free_table = graph, table
+        self._unchecked = np.zeros(len(table.points), dtype=np.bool_)
         if graph.obstacles:
             masks, released = table.masks.copy(), table.released.copy()
             self.table = table._replace(masks=masks, released=released)
             reach = graph.robot.extent + graph.settings.clearance
-            self._close = graph.close_to_obstacles(table.base_position, reach)
-            self._unseen = self._close.copy()
+            self._may_touch = graph.close_to_obstacles(table.base_position, reach)
+            self._unchecked = self._may_touch.copy()
 
     def check_nodes(
-        self, rows: IntArray, most: int | None = None, about: Array | None = None
+        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
         """See `LazyTable.check_nodes`."""
-        rows = np.unique(rows[self._unseen[rows]])
-        if most is not None and about is not None and len(rows) > most:
-            away = self._free.base_position[rows] - about
-            rows = rows[np.argpartition(np.einsum("ij,ij->i", away, away), most)[:most]]
+        rows = np.unique(rows[self._unchecked[rows]])
+        if limit is not None and centre is not None and len(rows) > limit:
+            offset = self._free_table.base_position[rows] - centre
+            rows = rows[np.argpartition(np.einsum("ij,ij->i", offset, offset), limit)[:limit]]
         if not len(rows):
             return False
-        self._unseen[rows] = False
+        self._unchecked[rows] = False
         graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
-        stances = node_stances(graph.grasp_map, graph.robot, self._free, rows, none[:, 0])
+        stances = node_stances(graph.grasp_map, graph.robot, self._free_table, rows, none[:, 0])
         postures = Postures(
             stances.base["position"], stances.base["rotation"], none.astype(float),
             none[:, 0].astype(float), none, stances.mask.copy(), none[:, 0], none[:, 0],
@@ -208,31 +210,33 @@ class LazyNodeTable(LazyTable):
         masks[~graph.is_node(postures)] = 0
         self.table.masks[rows] = masks
         self.table.released[rows] &= masks
-        return bool((masks != self._free.masks[rows]).any())
+        return bool((masks != self._free_table.masks[rows]).any())
 
-    def check(self, bits: IntArray) -> None:
+    def check_edges(self, edges: IntArray) -> None:
         """Check edges that are not known."""
-        graph, new = self.graph, self.new(bits)
-        if not len(new):
+        graph, unchecked = self.graph, self.unchecked(edges)
+        if not len(unchecked):
             return
-        (before, i), (after, j), back = edge_ends(self.table, new)
+        (before, i), (after, j), reverse = edge_ends(self.table, unchecked)
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         if graph.obstacles:
-            stances.released["known"][self._close[rows]] = False
-        here = np.arange(len(new))
-        steps = graph.step_rows(stances, here, here + len(new), stances.mask[here])
+            stances.released["known"][self._may_touch[rows]] = False
+        here = np.arange(len(unchecked))
+        steps = graph.step_rows(stances, here, here + len(unchecked), stances.mask[here])
         found = graph.masks_of_steps(steps, stances)
         if graph.obstacles:
-            self._learn_released(rows, permuted_limbs(stances.released, -turns))
+            self._record_releases(rows, permuted_limbs(stances.released, -turns))
         kept = packed(permuted_limbs(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
-        self.known = self.known.with_steps(before, new, kept).with_steps(after, back, kept)
+        self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
+            after, reverse, kept
+        )
 
-    def masks_after(self, bits: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """See `LazyTable.masks_after`."""
-        graph, kept = self.graph, np.zeros(len(bits), dtype=np.uint64)
-        (before, i), (after, j), _ = edge_ends(self.table, bits)
+        graph, kept = self.graph, np.zeros(len(edges), dtype=np.uint64)
+        (before, i), (after, j), _ = edge_ends(self.table, edges)
         self.check_nodes(np.concatenate([before, after]))
         some = np.flatnonzero(self.table.masks[after] != 0)
         if not len(some):
@@ -241,37 +245,41 @@ class LazyNodeTable(LazyTable):
         rows, turns = np.concatenate([before, after]), np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, turns)
         if graph.obstacles:
-            stances.released["known"][self._close[rows]] = False
+            stances.released["known"][self._may_touch[rows]] = False
         here = np.arange(len(some))
-        wanted = unpacked(masks[some], graph.limbs)
-        steps = graph.step_rows(stances, here, here + len(some), wanted)
+        masks_before = unpacked(masks[some], graph.limbs)
+        steps = graph.step_rows(stances, here, here + len(some), masks_before)
         found = graph.masks_of_steps(steps, stances)
         found[~found.all(axis=1)] = 0
         kept[some] = packed(permuted_limbs(found, i - j))
         return kept
 
-    def _learn_released(self, rows: IntArray, released: Array) -> None:
+    def _record_releases(self, rows: IntArray, released: Array) -> None:
         """Keep what was worked out of releases, rows of `Release` of shape (k, N)."""
         for row, one in zip(rows.tolist(), released, strict=True):
             before = unpacked(self.table.released[row : row + 1], self.graph.limbs)
-            told = np.where(one["known"], one["branches"].astype(np.int64), before)
-            self.table.released[row] = packed(told)[0]
+            updated = np.where(one["known"], one["branches"].astype(np.int64), before)
+            self.table.released[row] = packed(updated)[0]
 
-    def walk(self, start: StatePath, turn: int, found: NodeWalk) -> StatePath | None:
+    def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
         """See `LazyTable.walk`: every step is checked once more, as the robot stands."""
         graph = self.graph
-        (before, i), (after, j), backward = edge_ends(self.table, found.bits)
+        (before, i), (after, j), reverse = edge_ends(self.table, node_walk.edges)
         turns = -np.cumsum([turn, *(i - j).tolist()])
-        stances = permuted_limbs(self.table.points[found.nodes].astype(np.int64), turns)
-        masks = permuted_limbs(unpacked(found.masks, graph.limbs), turns)
+        stances = permuted_limbs(self.table.points[node_walk.nodes].astype(np.int64), turns)
+        masks = permuted_limbs(unpacked(node_walk.masks, graph.limbs), turns)
         followed = graph.nodes(stances[1:])
         postures = join(graph.posture_of(start.states[-1]), followed)
         after_steps = masks_along(graph, stances, masks, postures)
-        bad = np.flatnonzero(~after_steps.all(axis=1))
-        if len(bad):
-            none = np.zeros(len(bad), dtype=np.uint64)
-            self.known = self.known.with_steps(before[bad], found.bits[bad], none)
-            self.known = self.known.with_steps(after[bad], backward[bad], none)
+        impossible = np.flatnonzero(~after_steps.all(axis=1))
+        if len(impossible):
+            none = np.zeros(len(impossible), dtype=np.uint64)
+            self.checked_edges = self.checked_edges.with_edges(
+                before[impossible], node_walk.edges[impossible], none
+            )
+            self.checked_edges = self.checked_edges.with_edges(
+                after[impossible], reverse[impossible], none
+            )
             return None
         states = zip(map(tuple, stances[1:].tolist()), map(tuple, masks[1:].tolist()), strict=True)
         positions = np.concatenate([start.positions, followed.base_position])
@@ -317,7 +325,7 @@ def masks_along(
     return found
 
 
-def lazy_table_of(graph: StanceGraph) -> LazyTable | None:
+def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
     """The nodes of a graph in the world as it is now; None where they are not all known."""
     if isinstance(graph, PairGraph):
         return LazyPairTable(graph)

@@ -39,11 +39,11 @@ class MoveBounds:
         """Work the tables out for `goal`."""
         robot, positions = graph.robot, graph.grasp_map.positions
         reach = robot.mount_radius + robot.limb.reach + robot.tool_length
-        there = goal.distance(positions) <= reach + goal.tolerance + 1e-9
+        at_goal = goal.distance(positions) <= reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
-            there &= goal.on_face
-        self.alone: Array = np.where(there, 0.0, 1.0)
-        self.pairs = _fewest_moves(graph.together, there)
+            at_goal &= goal.on_face
+        self.alone: Array = np.where(at_goal, 0.0, 1.0)
+        self.pairs = _fewest_moves(graph.together, at_goal)
         self._partitions = list(partitions(tuple(range(graph.limbs))))
 
     def steps(self, stances: IntArray) -> Array:
@@ -74,15 +74,15 @@ def partitions(limbs: tuple[int, ...]) -> Iterator[Partition]:
             yield (*more, (first,))
 
 
-def _fewest_moves(together: BoolArray, there: BoolArray) -> Array:
+def _fewest_moves(compatible: BoolArray, at_goal: BoolArray) -> Array:
     """Fewest moves of two limbs to points that are `there`, by breadth from these, shape (m, m)."""
-    moves = np.full(together.shape, np.inf)
-    new: BoolArray = np.logical_and(together, np.outer(there, there))
+    moves = np.full(compatible.shape, np.inf)
+    frontier: BoolArray = np.logical_and(compatible, np.outer(at_goal, at_goal))
     count = 0
-    while new.any():
-        moves[new] = count
+    while frontier.any():
+        moves[frontier] = count
         count += 1
         # The first limb moves while the second holds, or the second while the first holds.
-        reached = np.any(new, axis=0, keepdims=True) | np.any(new, axis=1, keepdims=True)
-        new = np.logical_and(together, reached & np.isinf(moves))
+        reached = np.any(frontier, axis=0, keepdims=True) | np.any(frontier, axis=1, keepdims=True)
+        frontier = np.logical_and(compatible, reached & np.isinf(moves))
     return moves

@@ -33,8 +33,8 @@ class Block:
     parent: int
     cost: float
     stances: IntArray
-    lows: Array
-    promises: Array
+    lower_bounds: Array
+    estimates: Array
     version: int = 0
 
     @property
@@ -43,14 +43,14 @@ class Block:
         return self.version == len(self.stances)
 
     @property
-    def low(self) -> float:
+    def lower_bound(self) -> float:
         """Lower bound of the cost of a plan through any that was not taken."""
-        return float(self.lows[self.version])
+        return float(self.lower_bounds[self.version])
 
     @property
-    def promise(self) -> float:
+    def estimate(self) -> float:
         """That of the first which was not taken."""
-        return float(self.promises[self.version])
+        return float(self.estimates[self.version])
 
 
 @dataclass(slots=True)
@@ -80,8 +80,8 @@ class Entry:
     stance: tuple[int, ...]
     parent: int
     cost: float
-    low: float
-    promise: float
+    lower_bound: float
+    estimate: float
     posture: Postures
     state: State | None = None
     done: bool = False
@@ -92,7 +92,7 @@ class Entry:
         return int(self.state is not None)
 
 
-class Queue:
+class OpenQueue:
     """Blocks and entries in an order; what was pushed again or is done counts no more."""
 
     def __init__(self) -> None:

@@ -39,7 +39,7 @@ SPREAD = (0.12, 0.3)
 SAMPLES = 60
 """Samples for each stance and round."""
 
-BLOCK = 8
+STEP_BATCH = 8
 """Steps that are checked at once."""
 
 
@@ -75,7 +75,7 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
         )
     walk = _Footholds(graph, plan)
     rng = np.random.default_rng(seed)
-    layers = walk.layers(walk.poses_tried())
+    layers = walk.layers(walk.candidate_poses())
     best, chosen = plan, walk.search(layers)
     if chosen is None:
         raise PlanError("a step of the plan is not possible on this graph as the world is now")
@@ -92,28 +92,28 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     return best
 
 
-class _Chosen(NamedTuple):
+class _PosedWalk(NamedTuple):
     """States of a walk, and the postures in which the robot stands in them."""
 
     states: tuple[State, ...]
     postures: Postures
 
 
-class _Node(NamedTuple):
+class _PoseNode(NamedTuple):
     """A posture of a stance that was reached."""
 
     layer: int
     row: int
     """Posture among those of all stances."""
     masks: tuple[int, ...]
-    spent: float
-    before: _Node | None
+    cost: float
+    parent: _PoseNode | None
 
 
-class _Ahead(NamedTuple):
+class _PendingSteps(NamedTuple):
     """Postures that a node may go on to, those with the least estimate first."""
 
-    node: _Node
+    node: _PoseNode
     rows: IntArray
     """Postures, shape (k,)."""
     estimate: Array
@@ -138,11 +138,11 @@ class _Footholds:
             )
         ]
         self.start = graph.state(self.stances[0], self.given[0], motion.joint_positions[0])
-        away = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
-        self.arrives = away <= self.query.goal_tolerance
+        distance = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
+        self.ends_at_goal = distance <= self.query.goal_tolerance
         """Whether the plan ends in its goal region; if not, its last pose is kept."""
 
-    def poses_tried(self) -> Poses:
+    def candidate_poses(self) -> Poses:
         """All base poses that are tried for each stance."""
         return [self.graph.solver.poses_tried(stance) for stance in self.stances]
 
@@ -176,7 +176,7 @@ class _Footholds:
         for k, (stance, (positions, rotations)) in enumerate(zip(self.stances, poses, strict=True)):
             given = State(stance, self.start.masks, self.given[k])
             first = graph.posture_of(given) if known is None else known.take(slice(k, k + 1))
-            if k == 0 or (k == last and not self.arrives):
+            if k == 0 or (k == last and not self.ends_at_goal):
                 layers.append(first)
                 continue
             points = np.tile(np.array(stance, dtype=np.int64), (len(positions), 1))
@@ -184,83 +184,85 @@ class _Footholds:
             both = join(first, found)
             good = graph.is_node(both)
             if k == last:
-                away = np.linalg.norm(both.base_position - np.array(self.query.goal), axis=1)
-                good &= away <= self.query.goal_tolerance
+                distance = np.linalg.norm(both.base_position - np.array(self.query.goal), axis=1)
+                good &= distance <= self.query.goal_tolerance
             layers.append(both.take(good))
         return layers
 
-    def search(self, layers: list[Postures]) -> _Chosen | None:
+    def search(self, layers: list[Postures]) -> _PosedWalk | None:
         """The walk of least base translation over some postures of each stance."""
         graph, last = self.graph, len(layers) - 1
-        every = layers[0]
+        postures = layers[0]
         for layer in layers[1:]:
-            every = join(every, layer)
+            postures = join(postures, layer)
         sizes = [len(layer.w_b) for layer in layers]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)
-        stances, to_go = graph.checks.stances(points, every), _least_ahead(layers)
+        stances, costs_to_go = graph.checks.stances(points, postures), _costs_to_go(layers)
         order, closed = count(), dict[int, list[tuple[int, ...]]]()
-        first = _Node(0, 0, self.start.masks, 0.0, None)
-        queue: list[tuple[float, int, _Node | _Ahead]] = [(0.0, next(order), first)]
+        first = _PoseNode(0, 0, self.start.masks, 0.0, None)
+        queue: list[tuple[float, int, _PoseNode | _PendingSteps]] = [(0.0, next(order), first)]
         while queue:
             _, _, item = heapq.heappop(queue)
-            if isinstance(item, _Node):
-                if _covered(item, closed):
+            if isinstance(item, _PoseNode):
+                if _is_dominated(item, closed):
                     continue
                 if item.layer == last:
-                    return self._chosen(every, item)
+                    return self._posed_walk(postures, item)
                 after = slice(starts[item.layer + 1], starts[item.layer + 2])
-                away = np.linalg.norm(
-                    every.base_position[after] - every.base_position[item.row], axis=1
+                distance = np.linalg.norm(
+                    postures.base_position[after] - postures.base_position[item.row], axis=1
                 )
-                estimate = item.spent + away + to_go[after]
+                estimate = item.cost + distance + costs_to_go[after]
                 best = np.argsort(estimate, kind="stable")
-                item = _Ahead(item, best + after.start, estimate[best])
+                item = _PendingSteps(item, best + after.start, estimate[best])
             else:
-                for node in self._stepped(stances, item, every):
-                    total = node.spent + float(to_go[node.row])
+                for node in self._expand(stances, item, postures):
+                    total = node.cost + float(costs_to_go[node.row])
                     heapq.heappush(queue, (total, next(order), node))
-                item = _Ahead(item.node, item.rows[BLOCK:], item.estimate[BLOCK:])
+                item = _PendingSteps(item.node, item.rows[STEP_BATCH:], item.estimate[STEP_BATCH:])
             if len(item.rows) and np.isfinite(item.estimate[0]):
                 heapq.heappush(queue, (float(item.estimate[0]), next(order), item))
         return None
 
-    def _stepped(self, stances: StanceSet, ahead: _Ahead, every: Postures) -> Iterator[_Node]:
+    def _expand(
+        self, stances: StanceSet, ahead: _PendingSteps, postures: Postures
+    ) -> Iterator[_PoseNode]:
         """What the first steps ahead lead to, those that are edges."""
-        graph, node, rows = self.graph, ahead.node, ahead.rows[:BLOCK]
+        graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]
         if graph.settings.transitions:
             here, masks = np.full(len(rows), node.row), np.tile(node.masks, (len(rows), 1))
             steps = graph.step_rows(stances, here, rows, masks)
             masks = graph.masks_of_steps(steps, stances)
         else:
             masks = stances.mask[rows]
-        places = every.base_position
+        places = postures.base_position
         for row, after in zip(rows.tolist(), masks.tolist(), strict=True):
             if all(after):
-                spent = node.spent + float(np.linalg.norm(places[row] - places[node.row]))
-                yield _Node(node.layer + 1, row, tuple(after), spent, node)
+                cost = node.cost + float(np.linalg.norm(places[row] - places[node.row]))
+                yield _PoseNode(node.layer + 1, row, tuple(after), cost, node)
 
-    def _chosen(self, every: Postures, node: _Node) -> _Chosen:
+    def _posed_walk(self, postures: Postures, node: _PoseNode) -> _PosedWalk:
         """The walk to a node; `every` are the postures of all stances."""
         nodes = [node]
-        while nodes[-1].before is not None:
-            nodes.append(nodes[-1].before)
+        while nodes[-1].parent is not None:
+            nodes.append(nodes[-1].parent)
         nodes.reverse()
         after = (State(self.stances[node.layer], node.masks) for node in nodes[1:])
-        postures = every.take(np.array([node.row for node in nodes]))
-        return _Chosen((self.start, *after), postures)
+        postures = postures.take(np.array([node.row for node in nodes]))
+        return _PosedWalk((self.start, *after), postures)
 
 
-def _least_ahead(layers: list[Postures]) -> Array:
+def _costs_to_go(layers: list[Postures]) -> Array:
     """Least base translation from each posture to the last stance, steps not checked [m]."""
     ahead = [np.zeros(len(layers[-1].w_b))]
     for there, here in pairwise(layers[::-1]):
-        away = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
-        ahead.append((away + ahead[-1]).min(axis=1, initial=np.inf))
+        distance = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
+        ahead.append((distance + ahead[-1]).min(axis=1, initial=np.inf))
     return np.concatenate(ahead[::-1])
 
 
-def _covered(node: _Node, closed: dict[int, list[tuple[int, ...]]]) -> bool:
+def _is_dominated(node: _PoseNode, closed: dict[int, list[tuple[int, ...]]]) -> bool:
     """Whether a posture was reached before with all the branches; keeps the node if not."""
     known = closed.setdefault(node.row, [])
     for masks in known:

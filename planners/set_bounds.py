@@ -31,9 +31,9 @@ class SetBounds:
     def __init__(self, graph: StanceGraph, sets: StanceSets, goal: Goal) -> None:
         """Work the moves out for `goal`."""
         self.sets, points = sets, sets.points.astype(np.int64)
-        there = goal.held(points)
-        there[there] = graph.solver.in_reach(points[there], goal.target, goal.tolerance)
-        self.moves: NDArray[np.int16] = np.where(there, 0, -1).astype(np.int16)
+        at_goal = goal.on_goal_face(points)
+        at_goal[at_goal] = graph.solver.in_reach(points[at_goal], goal.target, goal.tolerance)
+        self.moves: NDArray[np.int16] = np.where(at_goal, 0, -1).astype(np.int16)
         fewest_moves(sets.supports, self.moves, np.zeros(sets.support_count, dtype=np.bool_))
 
     def steps(self, stances: IntArray) -> Array:
@@ -57,16 +57,16 @@ def fewest_moves(supports: NDArray[np.int32], moves: NDArray[np.int16], reached:
     reached
         Room for each rest, all False.
     """
-    count, new = 0, True
-    while new:
+    moves_done, changed = 0, True
+    while changed:
         for s in range(len(moves)):
-            if moves[s] == count:
+            if moves[s] == moves_done:
                 for i in range(supports.shape[1]):
                     reached[supports[s, i]] = True
-        count, new = count + 1, False
+        moves_done, changed = moves_done + 1, False
         for s in range(len(moves)):
             if moves[s] < 0:
                 for i in range(supports.shape[1]):
                     if reached[supports[s, i]]:
-                        moves[s], new = count, True
+                        moves[s], changed = moves_done, True
                         break

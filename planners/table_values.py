@@ -22,7 +22,7 @@ from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
-class Charges(NamedTuple):
+class StepPrices(NamedTuple):
     """What a step to each of m points costs, shape (m,)."""
 
     step: Array
@@ -31,7 +31,7 @@ class Charges(NamedTuple):
     """For each metre of base displacement."""
 
 
-class Costs(NamedTuple):
+class CostTables(NamedTuple):
     """Least costs to g goals from n stances."""
 
     held: Array
@@ -43,11 +43,11 @@ class Costs(NamedTuple):
 @entry
 def relax(
     goal: BoolArray,
-    charges: Charges,
+    prices: StepPrices,
     tables: StepTables,
-    costs: Costs,
+    costs: CostTables,
     g: int,
-    waiting: IntArray,
+    queue: IntArray,
     queued: NDArray[np.int8],
 ) -> None:
     """Fill the table, label-correcting backward from the goal stances.
@@ -70,7 +70,7 @@ def relax(
         Zeros, shape (n,).
     """
     n, value, grasped = len(goal), costs.held[g], costs.grasped[g]
-    step_cost, base_cost = charges.step, charges.metre
+    step_cost, base_cost = prices.step, prices.metre
     head = size = 0
     for s in range(n):
         if goal[s]:
@@ -79,11 +79,11 @@ def relax(
                 for b in range(16):
                     if has(tables.masks[s, limb], b):
                         value[s, limb, b] = 0.0
-            waiting[size] = s
+            queue[size] = s
             queued[s] = 1
             size += 1
     while size:
-        s2 = waiting[head]
+        s2 = queue[head]
         head = (head + 1) % n
         size -= 1
         queued[s2] = 0
@@ -101,17 +101,17 @@ def relax(
                 for b in range(16):
                     if has(branches, b):
                         # The limb that holds may move next if it can be released on its branch.
-                        rest = np.inf
+                        remaining = np.inf
                         if can_release(only(b), tables.releasable[s2, held]):
-                            rest = grasped[s2, moving]
-                        through = cost + min(value[s2, held, b], rest)
+                            remaining = grasped[s2, moving]
+                        through = cost + min(value[s2, held, b], remaining)
                         if through < value[s, held, b] - 1e-9:
                             value[s, held, b] = through
                             if can_release(only(b), tables.releasable[s, held]):
                                 grasped[s, held] = min(grasped[s, held], through)
                             changed = True
                 if changed and not queued[s]:
-                    waiting[(head + size) % n] = s
+                    queue[(head + size) % n] = s
                     queued[s] = 1
                     size += 1
 
@@ -120,11 +120,11 @@ def relax(
 def step_values(
     stances: IntArray,
     masks: IntArray,
-    which: IntArray,
+    goal_of_state: IntArray,
     goals: BoolArray,
-    charges: Charges,
+    prices: StepPrices,
     tables: StepTables,
-    costs: Costs,
+    costs: CostTables,
     out: Array,
 ) -> None:
     """Cost of taking each possible action and going on at the least cost.
@@ -149,9 +149,9 @@ def step_values(
         Infinities, shape (k, 2 m), written.
     """
     m, values, grasped = out.shape[1] // 2, costs.held, costs.grasped
-    step_cost, base_cost = charges.step, charges.metre
+    step_cost, base_cost = prices.step, prices.metre
     for k in range(len(stances)):
-        s, g = stances[k], which[k]
+        s, g = stances[k], goal_of_state[k]
         for moving in range(2):
             held = 1 - moving
             if not can_release(masks[k, moving], tables.releasable[s, moving]):
@@ -162,22 +162,22 @@ def step_values(
                     continue
                 s2 = tables.after[e]
                 point = tables.points[s2, moving]
-                square, rest = 0.0, np.inf
+                square, remaining = 0.0, np.inf
                 if can_release(branches, tables.releasable[s2, held]):
-                    rest = grasped[g, s2, moving]
+                    remaining = grasped[g, s2, moving]
                 for axis in range(3):
                     square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 for b in range(16):
                     if has(branches, b):
-                        rest = min(rest, values[g, s2, held, b])
+                        remaining = min(remaining, values[g, s2, held, b])
                 if goals[g, s2]:
-                    rest = 0.0
+                    remaining = 0.0
                 out[k, moving * m + point] = (
-                    step_cost[point] + base_cost[point] * np.sqrt(square) + rest
+                    step_cost[point] + base_cost[point] * np.sqrt(square) + remaining
                 )
 
 
-def expected_charges(cost: Cost, failure: Array) -> Charges:
+def expected_prices(cost: Cost, failure: Array) -> StepPrices:
     """Expected charges for a step and for a metre where attempts at points may fail.
 
     A failed attempt costs a step and the path there and back; it is made again until it succeeds,
@@ -196,7 +196,7 @@ def expected_charges(cost: Cost, failure: Array) -> Charges:
         The charges for each point.
     """
     step = cost.step_weight / (1.0 - failure)
-    return Charges(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
+    return StepPrices(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
 def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
@@ -239,21 +239,21 @@ class TableValues:
         """
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
-        self.charges = expected_charges(cost, np.zeros(points) if failure is None else failure)
+        self.prices = expected_prices(cost, np.zeros(points) if failure is None else failure)
         n, count = len(tables.points), len(goals)
         self.goals: BoolArray = goals & (tables.masks != 0).all(axis=1)
-        self._costs = Costs(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
+        self._costs = CostTables(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
         self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            relax(self.goals[g], self.charges, tables, self._costs, g, queue, queued)
+            relax(self.goals[g], self.prices, tables, self._costs, g, queue, queued)
 
     def of_stances(self, g: int) -> Array:
         """Least cost from each stance to goal `g` with all branches of both limbs, shape (n,)."""
         return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
-        self, stances: IntArray, masks: IntArray, which: IntArray, actions: int
+        self, stances: IntArray, masks: IntArray, goal_of_state: IntArray, actions: int
     ) -> Array:
         """Cost of taking each action in k states and going on at the least cost.
 
@@ -274,5 +274,7 @@ class TableValues:
             Shape (k, actions), inf where an action is not possible.
         """
         out: Array = np.full((len(stances), actions), np.inf)
-        step_values(stances, masks, which, self.goals, self.charges, self.tables, self._costs, out)
+        step_values(
+            stances, masks, goal_of_state, self.goals, self.prices, self.tables, self._costs, out
+        )
         return out

@@ -13,7 +13,7 @@ import numpy as np
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.outcome import FOUND
+from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
@@ -52,7 +52,7 @@ class Cause(NamedTuple):
     """One sentence for people."""
 
 
-def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
+def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
     """Why no plan leads from a state to a goal.
 
     Parameters
@@ -66,28 +66,29 @@ def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
     limit
         Most expansions of each search for the cause; for two limbs the answer is exact.
     """
-    nearest = _nearest_base(graph, goal)
-    if nearest == np.inf:
+    smallest = _smallest_goal_distance(graph, goal)
+    if smallest == np.inf:
         return Cause((), f"no stance holds points of face {goal.face!r} with all limbs")
-    if nearest > goal.tolerance:
+    if smallest > goal.tolerance:
         on_face = f" on face {goal.face!r}" if goal.face else ""
         return Cause(
             (),
             f"no stance{on_face} has its base within {goal.tolerance:g} m of the goal; the nearest "
-            f"is {nearest:.3f} m away: a goal_tolerance of {nearest + 0.0005:.3f} m would have one",
+            f"is {smallest:.3f} m away: a goal_tolerance of {smallest + 0.0005:.3f} m would "
+            "have one",
         )
-    names = [name for name in RULES if _applies(name, graph)]
+    names = [name for name in RULES if _has_rule(name, graph)]
     for name in names:
-        if _leads(graph, (name,), first, goal, limit):
+        if _plan_exists(graph, (name,), start, goal, limit):
             return Cause((name,), f"the goal is cut off by {name}: {RULES[name][1]}")
     for last in range(2, len(names) + 1):
-        if _leads(graph, tuple(names[:last]), first, goal, limit):
-            told = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
-            return Cause(tuple(names[:last]), f"the goal is cut off by {told} together")
+        if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
+            listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
+            return Cause(tuple(names[:last]), f"the goal is cut off by {listed} together")
     return Cause((), "no walk of this robot leads to the goal, whatever rule is left out")
 
 
-def _applies(name: str, graph: StanceGraph) -> bool:
+def _has_rule(name: str, graph: StanceGraph) -> bool:
     """Whether a graph has a rule."""
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
@@ -96,33 +97,33 @@ def _applies(name: str, graph: StanceGraph) -> bool:
     return all(getattr(graph.settings, key) for key in RULES[name][0])
 
 
-def _nearest_base(graph: StanceGraph, goal: Goal) -> float:
+def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
     """Distance of the nearest base position of a stance to the goal [m]; 0 if it is not known."""
     if not isinstance(graph, PairGraph):
         return 0.0
-    held = (graph.mask > 0).all(axis=1) & goal.held(graph.points)
-    away = np.where(held, goal.distance(graph.base_in_world), np.inf)
-    return float(away.min(initial=np.inf))
+    held = (graph.mask > 0).all(axis=1) & goal.on_goal_face(graph.points)
+    distances = np.where(held, goal.distance(graph.base_in_world), np.inf)
+    return float(distances.min(initial=np.inf))
 
 
-def _leads(
-    graph: StanceGraph, rules: tuple[str, ...], first: State, goal: Goal, limit: int
+def _plan_exists(
+    graph: StanceGraph, rules: tuple[str, ...], start: State, goal: Goal, limit: int
 ) -> bool:
     """Whether a walk leads to the goal without some rules."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
-    other = stance_graph(graph.grasp_map, graph.robot, settings)
+    relaxed = stance_graph(graph.grasp_map, graph.robot, settings)
     if OBSTACLES not in rules:
-        other.add_obstacles(graph.obstacles)
-        other.occupy(sorted(graph.occupied))
+        relaxed.add_obstacles(graph.obstacles)
+        relaxed.occupy(sorted(graph.occupied))
     if JOINTS in rules:
-        other.checks.ignore_joint_limits()
+        relaxed.checks.ignore_joint_limits()
     try:
-        start = other.state(first.stance, first.pose)
+        relaxed_start = relaxed.state(start.stance, start.pose)
     except StanceError:
         return False
-    steps = replace(goal, cost=Cost.named("steps"))
-    search = SearchQuery.checked(other, steps, SearchOptions(limit=limit))
+    step_goal = replace(goal, cost=Cost.named("steps"))
+    search = SearchQuery.checked(relaxed, step_goal, SearchOptions(limit=limit))
     # What is worked out once for a graph would be asked for this once.
-    path = GraphSearcher(other, work_out=False).find(search, start)
-    return path is not None and path.status == FOUND
+    path = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
+    return path is not None and path.status == GOAL_REACHED
