@@ -1,4 +1,4 @@
-"""The expert: costs, heuristics, graph search and the plans they return."""
+"""The expert: costs, heuristics, graph search and the plans that it returns."""
 
 from __future__ import annotations
 

@@ -1,17 +1,17 @@
-"""Algorithm 1 of the paper in plain Python: best-first search over stances.
+"""Algorithm 1 of the paper in plain Python: A* over stances (Hart, Nilsson and Raphael 1968).
 
-This is the search to read first, and what the others (`table_search`, `lazy_search`) are
-compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so
-it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
-`heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
-`State`: a stance together with the branches that each limb may be on.
+This is the search to read first, and the reference for the compiled searches (`table_search`,
+`lazy_search`). It uses `posture_of`, `successors` and `max_step` of a stance graph alone, so it
+serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
+`heuristic="paper"` its nodes, edges and estimates are those of the paper. If steps are checked, a
+node of the search is a `State`: a stance together with the branches that each limb may be on.
 
-The lines are numbered for this file, not as in the paper's listing:
+The line numbers are those of this file, not of the listing in the paper:
 
     1   open <- {start}, g(start) <- 0, closed <- {}
     2   while open is not empty:
     3       s <- the entry of open with the least f; of equal ones the largest g, then the oldest
-    4       if s is in closed: go on with the next; closed <- closed + {s}
+    4       if s is in closed: continue with the next entry; closed <- closed + {s}
     5       if the base at s lies within the tolerance of the goal: return the path to s
     6       for each limb and each point that it can step to, which leads to s':
     7           g' <- g(s) + cost(s, s')
@@ -37,19 +37,19 @@ from mlivr_gym.transitions.state import State
 
 @dataclass
 class SearchTree:
-    """The tree of a search: its expanded states in order, the goal last if it was found."""
+    """The expanded states of a search in order, the goal last if it was reached."""
 
     status: int = SEARCH_EXHAUSTED
-    """`FOUND`, `EXHAUSTED` or `LIMIT`."""
+    """`GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`."""
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
-    """Index of the state that each one was reached from, -1 at the start."""
+    """Index of the parent of each state, -1 at the start."""
     costs: list[float] = field(default_factory=list)
     """Cost from the start."""
     positions: list[Array] = field(default_factory=list)
     """Base position of each state [m], shape (3,)."""
     generated: int = 1
-    """States that were put into the queue, the start included."""
+    """Number of states put into the open queue, the start included."""
 
 
 def algorithm1(
@@ -69,17 +69,22 @@ def algorithm1(
     graph
         The stance graph, of any number of limbs.
     start
-        Where to start, for example `graph.state(stance)`.
+        The start state, for example `graph.state(stance)`.
     goal
-        Where to go and at what cost.
+        Goal region and cost.
     heuristic
         `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
     inflation
-        Factor on the heuristic; with 1 and a consistent one the path costs the least.
+        Factor on the heuristic; with 1 and a consistent heuristic the path has minimum cost.
     limit
-        Most expansions.
+        Maximum number of expansions.
     progress
-        Called with the number of expansions now and then.
+        Called from time to time with the number of expansions.
+
+    Returns
+    -------
+    SearchTree
+        The expanded states; their parents give the path.
     """
     cost = goal.cost
 

@@ -1,4 +1,4 @@
-"""Edges that were checked, in a hash table with open addressing, cached between queries (compiled)."""
+"""Checked edges in a hash table with open addressing, cached between queries (compiled)."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ label, the branches that each limb may be on, as in shortest paths with resource
 (Desrochers and Soumis 1988): an edge removes from the label of each support limb the branches that
 it cannot keep, and a label is dropped if labels of the same node that cost no more have all its
 branches (dominance). An edge that was not checked is assumed to keep its upper bound from the
-table, so that a minimum over unchecked edges bounds the cost of every plan from below.
+table, so the cheapest walk over unchecked edges bounds the cost of every plan from below.
 """
 
 from __future__ import annotations

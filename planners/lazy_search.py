@@ -1,18 +1,19 @@
-"""Best-first search over the stances of any number of limbs, which can stop at any time.
+"""Best-first search over stances that are built on demand, for any number of limbs.
 
-A stance of many limbs has hundreds of neighbours, of which few are nodes and fewer can be stepped
-to, and to know that takes longer than all else. So a neighbour goes through three stages, each when
-it is the most promising: one of which its points alone are known, in a block with the others of its
-parent; one whose posture is known; and a state, once the step to it is checked. Those of one stage
-are worked out in batches.
+A stance of three or four limbs has hundreds of neighbours, few of which are nodes, and most of the
+time goes into postures and step checks. So a neighbour passes through three stages, each when it
+comes first in an open queue, and those of one stage are evaluated in batches: its points alone are
+known, in a block with the other neighbours of its parent; its posture is known; the step to it is
+checked, which makes it a state.
 
-Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
-`set_bounds`, or `move_bounds` where there are no sets. The least of those in the queue bounds the
-cost of every plan, so a plan is told with the factor within which it is proved. A search for the
-least cost takes entries by their bound. Others take them by turns in an order of promise, which may
-lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
-is a plan now and then also by bound alone, to prove it good. Where there is a table
-of all nodes plans come from that instead, see `table_search`.
+Every item has a lower bound of the cost of plans through it, by the triangle inequality and
+`set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds
+the cost of every plan, which gives the optimality bound. A search for an optimal plan takes items
+by their lower bound, one with a suboptimality factor by `f = w g + h`. A satisficing search
+alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
+minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
+is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
+table of nodes, satisficing searches use `table_search` instead.
 """
 
 from __future__ import annotations
@@ -43,31 +44,32 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 
 POSTURE_BATCH, BLOCK_SHARE, STEP_BATCH = 128, 8, 32
-"""Most stances whose postures are worked out at once, most of them that are of one block, and most
-steps that are checked at once."""
+"""Maximum number of stances whose postures are computed in one batch, of those from one block, and
+of steps checked in one batch."""
 
 COST_TO_GO_INFLATION = 2.0
-"""Factor on what is left in the order that leads out of pockets."""
+"""Factor on the cost-to-go in the queue that leads out of local minima."""
 
 PROOF_INTERVAL = 5
-"""Once there is a plan one entry of so many is taken by bound alone, to prove it good."""
+"""Once there is a plan, one of this many items is taken by its lower bound, to prove the plan
+good."""
 
 COST_TOLERANCE = 1e-9
-"""Costs that differ by this share are equal."""
+"""Relative tolerance within which costs are equal."""
 
 
 @dataclass
 class LazySearchResult:
-    """Outcome of a search: expanded states with their parents, costs and postures.
+    """Result of a search: the expanded states with their parents, costs and postures.
 
     Attributes
     ----------
     status
-        `FOUND`, `EXHAUSTED` or `LIMIT`.
+        `GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`.
     goal
-        Index of the state that ends the best plan, or of the last expanded one.
+        Index of the state at the end of the best plan, or of the last expanded state.
     bound
-        Factor of the least cost within which the plan is proved.
+        Optimality bound of the plan.
     """
 
     status: int = SEARCH_EXHAUSTED
@@ -82,21 +84,21 @@ class LazySearchResult:
 
 
 def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchResult | None:
-    """Best-first search from a state to any stance whose base lies in the goal region.
+    """Search from a state to any stance whose base lies in the goal region.
 
     Parameters
     ----------
     graph
         The stance graph.
     start
-        Where to start.
+        The start state.
     search
-        What to look for, and how.
+        The query.
 
     Returns
     -------
     SearchResult | None
-        What was found; None if no moves lead to the goal, whatever steps there are.
+        The path; None if no sequence of moves leads to the goal.
     """
     result = _LazySearch(graph, start, search).run()
     if not result.states:
@@ -111,7 +113,7 @@ def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchRe
 
 
 class _LazySearch:
-    """A search in progress: its queues, and what was expanded."""
+    """A search in progress, with its open queues and its expanded states."""
 
     def __init__(self, graph: LazyGraph, start: State, search: SearchQuery) -> None:
         self.graph, self.search, self.start_time = graph, search, search.start_time
@@ -122,7 +124,7 @@ class _LazySearch:
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
         self.complete: dict[tuple[int, ...], float] = {}
-        """Least cost with which each stance was expanded with all its branches."""
+        """Minimum cost with which each stance was expanded with all its branches."""
 
     @cached_property
     def moves(self) -> MoveBounds | SetBounds:
@@ -131,7 +133,7 @@ class _LazySearch:
         return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
 
     def _push_start(self) -> None:
-        """Put the start into the queues."""
+        """Push the start into the queues."""
         start, first = self.start, self.graph.posture_of(self.start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
         if start.pose is None:  # from another pose limbs may reach farther
@@ -142,7 +144,7 @@ class _LazySearch:
         self._push(entry)
 
     def _record_state(self, state: State, posture: Postures, parent: int, cost: float) -> None:
-        """Note a state that was reached."""
+        """Record an expanded state."""
         result = self.result
         result.states.append(state)
         result.parents.append(parent)
@@ -150,14 +152,14 @@ class _LazySearch:
         result.postures.append(posture)
 
     def _record_goal(self) -> None:
-        """Note that the last expanded state is at the goal."""
+        """Record that the state expanded last is at the goal."""
         result = self.result
         result.goal = len(result.states) - 1
         elapsed = time.perf_counter() - self.start_time
         result.improvements.append(Improvement(elapsed, result.costs[-1], self._bound()))
 
     def run(self) -> LazySearchResult:
-        """Work entries out until a plan is as good as is asked for."""
+        """Process items of the queues until a plan is proved good enough or a limit is reached."""
         result = self.result
         self._push_start()
         while self._continues():
@@ -183,7 +185,7 @@ class _LazySearch:
         return self.result.costs[self.result.goal] if self.result.goal >= 0 else np.inf
 
     def _bound(self) -> float:
-        """Factor of the least cost within which the best plan is proved."""
+        """Return the factor of the minimum within which the best plan is proved."""
         top = self.by_bound.top()
         lower_bound = min(self.best, top.lower_bound if top is not None else np.inf)
         if self.best <= lower_bound * (1.0 + COST_TOLERANCE):
@@ -191,7 +193,7 @@ class _LazySearch:
         return self.best / lower_bound if lower_bound > 0.0 else np.inf
 
     def _continues(self) -> bool:
-        """Whether to search on."""
+        """Return whether to continue the search."""
         search, result = self.search, self.result
         if result.goal >= 0 and self._bound() <= search.inflation:
             return False
@@ -202,7 +204,7 @@ class _LazySearch:
         return True
 
     def _next_queue(self) -> OpenQueue:
-        """Which queue to take from: see the module."""
+        """Return the queue from which the next item is taken, see the module."""
         self.iteration += 1
         if not self.search.satisficing:
             return self.by_bound if self.search.inflation == 1.0 else self.by_estimate
@@ -211,7 +213,7 @@ class _LazySearch:
         return self.inflated if self.iteration % 2 else self.by_estimate
 
     def _entry_batch(self, queue: OpenQueue, first: Entry) -> list[Entry]:
-        """An entry, and those after it the steps to which are not checked either."""
+        """Return an entry and those after it whose steps are not checked either."""
         batch, entry = [], first
         while True:
             if self._may_improve(entry):
@@ -223,7 +225,7 @@ class _LazySearch:
             entry = after
 
     def _block_batch(self, queue: OpenQueue, first: Block) -> list[tuple[int, float, IntArray]]:
-        """Parent, cost and stances of the next of a block, and of the blocks after it."""
+        """Return parent, cost and next stances of a block, and of the blocks after it."""
         taken, count, block = [], 0, first
         while True:
             if block.lower_bound < self.best * (1.0 - COST_TOLERANCE):
@@ -242,14 +244,14 @@ class _LazySearch:
             block = after
 
     def _may_improve(self, entry: Entry) -> bool:
-        """Whether an entry may lead to a better plan; if not it is dropped."""
+        """Return whether an entry may lead to a better plan; otherwise drop it."""
         is_known = self.complete.get(entry.stance, np.inf) <= entry.cost
         if is_known or entry.lower_bound >= self.best * (1.0 - COST_TOLERANCE):
             entry.done = True
         return not entry.done
 
     def _push(self, item: Block | Entry) -> None:
-        """Put something into the queues, in its stage."""
+        """Push an item into the queues."""
         lower_bound = item.lower_bound
         self.by_bound.push(lower_bound, item)
         self.by_estimate.push(item.estimate, item)
@@ -257,7 +259,7 @@ class _LazySearch:
             self.inflated.push(item.cost + COST_TO_GO_INFLATION * (lower_bound - item.cost), item)
 
     def _lower_bounds(self, stances: IntArray, positions: Array, costs: Array) -> Array:
-        """Lower bounds of plans through stances with known base positions, shape (k,)."""
+        """Return lower bounds of plans through stances with known base positions, shape (k,)."""
         goal, cost = self.goal, self.cost
         if self.search.heuristic == "zero":
             return costs
@@ -268,14 +270,14 @@ class _LazySearch:
         return lower_bound
 
     def _step_costs(self, moves: Array) -> Array:
-        """What is charged for numbers of steps, infinite for infinitely many, shape (k,)."""
+        """Return the charge for numbers of steps, infinite for infinitely many, shape (k,)."""
         charged: Array = np.full(len(moves), np.inf)
         some = np.isfinite(moves)
         charged[some] = self.cost.step_weight * moves[some]
         return charged
 
     def _estimates(self, stances: IntArray, positions: Array, costs: Array) -> Array:
-        """What stances are ordered by in the search for a first plan, shape (k,)."""
+        """Return the keys of stances in the search for a first plan, shape (k,)."""
         distances = self.goal.distance(positions)
         if self.search.satisficing:
             moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
@@ -283,7 +285,7 @@ class _LazySearch:
         return self.search.cost_weight * costs + self.search.estimate(distances, self.max_step)
 
     def _compute_postures(self, taken: list[tuple[int, float, IntArray]]) -> None:
-        """Work out postures of stances, and put those that are nodes into the queues."""
+        """Compute postures of stances, and push those stances that are nodes."""
         rows = [
             (parent, cost, stance)
             for parent, cost, stances in taken
@@ -312,7 +314,7 @@ class _LazySearch:
                 self._push(entry)
 
     def _check_steps(self, batch: list[Entry]) -> None:
-        """Check the steps to stances, and drop what cannot be stepped to."""
+        """Check the steps to stances, and drop stances that cannot be reached by them."""
         if not batch:
             return
         parents, before = np.unique([entry.parent for entry in batch], return_inverse=True)
@@ -330,7 +332,7 @@ class _LazySearch:
                 self._push(entry)
 
     def _expand(self, entry: Entry) -> None:
-        """Note a state, and put its neighbours into the queues, unless it is at the goal."""
+        """Record a state, and push its neighbours unless it is at the goal."""
         result, state, posture = self.result, entry.state, entry.posture
         may_improve, entry.done = self._may_improve(entry), True
         if state is None or not may_improve or not self._add_to_closed(state, entry):
@@ -345,7 +347,7 @@ class _LazySearch:
         self._push_neighbours(here)
 
     def _add_to_closed(self, state: State, entry: Entry) -> bool:
-        """Note that a state is expanded; False if one no worse was expanded before."""
+        """Record the label of an expanded state; return False if an earlier one dominates it."""
         # The start may be in a given pose; its stance is another state.
         seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
         for masks, cost in seen:
@@ -359,7 +361,7 @@ class _LazySearch:
         return True
 
     def _push_neighbours(self, here: int) -> None:
-        """Put the neighbours of an expanded state into the queues, as a block."""
+        """Push the neighbours of an expanded state as a block."""
         graph, goal, cost = self.graph, self.goal, self.cost
         state, posture, so_far = (
             self.result.states[here], self.result.postures[here], self.result.costs[here]

@@ -1,9 +1,9 @@
-"""Nodes and edges of a table in the world as it is now, worked out when a walk comes to them.
+"""Nodes and edges of a table in the present world, evaluated when a walk uses them.
 
-Obstacles and occupied points only take branches, stances and steps away, and a stance keeps its
-posture. So the table without them bounds what is possible among them, and what a search has not
-looked at is taken to be free: lazy evaluation of edges (Dellin and Srinivasa, ICAPS 2016). What was
-found is kept for the next query.
+Obstacles and occupied points only remove branches, stances and steps, and do not change the posture
+of a stance. So the table without obstacles is an upper bound of what is possible among them, and
+edges are assumed free until a walk uses them: lazy edge evaluation (Dellin and Srinivasa, ICAPS
+2016). Results are cached for further queries.
 """
 
 from __future__ import annotations
@@ -31,68 +31,68 @@ from mlivr_gym.transitions.state import State
 
 
 class StatePath(NamedTuple):
-    """A walk whose steps were checked."""
+    """A walk of K states whose steps were checked."""
 
     states: tuple[State, ...]
-    """K states."""
+    """The states."""
     positions: Array
-    """Base positions there [m], shape (k, 3)."""
+    """Base positions in them [m], shape (K, 3)."""
 
 
 class LazyTable(ABC):
-    """The nodes and edges of a table in the world as it is now.
+    """Nodes and edges of a table in the present world.
 
     Attributes
     ----------
     table
-        The table; of nodes that were looked at it has the branches that are left.
-    known
+        The table; nodes and edges that were checked have the branches that remain in this world.
+    checked_edges
         Edges that were checked.
-    complete
-        Whether the table holds every edge as it is, so that none needs a check.
-    exact
-        Whether an edge that was checked keeps what was found whatever the label.
+    is_complete
+        Whether the table holds every edge exactly, so that none needs a check.
+    label_independent
+        Whether the branches kept on an edge do not depend on the label of the walk.
     """
 
     is_complete: bool
     label_independent: bool
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
-        """Look at nothing yet."""
+        """Start with no edge checked."""
         self.version, self.table = graph.version, table
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
     def unchecked(self, edges: IntArray) -> IntArray:
-        """Those of some edges that were not checked, each once."""
+        """Return the edges of some that were not checked, each once."""
         return np.asarray(np.unique(edges[~self.checked_edges.contains(edges)]))
 
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
-        """Work out what obstacles leave of nodes; whether they take something of one.
+        """Check nodes against obstacles; return whether one of them loses branches.
 
         Parameters
         ----------
         rows
             Rows of nodes, shape (k,).
-        most
-            Most nodes that are looked at.
-        about
-            Position to which those that are looked at are the closest [m], shape (3,).
+        limit
+            Maximum number of nodes to check.
+        centre
+            Position [m], shape (3,); the nodes closest to it are checked first.
         """
         return False
 
     @abstractmethod
     def check_edges(self, edges: IntArray) -> None:
-        """Check edges that are not known."""
+        """Check those edges that were not checked yet."""
 
     @abstractmethod
     def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Branches that limbs may be on after edges, which are checked; 0 where there is none.
+        """Check edges; return the branches that limbs may be on after them, 0 for no step.
 
         Parameters
         ----------
-        bits
+        edges
             Bits of the edges, shape (k,).
         masks
             Branches that the limbs may be on before them, shape (k,).
@@ -100,26 +100,26 @@ class LazyTable(ABC):
 
     @abstractmethod
     def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
-        """The states of a walk whose edges were checked; None if a step is none after all.
+        """Return the states of a walk whose edges were checked, or None if a step fails after all.
 
         Parameters
         ----------
         start
-            What leads to the first node of the walk.
+            Path to the first node of the walk.
         turn
-            Turn after which its stance is that of the table.
-        found
+            Cyclic relabelling of the limbs that makes its stance that of the table.
+        node_walk
             The walk over nodes.
         """
 
 
 class LazyPairTable(LazyTable):
-    """Two limbs: the graph itself keeps what is known of stances and steps."""
+    """Table of two limbs, whose stance graph stores the nodes and edges itself."""
 
     label_independent = True
 
     def __init__(self, graph: PairGraph) -> None:
-        """Begin with what the graph knows."""
+        """Start with the nodes and edges that the graph knows."""
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.table_complete
         if graph.obstacles or graph.occupied or not self.is_complete:
@@ -131,10 +131,11 @@ class LazyPairTable(LazyTable):
                 self._record_releases(np.flatnonzero(graph.steps.released["known"].all(axis=1)))
 
     def _record_releases(self, rows: IntArray) -> None:
+        """Copy the branches on which limbs can be released from the graph."""
         self.table.released[rows] = packed(self.graph.releasable[rows].astype(np.int64))
 
     def check_edges(self, edges: IntArray) -> None:
-        """Check edges that are not known."""
+        """Check those edges that were not checked yet, in both directions."""
         unchecked = self.unchecked(edges)
         if self.is_complete or not len(unchecked):
             return
@@ -148,7 +149,7 @@ class LazyPairTable(LazyTable):
         self._record_releases(np.concatenate([before, after]))
 
     def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """See `LazyTable.masks_after`."""
+        """Check edges, see `LazyTable.masks_after`."""
         self.check_edges(edges)
         (before, limb), (end, _), _ = edge_ends(self.table, edges)
         rows = np.arange(len(edges))
@@ -164,7 +165,7 @@ class LazyPairTable(LazyTable):
         return after
 
     def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
-        """The states of a walk whose edges were checked."""
+        """Return the states of a walk, see `LazyTable.state_path`."""
         points, masks = self.table.points[node_walk.nodes[1:]], unpacked(node_walk.masks[1:], 2)
         states = zip(map(tuple, points.tolist()), map(tuple, masks.tolist()), strict=True)
         positions = np.concatenate([start.positions, self.table.base_position[node_walk.nodes[1:]]])
@@ -172,12 +173,12 @@ class LazyPairTable(LazyTable):
 
 
 class LazyNodeTable(LazyTable):
-    """More limbs: postures, releases and steps are worked out where a walk leads."""
+    """Table of three or four limbs: postures, releases and steps are checked along walks."""
 
     is_complete = label_independent = False
 
     def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
-        """Look at nothing yet."""
+        """Start with no node and no edge checked."""
         super().__init__(graph, table)
         self.graph, self._free_table = graph, table
         self._unchecked = np.zeros(len(table.points), dtype=np.bool_)
@@ -191,7 +192,7 @@ class LazyNodeTable(LazyTable):
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
-        """See `LazyTable.check_nodes`."""
+        """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         rows = np.unique(rows[self._unchecked[rows]])
         if limit is not None and centre is not None and len(rows) > limit:
             offset = self._free_table.base_position[rows] - centre
@@ -213,7 +214,7 @@ class LazyNodeTable(LazyTable):
         return bool((masks != self._free_table.masks[rows]).any())
 
     def check_edges(self, edges: IntArray) -> None:
-        """Check edges that are not known."""
+        """Check those edges that were not checked yet, in both directions."""
         graph, unchecked = self.graph, self.unchecked(edges)
         if not len(unchecked):
             return
@@ -234,7 +235,7 @@ class LazyNodeTable(LazyTable):
         )
 
     def masks_after(self, edges: IntArray, masks: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """See `LazyTable.masks_after`."""
+        """Check edges for given labels, see `LazyTable.masks_after`."""
         graph, kept = self.graph, np.zeros(len(edges), dtype=np.uint64)
         (before, i), (after, j), _ = edge_ends(self.table, edges)
         self.check_nodes(np.concatenate([before, after]))
@@ -255,14 +256,14 @@ class LazyNodeTable(LazyTable):
         return kept
 
     def _record_releases(self, rows: IntArray, released: Array) -> None:
-        """Keep what was worked out of releases, rows of `Release` of shape (k, N)."""
+        """Store the branches on which limbs can be released, records of `Release`, shape (k, N)."""
         for row, one in zip(rows.tolist(), released, strict=True):
             before = unpacked(self.table.released[row : row + 1], self.graph.limbs)
             updated = np.where(one["known"], one["branches"].astype(np.int64), before)
             self.table.released[row] = packed(updated)[0]
 
     def state_path(self, start: StatePath, turn: int, node_walk: NodeWalk) -> StatePath | None:
-        """See `LazyTable.walk`: every step is checked once more, as the robot stands."""
+        """Check every step for the labels of the walk, see `LazyTable.state_path`."""
         graph = self.graph
         (before, i), (after, j), reverse = edge_ends(self.table, node_walk.edges)
         turns = -np.cumsum([turn, *(i - j).tolist()])
@@ -289,10 +290,10 @@ class LazyNodeTable(LazyTable):
 def masks_along(
     graph: LazyGraph, stances: IntArray, masks: IntArray, postures: Postures
 ) -> IntArray:
-    """Masks after the steps of a walk, 0 where there is no step, shape (k, N).
+    """Return the masks after the steps of a walk, 0 for no step, shape (k, N).
 
-    Where they are others than a table tells, which may be one of the robot after a turn, the steps
-    from there on are checked anew.
+    The table may have them for the robot after a cyclic relabelling of its limbs, for which a few
+    steps differ. From the first step with other masks on, the steps are checked anew.
 
     Parameters
     ----------
@@ -301,7 +302,7 @@ def masks_along(
     stances
         The k + 1 stances.
     masks
-        The masks there that the table tells; those found take their place.
+        Their masks by the table, shape (k + 1, N); replaced by the checked ones.
     postures
         Their postures.
     """
@@ -326,7 +327,7 @@ def masks_along(
 
 
 def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
-    """The nodes of a graph in the world as it is now; None where they are not all known."""
+    """Return the nodes of a graph in the present world, or None if the graph has no table."""
     if isinstance(graph, PairGraph):
         return LazyPairTable(graph)
     if isinstance(graph, LazyGraph) and graph.table is not None:

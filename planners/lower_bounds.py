@@ -1,8 +1,8 @@
-"""Admissible lower bounds of the cost from every node to a goal, kept for further plans there.
+"""Admissible and consistent lower bounds of the cost from every node to a goal, cached by goal.
 
-They are the exact cost-to-go if limbs may change their branches. Obstacles and points that are
-occupied later only make plans dearer. So what was worked out for a goal serves when the robot
-stands elsewhere on its way, or finds a point occupied, and a plan is there at once.
+They are the exact cost-to-go if limbs could change their branches. Obstacles and points occupied
+later only make plans dearer, so the bounds of a goal stay valid when the robot stands elsewhere on
+its walk or finds a point occupied, and replanning is fast.
 """
 
 from __future__ import annotations
@@ -27,46 +27,46 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 SEARCH_MARGIN = (0.03, 2)
-"""How much farther than to the start they are worked out with more than two limbs, for starts of
-further plans: a share of the cost, and steps."""
+"""How far the bounds extend beyond the start with more than two limbs, for the starts of further
+plans: a share of the cost, and a number of steps."""
 
 MAX_STEPS = 1 << 14
-"""More steps than any node is away."""
+"""Upper bound of the steps between any two nodes."""
 
 MAX_STARTS = 1000
-"""With more starts than this the search backward is led to none of them."""
+"""Maximum number of starts that guide the backward search; with more it is not guided."""
 
 CACHED_GOALS = 4, 16
-"""Goals, or costs to one, that are kept at least and at most."""
+"""Minimum and maximum number of goals and costs whose bounds are cached."""
 
 CACHED_NODES = 2_000_000
-"""Nodes of all that are kept, if there are more than the least."""
+"""Maximum number of nodes in all cached bounds, above the minimum number of goals."""
 
 
 class GoalBounds(NamedTuple):
     """Lower bounds of the cost from n nodes to a goal."""
 
     cost: Cost
-    """What is charged."""
+    """The cost."""
     h: Array
-    """The bounds, 0 at the goal alone and consistent; infinite where nothing leads there, and they
-    may be where nothing leads to from the start; shape (n,)."""
+    """The bounds, 0 at the goal alone and consistent, shape (n,); infinite where no walk leads to
+    the goal, and possibly where no walk leads from the start."""
     exact: BoolArray
-    """Where they are the least cost if limbs may change their branches, shape (n,)."""
+    """Whether each bound is the minimum cost if limbs could change their branches, shape (n,)."""
     occupied: frozenset[int]
-    """Points that were taken."""
+    """Points that were occupied."""
 
 
 class LowerBounds:
-    """Lower bounds to the goals that were asked last."""
+    """Lower bounds over the table of a graph, cached for the goals used last."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Of a graph that has a table."""
+        """Prepare the bounds of a graph that has a table."""
         table = graph.table
         assert table is not None
         self.graph, self.table = graph, table
         self.labels = Labels.allocate(len(table.points))
-        """Room for searches."""
+        """Arrays for the labels of searches."""
         self._lazy_table: LazyTable | None = None
         self._cache: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
@@ -76,14 +76,14 @@ class LowerBounds:
 
     @property
     def lazy_table(self) -> LazyTable:
-        """The nodes in the world as it is now, with what was found of them before."""
+        """Nodes and edges in the present world, with the results of earlier checks in it."""
         if self._lazy_table is None or self._lazy_table.version != self.graph.version:
             self._lazy_table = make_lazy_table(self.graph)
         assert self._lazy_table is not None
         return self._lazy_table
 
     def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
-        """What is kept that serves from some nodes; None if nothing does."""
+        """Return cached bounds that are exact from some nodes, or None."""
         stored, occupied = self._cache.get(goal.key), frozenset(self.graph.occupied)
         if stored is None or not (stored.occupied <= occupied and stored.exact[starts].all()):
             return None
@@ -92,7 +92,7 @@ class LowerBounds:
         return stored._replace(h=np.where(self._occupied_nodes(), np.inf, stored.h))
 
     def compute(self, goal: Goal, starts: IntArray) -> GoalBounds:
-        """Bounds from some nodes with the points that are taken now; kept."""
+        """Compute and cache bounds from some nodes with the points occupied now."""
         bounds = self._compute(self.table, goal, starts, self._occupied_nodes())
         self._cache[goal.key] = bounds
         self._cache.move_to_end(goal.key)
@@ -103,7 +103,7 @@ class LowerBounds:
     def _compute(
         self, table: NodeTable, goal: Goal, starts: IntArray, forbidden: BoolArray
     ) -> GoalBounds:
-        """Bounds from some nodes where walks do not enter some that are taken."""
+        """Compute bounds from some nodes for walks that do not enter forbidden nodes."""
         cost, goals = goal.cost, self._goal_nodes(goal)
         if cost.base_weight:
             margin = self._margin[0], self._margin[1] * cost.step_weight
@@ -117,7 +117,7 @@ class LowerBounds:
         return GoalBounds(cost, h, exact, frozenset(self.graph.occupied))
 
     def from_distance(self, search: SearchQuery) -> GoalBounds:
-        """Those that the name of a heuristic tells, from the distance to the goal alone."""
+        """Return the bounds of a heuristic that is given by the distance to the goal alone."""
         distance = distances(self.table.base_position, search.goal.target)
         h = search.estimate(distance, self.graph.max_step)
         h = np.where(self._goal_nodes(search.goal), 0.0, np.maximum(h, MIN_COST_OUTSIDE_GOAL))
@@ -126,7 +126,7 @@ class LowerBounds:
         return GoalBounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
     def is_connected(self, goal: Goal, start: State) -> bool:
-        """Whether a goal may be reached from a state, whatever steps and obstacles there are."""
+        """Return whether moves may connect a state with a goal, whatever the obstacles are."""
         goals = self._goal_nodes(goal)
         if isinstance(self.graph, PairGraph) and start.pose is None:
             _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
@@ -134,14 +134,14 @@ class LowerBounds:
         return bool(goals.any())
 
     def _occupied_nodes(self) -> BoolArray:
-        """Nodes that hold an occupied point, shape (n,)."""
+        """Return whether each node holds an occupied point, shape (n,)."""
         if not self.graph.occupied:
             return np.zeros(len(self.table.points), dtype=np.bool_)
         held = np.isin(self.table.points, list(self.graph.occupied))
         return np.asarray(held.any(axis=1))
 
     def _goal_nodes(self, goal: Goal) -> BoolArray:
-        """Nodes that may be at the goal, shape (n,)."""
+        """Return whether each node may be at the goal, by its rounded position, shape (n,)."""
         reach, goals = (
             goal.tolerance + self._position_error,
             np.zeros(len(self.table.points), np.bool_),
@@ -151,7 +151,7 @@ class LowerBounds:
         return goals
 
     def _start_bounds(self, cost: Cost, starts: IntArray, forbidden: BoolArray) -> Array:
-        """Lower bounds of the cost from where walks begin, infinite for what is taken."""
+        """Return lower bounds of the cost from the starts, infinite if forbidden, (n,)."""
         table, count = self.table, len(self.table.points)
         if len(starts) > MAX_STARTS:
             return np.where(forbidden, np.inf, 0.0)

@@ -148,7 +148,7 @@ class Goal:
         return np.asarray(self.on_face[points].all(axis=-1))
 
     def reached(self, positions: Array, stances: Sequence[Any] | IntArray) -> BoolArray:
-        """Return whether robots are at the goal, base (..., 3) and stances (..., N) -> (...)."""
+        """Return whether robots are at the goal, base (..., 3), stances (..., N) -> (...)."""
         inside = self.distance(positions) <= self.tolerance
         return np.asarray(inside & self.on_goal_face(stances))
 
@@ -235,7 +235,7 @@ class SearchQuery:
 
     @property
     def deadline(self) -> float:
-        """Return the time at which the search must end, on the clock of `time.perf_counter` [s]."""
+        """Return when the search must end, on the clock of `time.perf_counter` [s]."""
         return self.start_time + self.time_limit
 
     @property
@@ -247,7 +247,7 @@ class SearchQuery:
 
     @property
     def guaranteed_factor(self) -> float:
-        """Return the suboptimality factor that plans of two limbs keep; infinite if none is proved."""
+        """Return the suboptimality factor of plans of two limbs, infinite if none is proved."""
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf
 

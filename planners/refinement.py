@@ -1,11 +1,11 @@
-"""Plans refined: other base poses on the footholds that a plan has.
+"""Plans refined: other base poses on the same footholds, with less base translation.
 
-The stance graph gives a stance one base pose, the one of best manipulability. With the footholds
-fixed, every pose of a stance that meets the thresholds will do, as long as each step is an edge by
-the same checks. `refined` looks for the walk of least base translation: first among all poses that
-are tried for a stance, then among seeded samples about the poses found. In each round the search is
-exact: A* over the poses of one stance after the other with the least translation left, steps not
-checked, as its heuristic; a step is checked when the search wants to go on from it.
+The stance graph gives each stance one base pose, that of best manipulability. With the footholds
+fixed any pose that meets the thresholds will do, as long as each step is an edge by the same
+checks. The walk of minimum base translation is sought first among all candidate poses of each
+stance, then among seeded samples around the poses of the best walk. Each round is an exact A* over
+a layered graph, one layer of poses for each stance, with the translation to the last layer, steps
+not checked, as its heuristic; a step is checked when the search is about to use it.
 """
 
 from __future__ import annotations
@@ -31,41 +31,41 @@ from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.state import State
 
 ROUNDS, SHRINK = 12, 0.8
-"""Rounds of samples about the poses found so far, and what their spread shrinks by in each."""
+"""Number of sampling rounds, and the factor by which the spread of the samples shrinks in each."""
 
 SPREAD = (0.12, 0.3)
 """Standard deviations of the samples in the first round [m, rad]."""
 
 SAMPLES = 60
-"""Samples for each stance and round."""
+"""Number of samples for each stance and round."""
 
 STEP_BATCH = 8
-"""Steps that are checked at once."""
+"""Number of steps that are checked in one batch."""
 
 
 def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
-    """A plan with the same footholds and no more base translation.
+    """Return a plan with the same footholds and no more base translation.
 
     Parameters
     ----------
     graph
-        The stance graph that the plan was made on, with the obstacles that there are now.
+        The stance graph of the plan, with the obstacles of the present world.
     plan
-        The plan. Its first base pose and branches are kept; its last base pose stays in the
-        goal region.
+        The plan. Its first base pose and branches stay; its last base pose stays in the goal
+        region.
     seed
         Seed of the samples.
 
     Returns
     -------
     Plan
-        The plan with other base poses where they shorten the way, else `plan` itself. Its `query`
-        and counts are those of `plan`; its cost is that of the new way.
+        The plan with other base poses if they shorten the base path, otherwise `plan` itself. Query
+        and counts are those of `plan`; the cost is that of the new base path.
 
     Raises
     ------
     PlanError
-        If the plan belongs to another map or robot, or is not possible here now.
+        If the plan belongs to another map or robot, or is not possible in the present world.
     """
     plan.check_map(graph.grasp_map)
     if plan.world.robot != graph.robot:
@@ -93,31 +93,31 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
 
 
 class _PosedWalk(NamedTuple):
-    """States of a walk, and the postures in which the robot stands in them."""
+    """The states of a walk, and the postures in them."""
 
     states: tuple[State, ...]
     postures: Postures
 
 
 class _PoseNode(NamedTuple):
-    """A posture of a stance that was reached."""
+    """A posture of a stance that the search reached."""
 
     layer: int
     row: int
-    """Posture among those of all stances."""
+    """Index of the posture among those of all stances."""
     masks: tuple[int, ...]
     cost: float
     parent: _PoseNode | None
 
 
 class _PendingSteps(NamedTuple):
-    """Postures that a node may go on to, those with the least estimate first."""
+    """Unchecked steps from a node to the next stance, the lowest estimate first."""
 
     node: _PoseNode
     rows: IntArray
-    """Postures, shape (k,)."""
+    """Indices of the postures, shape (k,)."""
     estimate: Array
-    """Length of the whole way over each [m], shape (k,)."""
+    """Length of the whole base path through each posture [m], shape (k,)."""
 
 
 Poses = list[tuple[Array, Array]]
@@ -125,7 +125,7 @@ Poses = list[tuple[Array, Array]]
 
 
 class _Footholds:
-    """The stances of a plan and what is fixed of them."""
+    """The stances of a plan, with the poses and branches that are fixed."""
 
     def __init__(self, graph: StanceGraph, plan: Plan) -> None:
         self.graph, self.plan, self.query = graph, plan, plan.query
@@ -140,14 +140,16 @@ class _Footholds:
         self.start = graph.state(self.stances[0], self.given[0], motion.joint_positions[0])
         distance = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
         self.ends_at_goal = distance <= self.query.goal_tolerance
-        """Whether the plan ends in its goal region; if not, its last pose is kept."""
+        """Whether the plan ends in its goal region; if not, its last pose is fixed."""
 
     def candidate_poses(self) -> Poses:
-        """All base poses that are tried for each stance."""
+        """Return all candidate base poses of each stance."""
         return [self.graph.solver.poses_tried(stance) for stance in self.stances]
 
     def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
-        """Base poses about those of some postures, one a stance; half of them nearer.
+        """Return base poses sampled around some postures, one for each stance.
+
+        Half of the samples have three tenths of the spread.
 
         Parameters
         ----------
@@ -169,7 +171,7 @@ class _Footholds:
         return out
 
     def layers(self, poses: Poses, known: Postures | None = None) -> list[Postures]:
-        """Postures of each stance that may be taken: the plan's own or `known` first."""
+        """Return the postures from which each stance may take one, the present posture first."""
         graph = self.graph
         thresholds = graph.settings.thresholds(graph.limbs)
         layers, last = [], len(self.stances) - 1
@@ -190,7 +192,7 @@ class _Footholds:
         return layers
 
     def search(self, layers: list[Postures]) -> _PosedWalk | None:
-        """The walk of least base translation over some postures of each stance."""
+        """Return the walk of minimum base translation over some postures of each stance."""
         graph, last = self.graph, len(layers) - 1
         postures = layers[0]
         for layer in layers[1:]:
@@ -228,7 +230,7 @@ class _Footholds:
     def _expand(
         self, stances: StanceSet, ahead: _PendingSteps, postures: Postures
     ) -> Iterator[_PoseNode]:
-        """What the first steps ahead lead to, those that are edges."""
+        """Yield the nodes that the first pending steps lead to, if they are edges."""
         graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]
         if graph.settings.transitions:
             here, masks = np.full(len(rows), node.row), np.tile(node.masks, (len(rows), 1))
@@ -243,7 +245,7 @@ class _Footholds:
                 yield _PoseNode(node.layer + 1, row, tuple(after), cost, node)
 
     def _posed_walk(self, postures: Postures, node: _PoseNode) -> _PosedWalk:
-        """The walk to a node; `every` are the postures of all stances."""
+        """Return the walk to a node; `postures` are those of all stances."""
         nodes = [node]
         while nodes[-1].parent is not None:
             nodes.append(nodes[-1].parent)
@@ -254,7 +256,7 @@ class _Footholds:
 
 
 def _costs_to_go(layers: list[Postures]) -> Array:
-    """Least base translation from each posture to the last stance, steps not checked [m]."""
+    """Return the minimum base translation to the last stance, steps not checked [m]."""
     ahead = [np.zeros(len(layers[-1].w_b))]
     for there, here in pairwise(layers[::-1]):
         distance = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
@@ -263,7 +265,7 @@ def _costs_to_go(layers: list[Postures]) -> Array:
 
 
 def _is_dominated(node: _PoseNode, closed: dict[int, list[tuple[int, ...]]]) -> bool:
-    """Whether a posture was reached before with all the branches; keeps the node if not."""
+    """Return whether a posture was reached before with all branches of a node; record it if not."""
     known = closed.setdefault(node.row, [])
     for masks in known:
         if all(a & ~b == 0 for a, b in zip(node.masks, masks, strict=True)):

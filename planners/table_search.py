@@ -142,7 +142,7 @@ class _TableSearch:
         self._set_origins(StatePath((start,), position))
 
     def _set_origins(self, start: StatePath) -> None:
-        """Set the nodes at which walks may start, with the path and the limb relabelling of each."""
+        """Set the nodes at which walks may start, each with its path and limb relabelling."""
         state, here = start.states[0], start.positions[0]
         states, costs = [state], np.zeros(1)
         self._origin_paths = [start]
@@ -208,7 +208,7 @@ class _TableSearch:
     def _improved_bounds(
         self, goal_bounds: GoalBounds
     ) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
-        """Yield lower bounds that approach the cost-to-go as checked edges turn out not to exist."""
+        """Yield lower bounds that rise to the cost-to-go as checked edges turn out impossible."""
         search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
         while True:
             parameters = SearchParameters(
@@ -334,7 +334,7 @@ class _TableSearch:
         return None
 
     def _check_nodes_around(self, nodes: IntArray) -> None:
-        """Check the reached nodes that are closest to those nodes of a walk which touch something."""
+        """Check the reached nodes closest to the nodes of a walk that touch something."""
         table, free = self._lazy_table.table, self._bounds.table
         reached = self._labels.queue.node[: self._labels.label_count].astype(np.int64)
         for node in nodes[table.masks[nodes] != free.masks[nodes]].tolist():
@@ -379,7 +379,7 @@ class _TableSearch:
         return packed(np.array(masks)) if masks[-1].all() else None
 
     def tree(self) -> Array:
-        """Return the base positions at both ends of the edges last explored, shape (e, 2, 3) [m]."""
+        """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""
         labels, base = self._labels, self._lazy_table.table.base_position
         explored = labels.expanded[: self._last_expanded]
         parent = labels.parent[explored]

@@ -33,7 +33,7 @@ class Walk(NamedTuple):
 
     @property
     def actions(self) -> tuple[tuple[int, int], ...]:
-        """Return the limb that moves and the point that it moves to, for each of the K - 1 steps."""
+        """Return the limb that moves and the point it moves to, for each of K - 1 steps."""
         pairs = []
         for before, after in zip(self.states, self.states[1:], strict=False):
             limb = moving_limb(before.stance, after.stance)
@@ -49,7 +49,7 @@ def plan_of(
     method: str,
     expanded: int = 0,
 ) -> Plan | None:
-    """Return the plan along a walk, or None if a step has no swing after the steps before it.
+    """Return the plan along a walk, or None if a step has no swing after those before.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def plan_of(
 
 
 def edges_along(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
-    """Return how many steps of a sequence of stances are executable on a graph, from the first on."""
+    """Return how many steps of a sequence of stances are executable, from the first on."""
     points = [graph.indices(stance) for stance in stances]
     try:
         state = graph.state(points[0])

@@ -1,7 +1,8 @@
-"""Why there is no plan: which of the rules cuts the goal off, and what would help.
+"""Why there is no plan: the rule that cuts the goal off, and what would help.
 
-Each rule is left out in turn, obstacles, collisions, thresholds, joint limits, the check of steps,
-and the query asked again; then all up to it together. What first lets a plan through is the cause.
+Each rule is left out in turn (obstacles, collisions, thresholds, joint limits, step checks) and the
+query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
+plan gives the cause.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
-"""Rules that the settings do not name."""
+"""Names of the rules that are no settings."""
 
 RULES = {
     OBSTACLES: ({}, "take some of them away"),
@@ -40,31 +41,32 @@ RULES = {
         "w_m on the way: a lower path_floor may help",
     ),
 }
-"""What is left out, by settings, and what would help; in this order."""
+"""Settings that leave each rule out, and what would help, in the order in which they are left
+out."""
 
 
 class Cause(NamedTuple):
-    """What cuts a goal off."""
+    """The rules that cut a goal off."""
 
     rules: tuple[str, ...]
-    """The rules that have to go, keys of `RULES`; none if nothing helps."""
+    """The rules that must be left out, keys of `RULES`; none if leaving rules out does not help."""
     message: str
     """One sentence for people."""
 
 
 def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
-    """Why no plan leads from a state to a goal.
+    """Find the cause why no plan leads from a state to a goal.
 
     Parameters
     ----------
     graph
-        The stance graph, on which a search has found none.
-    first
-        The start.
+        The stance graph on which a search found no plan.
+    start
+        The start state.
     goal
         The goal.
     limit
-        Most expansions of each search for the cause; for two limbs the answer is exact.
+        Maximum number of expansions of each search; for two limbs the answer is exact.
     """
     smallest = _smallest_goal_distance(graph, goal)
     if smallest == np.inf:
@@ -89,7 +91,7 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
 
 
 def _has_rule(name: str, graph: StanceGraph) -> bool:
-    """Whether a graph has a rule."""
+    """Return whether a rule applies to a graph."""
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
     if name == JOINTS:
@@ -98,7 +100,7 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
 
 
 def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
-    """Distance of the nearest base position of a stance to the goal [m]; 0 if it is not known."""
+    """Return the smallest distance of a stance's base to the goal [m]; 0 if it is not known."""
     if not isinstance(graph, PairGraph):
         return 0.0
     held = (graph.mask > 0).all(axis=1) & goal.on_goal_face(graph.points)
@@ -109,7 +111,7 @@ def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
 def _plan_exists(
     graph: StanceGraph, rules: tuple[str, ...], start: State, goal: Goal, limit: int
 ) -> bool:
-    """Whether a walk leads to the goal without some rules."""
+    """Return whether a plan leads to the goal with some rules left out."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
     relaxed = stance_graph(graph.grasp_map, graph.robot, settings)
