@@ -94,7 +94,7 @@ def algorithm1(
 
     tree = SearchTree()
     origin = graph.posture_of(start).base_position[0]
-    # An entry: f, minus g, its age, the state, its base position, the index of its parent.
+    # An entry: f, minus g, its age, the state, its base position, and the index of its parent.
     queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
     best_cost, closed = {start: 0.0}, set()
     while queue:  # line 2

@@ -109,7 +109,7 @@ def costs_to_goal(
     outside[finite] = np.maximum(
         progress["final_estimate"] - start_bounds[finite], MIN_COST_OUTSIDE_GOAL
     )
-    # What was found beyond is not the least for certain.
+    # A cost found beyond the final estimate need not be the minimum.
     bounds: Array = np.minimum(estimates["cost"], outside)
     bounds[(bounds < MIN_COST_OUTSIDE_GOAL) & ~goals] = MIN_COST_OUTSIDE_GOAL
     exact: BoolArray = np.isfinite(estimates["cost"])

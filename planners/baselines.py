@@ -114,7 +114,7 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
             value, states_ahead = _simulate(task, root, rng, scale)
             best = max(best, (value, states_ahead), key=lambda pair: pair[0])
         if best[1] and task.is_at_goal(best[1][-1]):
-            # A simulation that arrives is a plan: later ones would only repeat it.
+            # A simulation that reaches the goal is a walk; later ones would only repeat it.
             return task.walk([*states, *best[1]])
         if not root.children:
             break

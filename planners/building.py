@@ -26,7 +26,7 @@ class _BackgroundWork(threading.Thread):
         """Do the work; an error is stored for the thread that waits for the result."""
         try:
             self.work()
-        except BaseException as error:  # it is raised where the result is waited for
+        except BaseException as error:  # raised in the thread that waits for the result
             self.error = error
 
 

@@ -136,7 +136,7 @@ class _LazySearch:
         """Push the start into the queues."""
         start, first = self.start, self.graph.posture_of(self.start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
-        if start.pose is None:  # from another pose limbs may reach farther
+        if start.pose is None:  # from a given pose limbs may reach farther
             stance = np.array([start.stance])
             entry.lower_bound = float(
                 self._lower_bounds(stance, first.base_position, np.zeros(1))[0]
@@ -226,11 +226,11 @@ class _LazySearch:
 
     def _block_batch(self, queue: OpenQueue, first: Block) -> list[tuple[int, float, IntArray]]:
         """Return parent, cost and next stances of a block, and of the blocks after it."""
-        taken, count, block = [], 0, first
+        blocks, count, block = [], 0, first
         while True:
             if block.lower_bound < self.best * (1.0 - COST_TOLERANCE):
                 some = block.stances[block.version : block.version + BLOCK_SHARE]
-                taken.append((block.parent, block.cost, some))
+                blocks.append((block.parent, block.cost, some))
                 block.version += len(some)
                 count += len(some)
                 if not block.done:
@@ -239,7 +239,7 @@ class _LazySearch:
                 block.version = len(block.stances)
             after = queue.top()
             if not isinstance(after, Block) or count >= POSTURE_BATCH:
-                return taken
+                return blocks
             queue.pop()
             block = after
 
@@ -263,9 +263,9 @@ class _LazySearch:
         goal, cost = self.goal, self.cost
         if self.search.heuristic == "zero":
             return costs
-        away = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
-        by_distance = cost.step_weight * np.ceil(away / self.max_step - 1e-9)
-        lower_bound: Array = costs + cost.base_weight * away
+        distance = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
+        by_distance = cost.step_weight * np.ceil(distance / self.max_step - 1e-9)
+        lower_bound: Array = costs + cost.base_weight * distance
         lower_bound += np.maximum(self._step_costs(self.moves.steps(stances)), by_distance)
         return lower_bound
 
@@ -284,11 +284,11 @@ class _LazySearch:
             return costs + self.cost.inadmissible_estimate(distances, moves)
         return self.search.cost_weight * costs + self.search.estimate(distances, self.max_step)
 
-    def _compute_postures(self, taken: list[tuple[int, float, IntArray]]) -> None:
+    def _compute_postures(self, blocks: list[tuple[int, float, IntArray]]) -> None:
         """Compute postures of stances, and push those stances that are nodes."""
         rows = [
             (parent, cost, stance)
-            for parent, cost, stances in taken
+            for parent, cost, stances in blocks
             for stance in map(tuple, stances.tolist())
             if self.complete.get(stance, np.inf) > cost
         ]
@@ -348,7 +348,7 @@ class _LazySearch:
 
     def _add_to_closed(self, state: State, entry: Entry) -> bool:
         """Record the label of an expanded state; return False if an earlier one dominates it."""
-        # The start may be in a given pose; its stance is another state.
+        # A start in a given pose is not the state of its stance.
         seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
         for masks, cost in seen:
             covers = all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True))
@@ -370,19 +370,21 @@ class _LazySearch:
         if not len(stances):
             return
         costs = np.full(len(stances), so_far + cost.step_weight)
-        lower_bound, guess = costs, graph.likely_base(stances)
+        lower_bound, likely_base = costs, graph.likely_base(stances)
         if self.search.heuristic != "zero":
-            # No plan through a neighbour is shorter than the straight line from here.
-            away = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
+            # The base path of a plan through a neighbour is no shorter than the straight line.
+            distance = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
             lower_bound = (
-                costs + cost.base_weight * away + self._step_costs(self.moves.steps(stances))
+                costs + cost.base_weight * distance + self._step_costs(self.moves.steps(stances))
             )
-        shift = np.linalg.norm(guess - posture.base_position, axis=1)
-        estimate = self._estimates(stances, guess, costs + cost.base_weight * shift)
-        kept = np.flatnonzero(np.isfinite(lower_bound) & (lower_bound < self.best))
-        if not len(kept):
+        shift = np.linalg.norm(likely_base - posture.base_position, axis=1)
+        estimate = self._estimates(stances, likely_base, costs + cost.base_weight * shift)
+        promising = np.flatnonzero(np.isfinite(lower_bound) & (lower_bound < self.best))
+        if not len(promising):
             return
-        kept = kept[np.argsort(estimate[kept], kind="stable")]
-        lower_bounds = np.minimum.accumulate(lower_bound[kept][::-1])[::-1]
-        self._push(Block(here, float(costs[0]), stances[kept], lower_bounds, estimate[kept]))
-        self.result.generated += len(kept)
+        promising = promising[np.argsort(estimate[promising], kind="stable")]
+        lower_bounds = np.minimum.accumulate(lower_bound[promising][::-1])[::-1]
+        self._push(
+            Block(here, float(costs[0]), stances[promising], lower_bounds, estimate[promising])
+        )
+        self.result.generated += len(promising)

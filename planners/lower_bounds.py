@@ -163,7 +163,7 @@ class LowerBounds:
             )
         start_bounds = cost.base_weight * np.sqrt(squared_distance)
         if cost.step_weight:
-            # What joins two nodes leads there and back.
+            # Pairs of nodes are symmetric, so this is also the number of steps from the starts.
             is_start, no_starts = np.zeros(count, dtype=np.bool_), np.zeros(0, dtype=np.int64)
             is_start[starts] = True
             steps, _ = fewest_steps(table, is_start, forbidden, no_starts, MAX_STEPS)

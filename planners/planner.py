@@ -255,7 +255,9 @@ class Planner:
         """
         if isinstance(start, State):
             if not (pose is None and joints is None):
-                raise SettingError("start is a state: start_pose and start_joints are told by it")
+                raise SettingError(
+                    "start is a state with base pose and branches; omit start_pose and start_joints"
+                )
             return self.graph.checked_state(start)
         return self.graph.state(start, pose, joints)
 
@@ -264,7 +266,7 @@ class Planner:
         before, after = path.states[committed.failed or 0 :][:2]
         return (
             f"no swing was found from {self.graph.ids(before.stance)} to "
-            f"{self.graph.ids(after.stance)}, although its parts were shown to be free"
+            f"{self.graph.ids(after.stance)}, although the edge passed its checks"
         )
 
     def _failure(
@@ -273,15 +275,15 @@ class Planner:
         """Return the result of a search that ended without reaching the goal."""
         reason = "limit reached" if path.status == LIMIT_REACHED else "search exhausted"
         start, goal = self.graph.ids(start_state.stance), search.goal.target.tolist()
-        told = f" after {path.expanded} expansions, no path from {start} to {goal}"
+        detail = f" after {path.expanded} expansions, no path from {start} to {goal}"
         if reason == "limit reached" and not path.expanded:
-            told = (
-                f": {search.time_limit:g} s were over before all was worked out that is worked out "
-                "once for a robot on a map; that goes on, so ask again"
+            detail = (
+                f": the tables of this robot on this map were not built within "
+                f"{search.time_limit:g} s; they are still being built, so plan again"
             )
         elif path.generated <= 1:
-            told = f": no step leaves the start {start} on the branches that the limbs may be on"
-        return _without_plan(reason, f"{reason}{told}", timer, path)
+            detail = f": no step leaves the start {start} on the branches that its limbs may be on"
+        return _without_plan(reason, f"{reason}{detail}", timer, path)
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
@@ -368,7 +370,7 @@ class Planner:
 def _not_connected(goal: Goal) -> str:
     """Return the message about a goal that no sequence of moves connects with the start."""
     return (
-        f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
+        f"no stance connected with the start by moves has its base within {goal.tolerance:g} m of "
         f"goal {goal.target.tolist()}"
     )
 

@@ -23,7 +23,7 @@ from mlivr_gym.transitions.state import State
 class Searcher(Protocol):
     """A search over one stance graph."""
 
-    def find(self, search: SearchQuery, first: State) -> SearchResult | None:
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
         """Search from a state; return None if no sequence of moves connects it with the goal."""
 
 
@@ -52,16 +52,16 @@ class GraphSearcher:
             self._lower_bounds = LowerBounds(self.graph)
         return self._lower_bounds
 
-    def find(self, search: SearchQuery, first: State) -> SearchResult | None:
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
         """Search from a state, see `Searcher.find`."""
         graph = self.graph
         if isinstance(graph, LazyGraph) and not self._tables_are_ready(graph, search):
-            return SearchResult(LIMIT_REACHED, (first,), 0.0, 0, 0, np.zeros((0, 2, 3)))
+            return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None and (search.satisficing or not isinstance(graph, LazyGraph)):
-            return search_table(lower_bounds, search, first)
+            return search_table(lower_bounds, search, start)
         assert isinstance(graph, LazyGraph)
-        return lazy_search(graph, first, search)
+        return lazy_search(graph, start, search)
 
     def _tables_are_ready(self, graph: LazyGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
@@ -85,11 +85,11 @@ class Algorithm1Searcher:
         """Prepare to search a stance graph."""
         self.graph = graph
 
-    def find(self, search: SearchQuery, first: State) -> SearchResult | None:
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
         """Search from a state, see `Searcher.find`."""
         tree_found = algorithm1(
             self.graph,
-            first,
+            start,
             search.goal,
             search.heuristic,
             inflation=search.inflation,

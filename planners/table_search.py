@@ -147,7 +147,7 @@ class _TableSearch:
         states, costs = [state], np.zeros(1)
         self._origin_paths = [start]
         if state.pose is not None:
-            # The steps that leave a given pose are edges of no table.
+            # Steps that leave a given base pose are no edges of the table.
             steps = self.graph.successors(state)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             places = steps.base_in_world
@@ -325,7 +325,7 @@ class _TableSearch:
                 states = lazy_table.state_path(start_path, turn, walk._replace(masks=masks))
             if states is not None:
                 if not self.goal.reached(states.positions[-1], states.states[-1].stance):
-                    # It lies beside the goal by less than positions are kept.
+                    # The node lies outside the goal by less than the rounding of positions.
                     goal_bounds.h[walk.nodes[-1]] = MIN_COST_OUTSIDE_GOAL
                     continue
                 return states if self.cost(states) < cost_limit else None

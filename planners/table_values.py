@@ -101,7 +101,7 @@ def relax(
                 branches, changed = tables.kept[e], False
                 for b in range(16):
                     if has(branches, b):
-                        # The limb that holds may move next if it can be released on its branch.
+                        # The support limb may move next if it can be released on its branch.
                         remaining = np.inf
                         if can_release(only(b), tables.releasable[s2, held]):
                             remaining = grasped[s2, moving]

@@ -27,18 +27,18 @@ OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
 """Names of the rules that are no settings."""
 
 RULES = {
-    OBSTACLES: ({}, "take some of them away"),
-    "collisions": ({"collisions": False}, "a smaller clearance may help, or a slimmer robot"),
-    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b would help"),
+    OBSTACLES: ({}, "removing some of them may help"),
+    "collisions": ({"collisions": False}, "a smaller clearance or a slimmer robot may help"),
+    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b may help"),
     JOINTS: (
         {},
-        "limbs that hold would turn joints out of their windows: wider joint_limits or other "
+        "support limbs would leave their joint windows: wider joint_limits or other "
         "window_starts may help",
     ),
     "steps": (
         {"transitions": False},
-        "stances reach the goal, but limbs that hold would leave their branches or the floor of "
-        "w_m on the way: a lower path_floor may help",
+        "stances at the goal exist, but support limbs would leave their branches or fall below "
+        "path_floor along steps: a lower path_floor may help",
     ),
 }
 """Settings that leave each rule out, and what would help, in the order in which they are left
@@ -86,7 +86,7 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
     for last in range(2, len(names) + 1):
         if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
             listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
-            return Cause(tuple(names[:last]), f"the goal is cut off by {listed} together")
+            return Cause(tuple(names[:last]), f"the goal is cut off by the combination of {listed}")
     return Cause((), "no walk of this robot leads to the goal, whatever rule is left out")
 
 
@@ -126,6 +126,6 @@ def _plan_exists(
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
     search = SearchQuery.checked(relaxed, step_goal, SearchOptions(limit=limit))
-    # What is worked out once for a graph would be asked for this once.
+    # Stance sets are not worth building for a single query.
     path = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
     return path is not None and path.status == GOAL_REACHED
