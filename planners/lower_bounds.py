@@ -68,7 +68,7 @@ class LowerBounds:
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
         self._lazy_table: LazyTable | None = None
-        self._cache: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
+        self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
         self._position_error = 0.0 if graph.has_tables else 2.0 * ROUNDED
@@ -84,7 +84,7 @@ class LowerBounds:
 
     def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
         """Return cached bounds that are exact from some nodes, or None."""
-        stored, occupied = self._cache.get(goal.key), frozenset(self.graph.occupied)
+        stored, occupied = self._cached_bounds.get(goal.key), frozenset(self.graph.occupied)
         if stored is None or not (stored.occupied <= occupied and stored.exact[starts].all()):
             return None
         if stored.occupied == occupied:
@@ -94,10 +94,10 @@ class LowerBounds:
     def compute(self, goal: Goal, starts: IntArray) -> GoalBounds:
         """Compute and cache bounds from some nodes with the points occupied now."""
         bounds = self._compute(self.table, goal, starts, self._occupied_nodes())
-        self._cache[goal.key] = bounds
-        self._cache.move_to_end(goal.key)
-        if len(self._cache) > self._cache_size:
-            self._cache.popitem(last=False)
+        self._cached_bounds[goal.key] = bounds
+        self._cached_bounds.move_to_end(goal.key)
+        if len(self._cached_bounds) > self._cache_size:
+            self._cached_bounds.popitem(last=False)
         return bounds
 
     def _compute(

@@ -135,7 +135,7 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     assert bounds.cached(goal, start) is None
     for row in range(len(table.points)):
         bounds.compute(away(graph, table, cost, row), start)
-    assert len(bounds._cache) == CACHED_GOALS[1]
+    assert len(bounds._cached_bounds) == CACHED_GOALS[1]
 
 
 def taking(graph, held):
