@@ -47,7 +47,7 @@ from mlivr_gym.stances.node_pairs import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 CLOCK_INTERVAL = 1 << 14
-"""Number of labels taken from the queue between two looks at the clock."""
+"""Number of labels taken from the queue between two readings of the clock."""
 
 QUEUE_EMPTY, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: the open queue is empty or the incumbent is proved, the arrays are
