@@ -45,32 +45,32 @@ def _no_sets() -> None:
 
 
 def _cheapest_alone() -> None:
-    table_search.STAGES = table_search.BLOCKED = table_search.STAGES[-2:]
+    table_search.STAGES = table_search.OBSTACLE_STAGES = table_search.STAGES[-2:]
 
 
 def _not_trapped() -> None:
-    table_search.BLOCKED = table_search.BLOCKED[2:]
+    table_search.OBSTACLE_STAGES = table_search.OBSTACLE_STAGES[2:]
 
 
 def _not_half() -> None:
-    trapped, shut_in, _, *others = table_search.BLOCKED
-    table_search.BLOCKED = (trapped, shut_in, *others)
+    trapped, shut_in, _, *others = table_search.OBSTACLE_STAGES
+    table_search.OBSTACLE_STAGES = (trapped, shut_in, *others)
 
 
 def _nothing_between() -> None:
-    for name in ("STAGES", "BLOCKED"):
+    for name in ("STAGES", "OBSTACLE_STAGES"):
         rounds = getattr(table_search, name)
         setattr(table_search, name, (*rounds[:-3], *rounds[-2:]))
 
 
 def _no_inflation() -> None:
     _no_table()
-    lazy_search.INFLATED = 1.0
+    lazy_search.COST_TO_GO_INFLATION = 1.0
 
 
 def _by_bound() -> None:
     _no_table()
-    lazy_search._LazySearch._queue = lambda self: self.by_bound  # type: ignore[method-assign]
+    lazy_search._LazySearch._next_queue = lambda self: self.by_bound  # type: ignore[method-assign]
 
 
 VARIANTS: dict[str, Callable[[], None]] = {

@@ -80,11 +80,15 @@ def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Ar
     """
     rows = np.array([graph.find(state.stance) for state in states])
     goal = Goal.checked(graph, GOAL, "base", None, GOAL_TOLERANCE)
-    bounds = GraphSearcher(graph).bounds()
-    assert bounds is not None
+    lower_bounds = GraphSearcher(graph).lower_bounds()
+    assert lower_bounds is not None
     shift = np.linalg.norm(np.diff(graph.base_in_world[rows], axis=0), axis=1)
     straight = np.maximum(goal.distance(graph.base_in_world[rows]) - goal.tolerance, 0.0)
-    return np.concatenate([[0.0], np.cumsum(shift)]), bounds.to(goal, rows).h[rows], straight
+    return (
+        np.concatenate([[0.0], np.cumsum(shift)]),
+        lower_bounds.compute(goal, rows).h[rows],
+        straight,
+    )
 
 
 def draw_label(axes: Any, mask: int, held: int) -> None:

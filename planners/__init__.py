@@ -1,4 +1,4 @@
-"""The expert: costs, heuristics, graph search and the plans they return."""
+"""The expert: costs, heuristics, graph search and the plans that it returns."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Step
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.planner import Planner, PlanningResult
+from mlivr_gym.planners.planner import Planner
+from mlivr_gym.planners.planning_result import PlanningResult
 
 __all__ = ["Cost", "CostToGo", "Plan", "Planner", "PlanningResult", "Step"]

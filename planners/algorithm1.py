@@ -1,17 +1,17 @@
-"""Algorithm 1 of the paper in plain Python: best-first search over stances.
+"""Algorithm 1 of the paper in plain Python: A* over stances (Hart, Nilsson and Raphael 1968).
 
-This is the search to read first, and what the others (`table_search`, `lazy_search`) are
-compared with. It asks a stance graph for nothing but `posture_of`, `successors` and `max_step`, so
-it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
-`heuristic="paper"` nodes, edges and estimate are the paper's. Where steps are checked, a node is a
-`State`: a stance together with the branches that each limb may be on.
+This is the search to read first, and the reference for the compiled searches (`table_search`,
+`lazy_search`). It uses `posture_of`, `successors` and `max_step` of a stance graph alone, so it
+serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
+`heuristic="paper"` its nodes, edges and estimates are those of the paper. If steps are checked, a
+node of the search is a `State`: a stance together with the branches that each limb may be on.
 
-The lines are numbered for this file, not as in the paper's listing:
+The line numbers are those of this file, not of the listing in the paper:
 
     1   open <- {start}, g(start) <- 0, closed <- {}
     2   while open is not empty:
     3       s <- the entry of open with the least f; of equal ones the largest g, then the oldest
-    4       if s is in closed: go on with the next; closed <- closed + {s}
+    4       if s is in closed: continue with the next entry; closed <- closed + {s}
     5       if the base at s lies within the tolerance of the goal: return the path to s
     6       for each limb and each point that it can step to, which leads to s':
     7           g' <- g(s) + cost(s, s')
@@ -29,27 +29,27 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 
 @dataclass
-class Explored:
-    """The tree of a search: its expanded states in order, the goal last if it was found."""
+class SearchTree:
+    """The expanded states of a search in order, the goal last if it was reached."""
 
-    status: int = EXHAUSTED
-    """`FOUND`, `EXHAUSTED` or `LIMIT`."""
+    status: int = SEARCH_EXHAUSTED
+    """`GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`."""
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
-    """Index of the state that each one was reached from, -1 at the start."""
+    """Index of the parent of each state, -1 at the start."""
     costs: list[float] = field(default_factory=list)
     """Cost from the start."""
     positions: list[Array] = field(default_factory=list)
     """Base position of each state [m], shape (3,)."""
     generated: int = 1
-    """States that were put into the queue, the start included."""
+    """Number of states put into the open queue, the start included."""
 
 
 def algorithm1(
@@ -61,7 +61,7 @@ def algorithm1(
     inflation: float = 1.0,
     limit: int = 10_000_000,
     progress: Callable[[int], None] | None = None,
-) -> Explored:
+) -> SearchTree:
     """Search from a state to any stance at the goal.
 
     Parameters
@@ -69,17 +69,22 @@ def algorithm1(
     graph
         The stance graph, of any number of limbs.
     start
-        Where to start, for example `graph.state(stance)`.
+        The start state, for example `graph.state(stance)`.
     goal
-        Where to go and at what cost.
+        Goal region and cost.
     heuristic
         `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
     inflation
-        Factor on the heuristic; with 1 and a consistent one the path costs the least.
+        Factor on the heuristic; with 1 and a consistent heuristic the path has minimum cost.
     limit
-        Most expansions.
+        Maximum number of expansions.
     progress
-        Called with the number of expansions now and then.
+        Called from time to time with the number of expansions.
+
+    Returns
+    -------
+    SearchTree
+        The expanded states; their parents give the path.
     """
     cost = goal.cost
 
@@ -87,38 +92,38 @@ def algorithm1(
         distance = goal.distance(positions)
         return inflation * cost.heuristic(heuristic, distance, goal.tolerance, graph.max_step)
 
-    explored = Explored()
+    tree = SearchTree()
     origin = graph.posture_of(start).base_position[0]
-    # An entry: f, minus g, its age, the state, its base position, the index of its parent.
+    # An entry: f, minus g, its age, the state, its base position, and the index of its parent.
     queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
-    least, closed = {start: 0.0}, set()
+    best_cost, closed = {start: 0.0}, set()
     while queue:  # line 2
         _, minus_g, _, state, here, parent = heapq.heappop(queue)  # line 3
         if state in closed:  # line 4
             continue
         closed.add(state)
-        index = len(explored.states)
-        explored.states.append(state)
-        explored.parents.append(parent)
-        explored.costs.append(-minus_g)
-        explored.positions.append(here)
+        index = len(tree.states)
+        tree.states.append(state)
+        tree.parents.append(parent)
+        tree.costs.append(-minus_g)
+        tree.positions.append(here)
         if goal.reached(here, state.stance):  # line 5
-            explored.status = FOUND
-            return explored
+            tree.status = GOAL_REACHED
+            return tree
         if index + 1 >= limit:
-            explored.status = LIMIT
-            return explored
+            tree.status = LIMIT_REACHED
+            return tree
         if progress is not None and index % 100 == 0:
             progress(index)
         steps = graph.successors(state)  # line 6
-        away = np.linalg.norm(steps.base_in_world - here, axis=1)
-        g = -minus_g + cost.base_weight * away + cost.step_weight  # line 7
+        distances = np.linalg.norm(steps.base_in_world - here, axis=1)
+        g = -minus_g + cost.base_weight * distances + cost.step_weight  # line 7
         f = g + estimate(steps.base_in_world)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
-            if after not in closed and g[k] < least.get(after, np.inf):  # line 8
-                least[after] = float(g[k])
-                entry = (float(f[k]), -float(g[k]), explored.generated)
+            if after not in closed and g[k] < best_cost.get(after, np.inf):  # line 8
+                best_cost[after] = float(g[k])
+                entry = (float(f[k]), -float(g[k]), tree.generated)
                 heapq.heappush(queue, (*entry, after, steps.base_in_world[k], index))  # line 9
-                explored.generated += 1
-    return explored  # line 10
+                tree.generated += 1
+    return tree  # line 10

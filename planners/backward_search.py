@@ -1,9 +1,9 @@
-"""Costs to a goal over the nodes of a table when steps are not checked (compiled).
+"""Cost-to-go from the nodes of a table, labels left aside, by backward A* (compiled).
 
-Every step of the graph joins two nodes that `node_pairs` does not rule out. So the least cost over
-those, found by a search backward from the goal, never exceeds that of a plan. It goes on until the
-start is reached and a little farther; nodes it did not come to cost at least as much as it had
-reached then, less what leads to them from the start.
+Every step joins a pair of nodes of the table, so the minimum cost over these pairs is a lower bound
+of the cost of a plan. The search runs backward from the goal until the starts are reached, and a
+margin farther. A node that it did not reach costs at least the final estimate of the search minus
+the lower bound from the start to that node.
 """
 
 from __future__ import annotations
@@ -14,143 +14,152 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.planners.bucket_queue import NOTHING, NodeQueue, least_waiting, put, take, width_for
-from mlivr_gym.planners.costs import Weights
+from mlivr_gym.planners.bucket_queue import (
+    NO_ENTRY,
+    NodeQueue,
+    bucket_width,
+    pop,
+    push,
+    queue_lower_bound,
+)
+from mlivr_gym.planners.costs import CostWeights
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-CAPACITY = 1 << 21
-"""Entries of the queue to begin with, beside the goals."""
+INITIAL_CAPACITY = 1 << 21
+"""Initial capacity of the queue, in addition to the goals."""
 
-LEAST = 1e-12
-"""Least cost to the goal from a node that is not there."""
+MIN_COST_OUTSIDE_GOAL = 1e-12
+"""Lower bound of the cost from every node outside the goal, so that only goals have cost 0."""
 
 
-class Progress(Record):
-    """How far a search is."""
+class BackwardProgress(Record):
+    """Progress of a backward search."""
 
-    seeded: bool
+    initialised: bool
     """Whether the goals are in the queue."""
-    wanted: int
-    """Starts that it has not reached."""
+    unreached_starts: int
+    """Number of starts that the search has not reached."""
     limit: float
-    """Estimate beyond which it ends, infinite until it has reached all."""
-    share: float
-    """How much farther it goes then, as a share of the cost."""
-    amount: float
-    """And how much in any case."""
-    reached: float
-    """Estimate at which it ended; infinite if nothing is left."""
+    """Estimate at which the search ends; infinite until all starts are reached."""
+    margin_share: float
+    """Margin beyond the starts as a share of their cost."""
+    margin_amount: float
+    """Margin beyond the starts in addition to that share."""
+    final_estimate: float
+    """Estimate at which the search ended; infinite if its queue was exhausted."""
 
 
-class Mark(Record):
-    """What a search knows of a node, kept together as it is read together."""
+class NodeEstimate(Record):
+    """Costs of a node, in one record because they are read together."""
 
-    value: float
-    """The least cost found."""
-    toward: float
-    """Lower bound of the cost from the start, infinite for what need not be looked at."""
+    cost: float
+    """Minimum cost to the goal so far."""
+    start_bound: float
+    """Lower bound of the cost from the start, infinite for a node that is not to be visited."""
     closed: bool
-    """Whether it was expanded since that was found."""
+    """Whether the node was expanded with this cost."""
 
 
 def costs_to_goal(
     table: NodeTable,
     goals: BoolArray,
-    weights: Weights,
+    weights: CostWeights,
     starts: IntArray,
-    toward: Array,
-    farther_by: tuple[float, float],
+    start_bounds: Array,
+    margin: tuple[float, float],
 ) -> tuple[Array, BoolArray]:
-    """Lower bounds of the cost from every node to the goal.
+    """Compute lower bounds of the cost from every node to the goal.
 
     Parameters
     ----------
     table
         The nodes.
     goals
-        Which are at the goal, shape (n,).
+        Whether each node is at the goal, shape (n,).
     weights
-        What is minimised.
+        Weights of the cost.
     starts
-        Nodes from which bounds are wanted.
-    toward
-        Lower bounds of the cost from the start to each node, consistent, infinite for what
-        need not be looked at; shape (n,).
-    farther_by
-        How much farther than to the starts it goes: share and amount of the cost.
+        Nodes whose bounds are requested.
+    start_bounds
+        Consistent lower bounds of the cost from the start to each node, infinite for nodes that are
+        not to be visited, shape (n,).
+    margin
+        How far the search goes beyond the starts: a share of their cost, and an amount.
 
     Returns
     -------
     tuple[Array, BoolArray]
-        The bounds, 0 at goals alone, infinite where nothing leads there, and consistent; and where
-        they are the least cost. Each of shape (n,).
+        Consistent bounds, 0 only at goals, infinite where no walk leads to the goal or
+        `start_bounds` are; and whether each of them is the minimum cost. Both have shape (n,).
     """
-    count, wanted = len(goals), np.zeros(len(goals), dtype=np.bool_)
-    wanted[starts] = True
-    marks = Mark.rows(count)
-    marks["value"], marks["toward"] = np.inf, toward
-    low = float(toward[goals].min(initial=np.inf))
-    waiting = NodeQueue.of(CAPACITY + int(goals.sum()), low, width_for(weights))
-    progress = Progress.row()
-    progress["wanted"], progress["limit"] = int(wanted.sum()), np.inf
-    progress["share"], progress["amount"] = farther_by
-    nodes = table, goals, wanted
-    while not _search(nodes, weights, marks, waiting, progress):
-        waiting = waiting.wider()
-    outside, some = np.full(count, np.inf), np.isfinite(toward)
-    outside[some] = np.maximum(progress["reached"] - toward[some], LEAST)
-    # What was found beyond is not the least for certain.
-    bounds: Array = np.minimum(marks["value"], outside)
-    bounds[(bounds < LEAST) & ~goals] = LEAST
-    exact: BoolArray = np.isfinite(marks["value"])
-    exact[exact] = (marks["value"] + toward)[exact] < progress["reached"]
+    count, is_start = len(goals), np.zeros(len(goals), dtype=np.bool_)
+    is_start[starts] = True
+    estimates = NodeEstimate.rows(count)
+    estimates["cost"], estimates["start_bound"] = np.inf, start_bounds
+    low = float(start_bounds[goals].min(initial=np.inf))
+    queue = NodeQueue.allocate(INITIAL_CAPACITY + int(goals.sum()), low, bucket_width(weights))
+    progress = BackwardProgress.row()
+    progress["unreached_starts"], progress["limit"] = int(is_start.sum()), np.inf
+    progress["margin_share"], progress["margin_amount"] = margin
+    nodes = table, goals, is_start
+    while not _search(nodes, weights, estimates, queue, progress):
+        queue = queue.doubled()
+    outside, finite = np.full(count, np.inf), np.isfinite(start_bounds)
+    outside[finite] = np.maximum(
+        progress["final_estimate"] - start_bounds[finite], MIN_COST_OUTSIDE_GOAL
+    )
+    # A cost found beyond the final estimate need not be the minimum.
+    bounds: Array = np.minimum(estimates["cost"], outside)
+    bounds[(bounds < MIN_COST_OUTSIDE_GOAL) & ~goals] = MIN_COST_OUTSIDE_GOAL
+    exact: BoolArray = np.isfinite(estimates["cost"])
+    exact[exact] = (estimates["cost"] + start_bounds)[exact] < progress["final_estimate"]
     return bounds, exact
 
 
 @entry
 def _search(
     nodes: tuple[NodeTable, BoolArray, BoolArray],
-    weights: Weights,
-    marks: Rows[Mark],
-    waiting: NodeQueue,
-    progress: Progress,
+    weights: CostWeights,
+    estimates: Rows[NodeEstimate],
+    queue: NodeQueue,
+    progress: BackwardProgress,
 ) -> bool:
-    """Go on with a search; False if its queue is full."""
-    table, goals, wanted = nodes
-    if not progress.seeded:
-        progress.seeded = True
+    """Continue a search; return False if its queue is full."""
+    table, goals, is_start = nodes
+    if not progress.initialised:
+        progress.initialised = True
         for s in range(len(goals)):
-            if goals[s] and marks[s].toward < np.inf:
-                marks[s].value = 0.0
-                put(waiting, marks[s].toward, s)
+            if goals[s] and estimates[s].start_bound < np.inf:
+                estimates[s].cost = 0.0
+                push(queue, estimates[s].start_bound, s)
     while True:
-        entry = take(waiting)
-        if entry == NOTHING:
-            progress.reached = np.inf
+        entry = pop(queue)
+        if entry == NO_ENTRY:
+            progress.final_estimate = np.inf
             return True
-        if least_waiting(waiting) > progress.limit:
-            progress.reached = least_waiting(waiting)
+        if queue_lower_bound(queue) > progress.limit:
+            progress.final_estimate = queue_lower_bound(queue)
             return True
-        s = int(waiting.node[entry])
-        if marks[s].closed:
+        s = int(queue.node[entry])
+        if estimates[s].closed:
             continue
-        if waiting.filled.used + degree(table, s) + 1 > len(waiting.node):
-            put(waiting, marks[s].value + marks[s].toward, s)
+        if queue.status.entry_count + degree(table, s) + 1 > len(queue.node):
+            push(queue, estimates[s].cost + estimates[s].start_bound, s)
             return False
-        marks[s].closed = True
-        if wanted[s]:
-            wanted[s] = False
-            progress.wanted -= 1
-            if progress.wanted == 0:
-                f = marks[s].value + marks[s].toward
-                progress.limit = f * (1.0 + progress.share) + progress.amount
-        _open(table, s, weights, marks, waiting)
+        estimates[s].closed = True
+        if is_start[s]:
+            is_start[s] = False
+            progress.unreached_starts -= 1
+            if progress.unreached_starts == 0:
+                f = estimates[s].cost + estimates[s].start_bound
+                progress.limit = f * (1.0 + progress.margin_share) + progress.margin_amount
+        _relax_predecessors(table, s, weights, estimates, queue)
 
 
 @kernel
 def degree(table: NodeTable, s: int) -> int:
-    """How many nodes are a move away from one, at most."""
+    """Return an upper bound of the number of neighbours of a node."""
     count = 0
     for limb in range(table.points.shape[1]):
         support = table.supports[s, limb]
@@ -159,15 +168,15 @@ def degree(table: NodeTable, s: int) -> int:
 
 
 @kernel
-def _open(
+def _relax_predecessors(
     table: NodeTable,
     s: int,
-    weights: Weights,
-    marks: Rows[Mark],
-    waiting: NodeQueue,
+    weights: CostWeights,
+    estimates: Rows[NodeEstimate],
+    queue: NodeQueue,
 ) -> None:
-    """Note what leads to a node."""
-    limbs, g = table.points.shape[1], marks[s].value
+    """Relax the edges into an expanded node."""
+    limbs, g = table.points.shape[1], estimates[s].cost
     for limb in range(limbs):
         row = row_of(table, s, limb)
         if row < 0:
@@ -178,20 +187,20 @@ def _open(
             if not has_bit(table.bits, row + k):
                 continue
             other = int(table.members[begin + k]) // limbs
-            mark = marks[other]
-            cost = g + least_cost(table, s, other, weights)
-            if cost < mark.value and mark.toward < np.inf:
-                mark.value, mark.closed = cost, False
-                put(waiting, cost + mark.toward, other)
+            estimate = estimates[other]
+            cost = g + edge_cost(table, s, other, weights)
+            if cost < estimate.cost and estimate.start_bound < np.inf:
+                estimate.cost, estimate.closed = cost, False
+                push(queue, cost + estimate.start_bound, other)
 
 
 @kernel
-def least_cost(table: NodeTable, a: int, b: int, weights: Weights) -> float:
-    """What a step between two nodes costs at least."""
+def edge_cost(table: NodeTable, a: int, b: int, weights: CostWeights) -> float:
+    """Return the cost of a step between two nodes."""
     if weights.base == 0.0:
         return float(weights.step)
     shift = 0.0
     for axis in range(3):
-        away = table.base_position[a, axis] - table.base_position[b, axis]
-        shift += away * away
+        offset = table.base_position[a, axis] - table.base_position[b, axis]
+        shift += offset * offset
     return float(weights.base * np.sqrt(shift) + weights.step)

@@ -1,18 +1,18 @@
-"""Other methods to find a walk, after the literature; all work on the edges of the graph.
+"""Baselines of the literature that find walks over the same steps as the planner.
 
-* `random`: any step, each as likely as the others.
-* `local`: local foothold choice, as in Bretl (2006) and Uno (2019): the step whose base comes
-  nearest to the goal, never back to a stance already visited.
-* `mcts`: Monte Carlo tree search (Kocsis and Szepesvari, 2006), as Xu (2022) uses it for free
-  climbing: UCT with progressive widening over the steps in the order of their base's distance to
-  the goal, and local choice as rollout.
-* `two_level`: the base path first, footholds after, as in Rodriguez (2024): the base shall follow
-  the straight line to the goal; footholds are searched best first, farthest along first, inside a
-  corridor round it, which widens where there are none.
+* `random`: a step drawn uniformly at random.
+* `local`: local foothold choice, as in Bretl (2006) and Uno (2019): the step whose base is closest
+  to the goal, never to a stance visited before.
+* `mcts`: Monte Carlo tree search (Kocsis and Szepesvari 2006), used by Xu (2022) for free climbing:
+  UCT with progressive widening over the steps in the order of their base's distance to the goal,
+  with local foothold choice as rollout.
+* `two_level`: the base path first and footholds second, as in Rodriguez (2024): the base shall
+  follow the straight line to the goal; a greedy best-first search places footholds inside a
+  corridor around it, which is widened if that fails.
 
-A* without manipulability (Takada, 2023) is `Planner` on a graph with
-`Settings(manipulability=False)`; `walks.edges_along` then tells how far its plans are edges
-under the thresholds.
+A* without manipulability (Takada 2023) is `Planner` on a graph with
+`Settings(manipulability=False)`; `walks.edges_along` then counts how many steps of its plans are
+edges under the thresholds.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from mlivr_gym.stances.moves import Moves
 from mlivr_gym.transitions.state import State, Successors
 
 CORRIDORS = (0.3, 0.6, 1.2)
-"""Half widths of the corridor that `two_level` tries one after the other [m]."""
+"""Half widths of the corridors of `two_level`, in order [m]."""
 
 
 class _Task:
-    """A start, a goal and the moves between, with a count of the states expanded."""
+    """A start, a goal and the moves between them, which counts the states expanded."""
 
     def __init__(
         self, moves: Moves, start: State, goal: Array, tolerance: float, longest: int
@@ -45,23 +45,27 @@ class _Task:
         self.expanded = 0
 
     def steps(self, state: State) -> Successors:
+        """Return the steps that leave a state, and count an expansion."""
         self.expanded += 1
         return self.moves.successors(state)
 
     def distance(self, state: State) -> float:
+        """Return the distance of the base from the goal [m]."""
         return distance(self.moves.place(state).base_in_world, self.goal.tolist())
 
-    def done(self, state: State) -> bool:
+    def is_at_goal(self, state: State) -> bool:
+        """Return whether the base is within the goal region."""
         return self.distance(state) <= self.tolerance
 
     def walk(self, states: list[State]) -> Walk:
-        return Walk(tuple(states), self.done(states[-1]), self.expanded)
+        """Return a sequence of states as the walk of a baseline."""
+        return Walk(tuple(states), self.is_at_goal(states[-1]), self.expanded)
 
 
 def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
-    """Random possible actions until the goal or `longest` steps."""
+    """Take random steps until the goal or the maximum number of steps."""
     states = [task.start]
-    while not task.done(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
         if not len(steps.limb):
             break
@@ -70,9 +74,9 @@ def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 
 
 def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
-    """Local foothold choice."""
+    """Choose footholds locally: the step whose base is closest to the goal."""
     states, seen = [task.start], {task.start.stance}
-    while not task.done(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
         steps = task.steps(states[-1])
         for k in np.argsort(distances(steps.base_in_world, task.goal), kind="stable"):
             after = steps.after(states[-1], int(k))
@@ -85,8 +89,8 @@ def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk(states)
 
 
-class _Node:
-    """A state of the search tree: its steps in order of promise, and what was tried."""
+class _TreeNode:
+    """A state of the search tree, its steps in the order of the base's distance to the goal."""
 
     __slots__ = ("children", "order", "state", "steps", "total", "visits")
 
@@ -96,21 +100,21 @@ class _Node:
         self.order = np.argsort(
             distances(self.steps.base_in_world, task.goal), kind="stable"
         ).tolist()
-        self.children: list[_Node] = []
+        self.children: list[_TreeNode] = []
         self.visits, self.total = 0, 0.0
 
 
 def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
-    """Monte Carlo tree search, `budget` simulations for each step taken."""
-    states, reach = [task.start], 0.5
-    while not task.done(states[-1]) and len(states) <= task.longest:
-        root = _Node(task, states[-1])
+    """Find a walk by Monte Carlo tree search with `budget` simulations for each step."""
+    states, scale = [task.start], 0.5
+    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
+        root = _TreeNode(task, states[-1])
         best: tuple[float, list[State]] = (-math.inf, [])
         for _ in range(budget):
-            value, states_ahead = _simulate(task, root, rng, reach)
+            value, states_ahead = _simulate(task, root, rng, scale)
             best = max(best, (value, states_ahead), key=lambda pair: pair[0])
-        if best[1] and task.done(best[1][-1]):
-            # A simulation that arrives is a plan: later ones would only repeat it.
+        if best[1] and task.is_at_goal(best[1][-1]):
+            # A simulation that reaches the goal is a walk; later ones would only repeat it.
             return task.walk([*states, *best[1]])
         if not root.children:
             break
@@ -120,14 +124,17 @@ def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 
 
 def _simulate(
-    task: _Task, root: _Node, rng: np.random.Generator, reach: float
+    task: _Task, root: _TreeNode, rng: np.random.Generator, scale: float
 ) -> tuple[float, list[State]]:
-    """Descend, add a node, roll out, and back the value up; the value and the states passed."""
+    """Run one simulation; return its value and the states passed.
+
+    It descends the tree by UCT, adds a node, rolls out, and backs the value up.
+    """
     node, path, ahead = root, [root], list[State]()
-    while node.order and not task.done(node.state):
+    while node.order and not task.is_at_goal(node.state):
         allowed = min(len(node.order), 2 + int(math.sqrt(node.visits)))
         if len(node.children) < allowed:
-            child = _Node(task, node.steps.after(node.state, node.order[len(node.children)]))
+            child = _TreeNode(task, node.steps.after(node.state, node.order[len(node.children)]))
             node.children.append(child)
         else:
             log = math.log(node.visits + 1)
@@ -142,7 +149,7 @@ def _simulate(
             break
     state, seen = node.state, {n.state.stance for n in path}
     for _ in range(8):
-        if task.done(state):
+        if task.is_at_goal(state):
             break
         steps = node.steps if state == node.state else task.steps(state)
         if not len(steps.limb):
@@ -154,7 +161,7 @@ def _simulate(
             break
         seen.add(state.stance)
         ahead.append(state)
-    value = -float(len(ahead)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / reach
+    value = -float(len(ahead)) - 2.0 * max(0.0, task.distance(state) - task.tolerance) / scale
     for passed in path:
         passed.visits += 1
         passed.total += value / 10.0
@@ -162,7 +169,7 @@ def _simulate(
 
 
 def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
-    """The base path first, footholds after."""
+    """Find footholds along the straight base path to the goal, inside a corridor around it."""
     origin = np.array(task.moves.place(task.start).base_in_world)
     length = float(np.linalg.norm(task.goal - origin))
     direction = (task.goal - origin) / max(length, 1e-9)
@@ -172,7 +179,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
         queue: list[tuple[float, int]] = [(0.0, 0)]
         while queue and len(states) < 20_000:
             _, here = heapq.heappop(queue)
-            if task.done(states[here]):
+            if task.is_at_goal(states[here]):
                 chain = [here]
                 while parents[chain[-1]] >= 0:
                     chain.append(parents[chain[-1]])
@@ -197,7 +204,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     return task.walk([task.start])
 
 
-FINDERS: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
+BASELINES: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
     "random": random_walk, "local": local_walk, "mcts": tree_search, "two_level": two_level,
 }  # fmt: skip
 """The baselines by name."""
@@ -214,24 +221,24 @@ def find_walk(
     budget: int = 50,
     seed: int = 0,
 ) -> Walk:
-    """A walk by one of the baselines.
+    """Find a walk by one of the baselines.
 
     Parameters
     ----------
     method
-        One of `FINDERS`.
+        One of `BASELINES`.
     moves
         The moves of the world, `MlivrEnv.moves`.
     start
-        Where to start.
+        The start state.
     goal
         Goal position of the base [m], shape (3,).
     tolerance
         Radius of the goal region [m].
     longest
-        Most steps.
+        Maximum number of steps.
     budget
-        Simulations for each step of `mcts`.
+        Number of simulations for each step of `mcts`.
     seed
         Seed of `random` and `mcts`.
 
@@ -240,6 +247,6 @@ def find_walk(
     SettingError
         If the method is unknown.
     """
-    choice("method", method, FINDERS)
+    choice("method", method, BASELINES)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, longest)
-    return FINDERS[method](task, np.random.default_rng(seed), budget)
+    return BASELINES[method](task, np.random.default_rng(seed), budget)

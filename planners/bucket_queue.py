@@ -1,7 +1,8 @@
-"""The queue of searches over millions of nodes: lists of about equal estimates (compiled).
+"""Bucket queue (Dial 1969) of searches over millions of nodes (compiled).
 
-To put one in and to take one out takes the same time however many wait, and hardly leaves what the
-processor has at hand. Of those in one list any may come first.
+Entries whose estimates fall into the same interval share a bucket, a linked list. Push and pop take
+constant time, and entries of a bucket come in no particular order, so the order of the queue is
+exact up to the width of a bucket.
 """
 
 from __future__ import annotations
@@ -14,110 +15,121 @@ from numpy.typing import NDArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
 
-LISTS = 1 << 16
-"""Number of lists; what is farther yet is in the last."""
+BUCKETS = 1 << 16
+"""Number of buckets; larger estimates go into the last one."""
 
-NOTHING = -1
-"""In place of an entry."""
+NO_ENTRY = -1
+"""Index that stands for no entry."""
 
-WIDTH = 0.01
-"""Base displacement that a list spans [m], where that is charged."""
+BUCKET_WIDTH = 0.01
+"""Base displacement that a bucket spans, where displacements are charged [m]."""
 
 
-class Filled(Record):
-    """How full a queue is."""
+class QueueStatus(Record):
+    """Scale and fill level of a queue."""
 
-    low: float
-    """Estimate with which the first list begins."""
+    lowest: float
+    """Estimate at which the first bucket starts."""
     width: float
-    """How many estimates a list spans."""
-    used: int
-    """Entries ever made."""
-    list: int
-    """The first list that may hold something."""
+    """Interval of estimates that a bucket spans."""
+    entry_count: int
+    """Number of entries ever pushed."""
+    bucket: int
+    """The first bucket that may hold an entry."""
 
 
 class NodeQueue(NamedTuple):
-    """Nodes that wait."""
+    """An open queue of nodes."""
 
-    first: NDArray[np.int32]
-    """First entry of each list, shape (LISTS,)."""
+    head: NDArray[np.int32]
+    """First entry of each bucket, shape (BUCKETS,)."""
     node: NDArray[np.int32]
-    """Nodes of the entries, shape (room,)."""
-    following: NDArray[np.int32]
-    """Entry that follows each in its list, shape (room,)."""
-    filled: Filled
-    """How full it is."""
+    """Node of each entry, shape (capacity,)."""
+    next_entry: NDArray[np.int32]
+    """Entry that follows in the same bucket, shape (capacity,)."""
+    status: QueueStatus
+    """Scale and fill level."""
 
     @classmethod
-    def of(cls, capacity: int, low: float = 0.0, width: float = 1.0) -> NodeQueue:
-        """Room for some entries; the first list begins at an estimate, each spans some."""
-        node, following = (np.empty(capacity, dtype=np.int32) for _ in range(2))
-        new = cls(np.empty(LISTS, dtype=np.int32), node, following, Filled.row())
-        new.empty(low, width)
+    def allocate(cls, capacity: int, lowest: float = 0.0, width: float = 1.0) -> NodeQueue:
+        """Allocate an empty queue with a given capacity, first estimate and bucket width."""
+        node, next_entry = (np.empty(capacity, dtype=np.int32) for _ in range(2))
+        new = cls(np.empty(BUCKETS, dtype=np.int32), node, next_entry, QueueStatus.row())
+        new.reset(lowest, width)
         return new
 
-    def empty(self, low: float, width: float) -> None:
-        """Begin anew."""
-        self.first[:] = NOTHING
-        filled: Any = self.filled
-        filled["low"], filled["width"], filled["used"], filled["list"] = low, width, 0, 0
+    def reset(self, lowest: float, width: float) -> None:
+        """Empty the queue and set its first estimate and bucket width."""
+        self.head[:] = NO_ENTRY
+        status: Any = self.status
+        status["lowest"], status["width"], status["entry_count"], status["bucket"] = (
+            lowest,
+            width,
+            0,
+            0,
+        )
 
     @property
-    def least(self) -> float:
-        """See `least_waiting`."""
-        filled: Any = self.filled
-        return float(filled["low"] + filled["width"] * filled["list"])
+    def lower_bound(self) -> float:
+        """Return the lower bound of all estimates in the queue, see `queue_lower_bound`."""
+        status: Any = self.status
+        return float(status["lowest"] + status["width"] * status["bucket"])
 
-    def wider(self) -> NodeQueue:
-        """The same with twice as much room."""
-        node, following = (np.resize(one, 2 * len(one)) for one in (self.node, self.following))
-        return NodeQueue(self.first, node, following, self.filled)
-
-
-def width_for(weights: Any) -> float:
-    """What lists span of a cost: a step, where nothing else is charged."""
-    return WIDTH * float(weights["base"]) or float(weights["step"])
+    def doubled(self) -> NodeQueue:
+        """Return the queue with twice the capacity."""
+        node, next_entry = (np.resize(one, 2 * len(one)) for one in (self.node, self.next_entry))
+        return NodeQueue(self.head, node, next_entry, self.status)
 
 
-@kernel
-def put(waiting: NodeQueue, f: float, node: int) -> None:
-    """Add a node; there must be room. It comes no sooner than what was taken last."""
-    filled = waiting.filled
-    place = max(int(min((f - filled.low) / filled.width, LISTS - 1)), filled.list)
-    entry = filled.used
-    waiting.node[entry], waiting.following[entry] = node, waiting.first[place]
-    waiting.first[place] = entry
-    filled.used = entry + 1
+def bucket_width(weights: Any) -> float:
+    """Return the width of a bucket for a cost: one step if displacements are not charged."""
+    return BUCKET_WIDTH * float(weights["base"]) or float(weights["step"])
 
 
 @kernel
-def take(waiting: NodeQueue) -> int:
-    """Remove an entry of the first list that holds one; `NOTHING` if none does."""
-    filled = waiting.filled
-    while filled.list < LISTS:
-        entry = waiting.first[filled.list]
-        if entry != NOTHING:
-            waiting.first[filled.list] = waiting.following[entry]
+def push(queue: NodeQueue, f: float, node: int) -> None:
+    """Push a node with estimate `f`; the queue must not be full.
+
+    A node with a smaller estimate than the entry popped last goes into the current bucket.
+    """
+    status = queue.status
+    bucket = max(int(min((f - status.lowest) / status.width, BUCKETS - 1)), status.bucket)
+    entry = status.entry_count
+    queue.node[entry], queue.next_entry[entry] = node, queue.head[bucket]
+    queue.head[bucket] = entry
+    status.entry_count = entry + 1
+
+
+@kernel
+def pop(queue: NodeQueue) -> int:
+    """Pop an entry from the first bucket that holds one; return `NO_ENTRY` if all are empty."""
+    status = queue.status
+    while status.bucket < BUCKETS:
+        entry = queue.head[status.bucket]
+        if entry != NO_ENTRY:
+            queue.head[status.bucket] = queue.next_entry[entry]
             return int(entry)
-        filled.list += 1
-    return NOTHING
+        status.bucket += 1
+    return NO_ENTRY
 
 
 @kernel
-def put_back(waiting: NodeQueue, entry: int) -> None:
-    """Put an entry that was taken last in its place again."""
-    waiting.following[entry] = waiting.first[waiting.filled.list]
-    waiting.first[waiting.filled.list] = entry
+def requeue(queue: NodeQueue, entry: int) -> None:
+    """Push an entry back into the current bucket, from which it was popped."""
+    queue.next_entry[entry] = queue.head[queue.status.bucket]
+    queue.head[queue.status.bucket] = entry
 
 
 @kernel
-def least_waiting(waiting: NodeQueue) -> float:
-    """What the estimates of all that wait are not less than, once a list was looked at."""
-    return waiting.filled.low + waiting.filled.width * waiting.filled.list
+def queue_lower_bound(queue: NodeQueue) -> float:
+    """Return the start of the current bucket, a lower bound of all estimates in the queue.
+
+    It is one as long as no smaller estimate is pushed, that is with a consistent heuristic.
+    """
+    return queue.status.lowest + queue.status.width * queue.status.bucket
 
 
 @kernel
-def nothing_at_hand(waiting: NodeQueue) -> bool:
-    """Whether the list that was looked at last is empty."""
-    return bool(waiting.first[waiting.filled.list] == NOTHING)
+def is_current_bucket_empty(queue: NodeQueue) -> bool:
+    """Return whether the current bucket is empty."""
+    return bool(queue.head[queue.status.bucket] == NO_ENTRY)

@@ -1,7 +1,7 @@
-"""Work that is done once for a robot on a map, and outlasts the query that asked for it.
+"""Tables that are built once for a robot on a map, in threads that outlast a query.
 
-A query with a time limit waits for such work no longer than it may. The work goes on in a thread,
-and the next query finds what it has come to.
+A query with a time limit waits for a table until its deadline. The thread goes on, and a later
+query uses the result.
 """
 
 from __future__ import annotations
@@ -12,55 +12,55 @@ import time
 from collections.abc import Callable, Hashable
 
 
-class _Work(threading.Thread):
-    """Some work in a thread, which ends with the process."""
+class _BackgroundWork(threading.Thread):
+    """Some work in a daemon thread, which ends with the process."""
 
     def __init__(self, work: Callable[[], object]) -> None:
-        """Begin."""
+        """Start the work."""
         super().__init__(daemon=True)
         self.work = work
         self.error: BaseException | None = None
         self.start()
 
     def run(self) -> None:
-        """Do it; an error is kept for those who wait."""
+        """Do the work; an error is stored for the thread that waits for the result."""
         try:
             self.work()
-        except BaseException as error:  # it is raised where the result is waited for
+        except BaseException as error:  # raised in the thread that waits for the result
             self.error = error
 
 
-_begun: dict[Hashable, _Work] = {}
-"""Work that was begun and not yet found done, by what it is for."""
+_running: dict[Hashable, _BackgroundWork] = {}
+"""Threads that were started and whose result was not collected yet, by the key of the work."""
 
 
-def finished(what: Hashable, work: Callable[[], object], until: float) -> bool:
-    """Whether some work, which keeps its result itself, is done before a time.
+def complete_by_deadline(key: Hashable, work: Callable[[], object], deadline: float) -> bool:
+    """Return whether some work, which stores its own result, is done before a deadline.
 
     Parameters
     ----------
-    what
-        What tells it from other work: the same is not begun twice.
+    key
+        Key that identifies the work, so that it is not started twice.
     work
-        Called once; where the time is unlimited here, else in a thread.
-    until
-        When to stop waiting, as `time.perf_counter` counts [s]; infinite for never.
+        Called once: in this thread if there is no deadline, otherwise in a thread of its own.
+    deadline
+        Time at which to stop waiting, on the clock of `time.perf_counter` [s]; infinite for none.
 
     Raises
     ------
     BaseException
-        What the work raises.
+        Whatever the work raises.
     """
-    if until == math.inf and what not in _begun:
+    if deadline == math.inf and key not in _running:
         work()
         return True
-    if what not in _begun:
-        _begun[what] = _Work(work)
-    thread = _begun[what]
-    thread.join(None if until == math.inf else max(0.0, until - time.perf_counter()))
+    if key not in _running:
+        _running[key] = _BackgroundWork(work)
+    thread = _running[key]
+    thread.join(None if deadline == math.inf else max(0.0, deadline - time.perf_counter()))
     if thread.is_alive():
         return False
-    _begun.pop(what, None)
+    _running.pop(key, None)
     if thread.error is not None:
         raise thread.error
     return True

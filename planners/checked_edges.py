@@ -1,4 +1,4 @@
-"""Steps between nodes that were checked, for searches that are asked again (compiled)."""
+"""Checked edges in a hash table with open addressing, cached between queries (compiled)."""
 
 from __future__ import annotations
 
@@ -10,82 +10,96 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 
-CAPACITY = 1 << 14
-"""Places of the table to begin with, a power of two."""
+INITIAL_CAPACITY = 1 << 14
+"""Initial number of slots of the hash table, a power of two."""
 
 PRIME, FACTOR = 2_147_483_647, 40_503
-"""What spreads bits over the places."""
+"""Modulus and factor of the hash function."""
 
 EMPTY = -1
-"""Key of a place that is free."""
+"""Key of an empty slot."""
 
 
 class CheckedEdges(NamedTuple):
-    """What was found of steps, by the bit of their pair, see `node_pairs`."""
+    """Branches kept on checked edges, by the bit of each edge in the table, see `node_pairs`."""
 
     keys: IntArray
-    """Bits, `EMPTY` where a place is free, shape (capacity,)."""
+    """Bits of the edges, `EMPTY` in an empty slot, shape (capacity,)."""
     kept: NDArray[np.uint64]
-    """Masks of `held_beside` that the limbs keep which hold, 0 for what is no step, (capacity,)."""
-    at: BoolArray
-    """Nodes of which a step is known, shape (n,)."""
+    """Masks of `held_beside` that the support limbs keep, 0 for an edge that is no step, shape
+    (capacity,)."""
+    has_edges: BoolArray
+    """Whether an edge from each node was checked, shape (n,)."""
 
     @classmethod
-    def none(cls, nodes: int, capacity: int = CAPACITY) -> CheckedEdges:
-        """Nothing known yet of some number of nodes."""
+    def empty(cls, nodes: int, capacity: int = INITIAL_CAPACITY) -> CheckedEdges:
+        """Return an empty hash table for the edges of some number of nodes."""
         keys, kept = np.full(capacity, EMPTY, dtype=np.int64), np.zeros(capacity, dtype=np.uint64)
         return cls(keys, kept, np.zeros(nodes, dtype=np.bool_))
 
-    def with_steps(self, nodes: IntArray, bits: IntArray, kept: NDArray[np.uint64]) -> CheckedEdges:
-        """These and more: the nodes that they leave, their bits and what is kept, each (k,)."""
-        used = int((self.keys != EMPTY).sum())
-        wider = self
-        if 2 * (used + len(bits)) > len(self.keys):
+    def with_edges(
+        self, nodes: IntArray, edges: IntArray, kept: NDArray[np.uint64]
+    ) -> CheckedEdges:
+        """Return the hash table with more edges, in place if there is capacity.
+
+        Parameters
+        ----------
+        nodes
+            Node from which each edge leaves, shape (k,).
+        edges
+            Bits of the edges, shape (k,).
+        kept
+            Masks that the support limbs keep on them, shape (k,).
+        """
+        edge_count = int((self.keys != EMPTY).sum())
+        table = self
+        if 2 * (edge_count + len(edges)) > len(self.keys):
             capacity = len(self.keys)
-            while 2 * (used + len(bits)) > capacity:
+            while 2 * (edge_count + len(edges)) > capacity:
                 capacity *= 2
-            wider = CheckedEdges.none(0, capacity)._replace(at=self.at)
-            old = self.keys != EMPTY
-            _put(wider, self.keys[old], self.kept[old])
-        _put(wider, bits, kept)
-        wider.at[nodes] = True
-        return wider
+            table = CheckedEdges.empty(0, capacity)._replace(has_edges=self.has_edges)
+            occupied = self.keys != EMPTY
+            _put(table, self.keys[occupied], self.kept[occupied])
+        _put(table, edges, kept)
+        table.has_edges[nodes] = True
+        return table
 
-    def has(self, bits: IntArray) -> BoolArray:
-        """Which steps are known, by their bits, shape (k,)."""
-        return np.asarray(self.keys[self._places(bits)] == bits)
+    def contains(self, edges: IntArray) -> BoolArray:
+        """Return whether edges were checked, by their bits, shape (k,)."""
+        return np.asarray(self.keys[self._slots(edges)] == edges)
 
-    def of(self, bits: IntArray) -> NDArray[np.uint64]:
-        """What is kept on steps that are known, by their bits, shape (k,)."""
-        kept: NDArray[np.uint64] = self.kept[self._places(bits)]
+    def kept_on(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Return the masks kept on checked edges, by their bits, shape (k,)."""
+        kept: NDArray[np.uint64] = self.kept[self._slots(edges)]
         return kept
 
-    def _places(self, bits: IntArray) -> IntArray:
-        places = np.empty(len(bits), dtype=np.int64)
-        _find(self, bits, places)
-        return places
+    def _slots(self, edges: IntArray) -> IntArray:
+        """Return the slots of edges, shape (k,)."""
+        slots = np.empty(len(edges), dtype=np.int64)
+        _find(self, edges, slots)
+        return slots
 
 
 @kernel
-def place_of(known: CheckedEdges, bit: int) -> int:
-    """Where a step is, or would be put."""
-    last = len(known.keys) - 1
-    place = (bit % PRIME * FACTOR) & last
-    while known.keys[place] != EMPTY and known.keys[place] != bit:
-        place = (place + 1) & last
-    return place
+def slot_of(checked_edges: CheckedEdges, edge: int) -> int:
+    """Return the slot of an edge, or the empty slot for it."""
+    last_slot = len(checked_edges.keys) - 1
+    slot = (edge % PRIME * FACTOR) & last_slot
+    while checked_edges.keys[slot] != EMPTY and checked_edges.keys[slot] != edge:
+        slot = (slot + 1) & last_slot
+    return slot
 
 
 @entry
-def _find(known: CheckedEdges, bits: IntArray, places: IntArray) -> None:
-    """Where steps are, or would be put, into `places`."""
-    for k in range(len(bits)):
-        places[k] = place_of(known, bits[k])
+def _find(checked_edges: CheckedEdges, edges: IntArray, slots: IntArray) -> None:
+    """Write the slots of edges into `slots`."""
+    for k in range(len(edges)):
+        slots[k] = slot_of(checked_edges, edges[k])
 
 
 @entry
-def _put(known: CheckedEdges, bits: IntArray, kept: NDArray[np.uint64]) -> None:
-    """Note steps; there must be room."""
-    for k in range(len(bits)):
-        place = place_of(known, bits[k])
-        known.keys[place], known.kept[place] = bits[k], kept[k]
+def _put(checked_edges: CheckedEdges, edges: IntArray, kept: NDArray[np.uint64]) -> None:
+    """Store edges; the hash table must have capacity."""
+    for k in range(len(edges)):
+        slot = slot_of(checked_edges, edges[k])
+        checked_edges.keys[slot], checked_edges.kept[slot] = edges[k], kept[k]

@@ -1,8 +1,8 @@
-"""Exact cost-to-go of the two-limb robot: the oracle and expert.
+"""Exact cost-to-go of the two-limb robot, with all steps checked: oracle and expert.
 
-With steps checked the cost to the goal depends on the branches the limbs are on. Moving limb j
-while limb i holds on branch b depends on b alone, so the table holds `U[s, i, b]`: the least cost
-from stance s when limb i holds on b and the other limb moves next, see `table_values`.
+The cost to the goal depends on the branches that the limbs are on. Whether limb j can move while
+limb i holds on branch b depends on b alone, so the table holds `U[s, i, b]`, the minimum cost from
+stance s when limb i holds on b and the other limb moves next, see `table_values`.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ class CostToGo:
     Attributes
     ----------
     values
-        Cost from each stance when both limbs have all their branches, shape (n,); inf where
-        no goal can be reached.
+        Cost from each stance when both limbs have all their branches, shape (n,); infinite where no
+        goal can be reached.
     goal
         The goal.
     is_goal
-        Which stances are goals, shape (n,).
+        Whether each stance is at the goal, shape (n,).
     """
 
     def __init__(self, graph: PairGraph, goal: Goal) -> None:
-        """Work it out; steps that are not known are checked, once for all goals."""
+        """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)
-        self._held = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
+        self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
         self._releasable = graph.releasable if graph.settings.transitions else graph.mask
-        self.values: Array = np.where(self.is_goal, 0.0, self._held.min(axis=(1, 2)))
+        self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
-        """Cost from a state to the goal; infinity from a stance that cannot be held.
+        """Return the cost from a state to the goal; infinite for a stance that cannot be held.
 
         Raises
         ------
@@ -58,7 +58,7 @@ class CostToGo:
             return 0.0
         return float(
             min(
-                self._held[s, i][_bits(state.masks[i])].min()
+                self._table[s, i][_bits(state.masks[i])].min()
                 if can_release(state.masks[1 - i], int(self._releasable[s, 1 - i]))
                 else np.inf
                 for i in range(2)
@@ -66,12 +66,13 @@ class CostToGo:
         )
 
     def _from_given_pose(self, state: State) -> float:
+        """Return the cost from a state with a given base pose, by its successors."""
         if self.goal.reached(np.array(state.pose)[:3], state.stance):
             return 0.0
         return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
 
     def action_values(self, state: State, successors: Successors) -> Array:
-        """Cost of taking each step that leaves a state and going on optimally, shape (k,)."""
+        """Return the cost of each step from a state and an optimal walk after it, shape (k,)."""
         out = np.empty(len(successors.limb))
         shift = np.linalg.norm(
             successors.base_in_world - self.graph.posture_of(state).base_position[0], axis=1
@@ -82,11 +83,11 @@ class CostToGo:
         return out
 
     def best(self, state: State, successors: Successors) -> int:
-        """Index of the best step among those that leave a state, the first of equal ones."""
+        """Return the index of the best step that leaves a state, the first of equal ones."""
         values = self.action_values(state, successors)
         return int(np.flatnonzero(values <= values.min() + 1e-12)[0])
 
 
 def _bits(mask: int) -> list[int]:
-    """Branches and flips of a mask by number."""
+    """Return the branches and flips of a mask by number."""
     return [b for b in range(16) if mask >> b & 1]

@@ -1,7 +1,7 @@
-"""Costs of a step.
+"""Costs of a step, and estimates of the cost from a base position to the goal.
 
-The paper has two: the base displacement, and one for each step. Their weighted sum charges a price
-in metres for every regrasp, so that steps can be bought with translation.
+The paper minimises either the base displacement or the number of steps. The weighted cost adds a
+price in metres for each regrasp to the displacement, so that both are traded against each other.
 """
 
 from __future__ import annotations
@@ -18,36 +18,44 @@ from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.schema import Choice, Maybe, Tuples
 
 HIGHEST_PRICE = 1e6
-"""Largest price of a regrasp [m]; above it displacements are lost in rounding."""
+"""Largest price of a regrasp [m]; above it base displacements would be lost in rounding."""
 
 COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": Maybe(Tuples((), 0.0, HIGHEST_PRICE))}
-"""Kinds of what names a cost."""
+"""Kinds of the arguments that name a cost."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
-"""Names of the heuristics; `cost_to_go` is the exact one without step checks."""
+"""Names of the heuristics; `"cost_to_go"` is the exact cost-to-go over the table of nodes, labels
+left aside."""
 
 
-STRIDE, EAGERNESS = 0.3, 3.0
-"""Advance of a typical step of many limbs [m], and how much a first plan is preferred to a good
-one: factors of `Cost.promise`, see `experiments/many_limbs.py`."""
+TYPICAL_ADVANCE, DISTANCE_INFLATION = 0.3, 3.0
+"""Base displacement of a typical step of three or four limbs [m], and the factor by which
+`Cost.inadmissible_estimate` overestimates; see `experiments/many_limbs.py`."""
 
-MOVE, PER_METRE, HASTE = 0.6, 2.0, 2.0
-"""Where the fewest moves to the goal are known: least price of a move by that of a metre, what a
-metre counts in moves, and how much a first plan is preferred to a good one."""
+MOVE_PRICE_RATIO, MOVES_PER_METRE, MOVE_INFLATION = 0.6, 2.0, 2.0
+"""Constants of `Cost.inadmissible_estimate` where the fewest moves are known: minimum price of a
+move in prices of a metre [m], moves that a metre counts for [1/m], and the factor by which the
+estimate is inflated."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost `base_weight * displacement + step_weight` of one step.
+    """The cost `base_weight * displacement + step_weight` of one step.
 
     Attributes
     ----------
     name
-        One of `motion.plan_parts.COSTS`.
+        `"base"`, `"steps"` or `"weighted"`.
     base_weight
         Weight of the base displacement [1/m].
     step_weight
         Charge for each step.
+
+    Examples
+    --------
+    >>> from mlivr_gym.planners import Cost
+    >>> Cost.named("weighted", regrasp_price=0.3)
+    Cost(name='weighted', base_weight=1.0, step_weight=0.3)
     """
 
     name: str = "base"
@@ -57,20 +65,21 @@ class Cost:
     @classmethod
     @checked(COST_KINDS)
     def named(cls, cost: str, regrasp_price: float | None = None) -> Cost:
-        """A cost by name.
+        """Return the cost of that name.
 
         Parameters
         ----------
         cost
-            `"base"` [m], `"steps"`, or `"weighted"` [m].
+            `"base"` for the base displacement [m], `"steps"` for the number of steps, or
+            `"weighted"` for the displacement plus a price for each regrasp [m].
         regrasp_price
-            Metres charged for a regrasp; only for `"weighted"`.
+            Price of a regrasp [m]; only for `"weighted"`.
 
         Raises
         ------
         SettingError
-            If the name is unknown or the price is missing, misplaced, below zero or
-            too high.
+            If the name is unknown, or if the price is missing, given with another cost, negative or
+            above `HIGHEST_PRICE`.
         """
         if (cost == "weighted") != (regrasp_price is not None):
             raise SettingError(
@@ -81,11 +90,12 @@ class Cost:
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
     def heuristic(self, name: str, distance: Array, tolerance: float, max_step: float) -> Array:
-        """Estimate of the cost from base positions to the goal.
+        """Estimate the cost from base positions to the goal by their distance to it.
 
-        `"consistent"` uses `max(0, d - tolerance)` and `ceil(max(0, d - tolerance) / max_step)`,
-        which never overestimate since the goal is a ball. `"paper"` uses `d` and `d / max_step`,
-        which may.
+        With the goal region a ball of radius `tolerance`, `"consistent"` is `base_weight * d_r +
+        step_weight * ceil(d_r / max_step)` with `d_r = max(0, d - tolerance)`: an admissible and
+        consistent lower bound. `"paper"` uses the distance `d` to the centre of the ball and `d /
+        max_step`, which may overestimate.
 
         Parameters
         ----------
@@ -96,33 +106,53 @@ class Cost:
         tolerance
             Radius of the goal region [m].
         max_step
-            Bound of one step's base displacement [m].
+            Upper bound of the base displacement of one step [m].
+
+        Returns
+        -------
+        Array
+            The estimates, in the unit of the cost, of the shape of `distance`.
         """
         if name == "zero":
             return np.zeros_like(distance)
         if name == "paper":
             return self.base_weight * distance + self.step_weight * distance / max_step
-        short = np.maximum(distance - tolerance, 0.0)
-        return self.base_weight * short + self.step_weight * np.ceil(short / max_step - 1e-9)
+        remaining = np.maximum(distance - tolerance, 0.0)
+        return self.base_weight * remaining + self.step_weight * np.ceil(
+            remaining / max_step - 1e-9
+        )
 
-    def promise(self, distance: Array, moves: Array | None = None) -> Array:
-        """Guess of the cost from base positions to the goal, no bound: it leads to a first plan.
+    def inadmissible_estimate(self, distance: Array, moves: Array | None = None) -> Array:
+        """Estimate the cost to the goal by an inflated guess, which leads to a first plan.
+
+        It is no lower bound: it ranks stances in a satisficing search and proves nothing.
 
         Parameters
         ----------
         distance
             Distances to the goal [m], any shape.
         moves
-            Fewest moves to it, where that is known.
+            Fewest moves to the goal, of the same shape, if they are known.
+
+        Returns
+        -------
+        Array
+            The estimates, in the unit of the cost, of the shape of `distance`.
         """
         if moves is None:
-            return EAGERNESS * distance * (self.base_weight + self.step_weight / STRIDE)
-        price = max(self.step_weight, MOVE * self.base_weight)
-        return HASTE * (price * moves + (self.base_weight + PER_METRE * price) * distance)
+            return (
+                DISTANCE_INFLATION
+                * distance
+                * (self.base_weight + self.step_weight / TYPICAL_ADVANCE)
+            )
+        price = max(self.step_weight, MOVE_PRICE_RATIO * self.base_weight)
+        return MOVE_INFLATION * (
+            price * moves + (self.base_weight + MOVES_PER_METRE * price) * distance
+        )
 
 
-class Weights(Record):
-    """What compiled searches charge for a step."""
+class CostWeights(Record):
+    """The two weights of a cost, for compiled searches."""
 
     base: float
     """Weight of the base displacement [1/m]."""
@@ -130,8 +160,8 @@ class Weights(Record):
     """Charge for each step."""
 
 
-def weights_of(cost: Cost) -> Weights:
-    """A cost as compiled searches read it."""
-    out: Weights = Weights.row()
+def cost_weights(cost: Cost) -> CostWeights:
+    """Return the weights of a cost as a record for compiled searches."""
+    out: CostWeights = CostWeights.row()
     out["base"], out["step"] = cost.base_weight, cost.step_weight
     return out

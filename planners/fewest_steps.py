@@ -1,8 +1,8 @@
-"""Fewest steps to a goal over the nodes of a table when steps are not checked (compiled).
+"""Fewest steps to a goal over the nodes of a table, labels left aside (compiled).
 
-By breadth from the goal. What is a move apart has a rest in common, so rests are gone through, each
-as long as a member of it waits: in the order in which they lie in memory, which takes a third of
-the time of going from node to node.
+This is breadth-first search backward from the goal. Neighbours have common supports, the points
+held by the limbs that do not move, so each level visits the supports of its nodes in the order in
+which they lie in memory, which takes a third of the time of going from node to node.
 """
 
 from __future__ import annotations
@@ -17,112 +17,116 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import has_bit
 from mlivr_gym.stances.node_table import NodeTable
 
-UNREACHED, TAKEN = -1, -2
-"""Steps from a node that nothing led to, and from one that walks may not enter."""
+UNREACHED, FORBIDDEN = -1, -2
+"""Steps of a node that was not reached, and of a node that walks may not enter."""
 
-WAITS, DONE = 1, 2
-"""Marks of a rest: one of its nodes was reached last; all its nodes were reached."""
+ON_FRONTIER, ALL_REACHED = 1, 2
+"""Status of supports: one of their nodes was reached last; all their nodes were reached."""
 
 
-class QueueScratch(NamedTuple):
-    """Room for the members of a rest."""
+class SupportScratch(NamedTuple):
+    """Scratch for the r members of one support."""
 
-    place: NDArray[np.int32]
-    """Which of its members nothing led to yet, shape (r,)."""
-    node: NDArray[np.int32]
-    """Their nodes, shape (r,)."""
-    last: NDArray[np.int32]
-    """Which were reached last, shape (r,)."""
+    unreached: NDArray[np.int32]
+    """Indices of the members not reached yet, shape (r,)."""
+    unreached_node: NDArray[np.int32]
+    """Nodes of these members, shape (r,)."""
+    frontier: NDArray[np.int32]
+    """Indices of the members reached last, shape (r,)."""
 
 
 def fewest_steps(
-    table: NodeTable, goals: BoolArray, taken: BoolArray, starts: IntArray, farther: int
+    table: NodeTable, goals: BoolArray, forbidden: BoolArray, starts: IntArray, margin: int
 ) -> tuple[NDArray[np.int16], float]:
-    """Fewest steps from every node to the goal.
+    """Compute the fewest steps from every node to the goal.
 
     Parameters
     ----------
     table
         The nodes.
     goals
-        Which are at the goal, shape (n,).
-    taken
-        Which walks may not enter, shape (n,).
+        Whether each node is at the goal, shape (n,).
+    forbidden
+        Whether walks may not enter each node, shape (n,).
     starts
-        Nodes from which they are wanted.
-    farther
-        How many steps farther than to these it goes.
+        Nodes whose steps are requested.
+    margin
+        Number of levels beyond the last of these.
 
     Returns
     -------
     tuple[NDArray[np.int16], float]
-        The steps, shape (n,), negative for nodes that it did not come to; and how many those take
-        at least that are not taken, infinite if nothing leads on from them.
+        The steps, shape (n,), negative for nodes that were not reached; and a lower bound of the
+        steps of the unreached nodes that are not forbidden, infinite if no walk leads from them to
+        the goal.
     """
     steps = np.where(goals, 0, UNREACHED).astype(np.int16)
-    steps[taken] = TAKEN
-    most = int(np.diff(table.start).max(initial=0))
-    scratch = QueueScratch(*(np.empty(most, dtype=np.int32) for _ in range(3)))
-    marks, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
+    steps[forbidden] = FORBIDDEN
+    largest = int(np.diff(table.start).max(initial=0))
+    scratch = SupportScratch(*(np.empty(largest, dtype=np.int32) for _ in range(3)))
+    support_status, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
     while level < limit:
-        if not _go_back(table, level, steps, marks, scratch):
+        if not _expand_level(table, level, steps, support_status, scratch):
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
-            limit = int(steps[starts].max(initial=0)) + farther
+            limit = int(steps[starts].max(initial=0)) + margin
     return steps, level + 1.0
 
 
 @entry
-def _go_back(
+def _expand_level(
     table: NodeTable,
     level: int,
     steps: NDArray[np.int16],
-    marks: NDArray[np.uint8],
-    scratch: QueueScratch,
+    support_status: NDArray[np.uint8],
+    scratch: SupportScratch,
 ) -> bool:
-    """Reach what is a step from the nodes of a level; whether there is any."""
+    """Reach the neighbours of all nodes of a level; return whether there are any."""
     for s in range(len(steps)):
         if steps[s] == level:
             for limb in range(table.supports.shape[1]):
-                if marks[table.supports[s, limb]] != DONE:
-                    marks[table.supports[s, limb]] = WAITS
+                if support_status[table.supports[s, limb]] != ALL_REACHED:
+                    support_status[table.supports[s, limb]] = ON_FRONTIER
     reached = 0
-    for support in range(len(marks)):
-        if marks[support] == WAITS:
-            reached += _through(table, support, level, steps, marks, scratch)
+    for support in range(len(support_status)):
+        if support_status[support] == ON_FRONTIER:
+            reached += _expand_support(table, support, level, steps, support_status, scratch)
     return reached > 0
 
 
 @kernel
-def _through(
+def _expand_support(
     table: NodeTable,
     support: int,
     level: int,
     steps: NDArray[np.int16],
-    marks: NDArray[np.uint8],
-    scratch: QueueScratch,
+    support_status: NDArray[np.uint8],
+    scratch: SupportScratch,
 ) -> int:
-    """The same within a rest; how many it reached."""
+    """Reach the neighbours of the frontier within one support; return how many were reached."""
     begin, size = int(table.start[support]), int(table.start[support + 1] - table.start[support])
-    wait = now = 0
+    unreached_count = frontier_count = 0
     for k in range(size):
         s = int(table.members[begin + k]) // table.points.shape[1]
         if steps[s] == UNREACHED:
-            scratch.place[wait], scratch.node[wait] = k, s
-            wait += 1
+            scratch.unreached[unreached_count], scratch.unreached_node[unreached_count] = k, s
+            unreached_count += 1
         elif steps[s] == level:
-            scratch.last[now] = k
-            now += 1
-    before = wait
-    for i in range(now):
-        row, k = int(table.offset[support]) + int(scratch.last[i]) * size, 0
-        while k < wait:
-            if not has_bit(table.bits, row + int(scratch.place[k])):
+            scratch.frontier[frontier_count] = k
+            frontier_count += 1
+    initial_count = unreached_count
+    for i in range(frontier_count):
+        row, k = int(table.offset[support]) + int(scratch.frontier[i]) * size, 0
+        while k < unreached_count:
+            if not has_bit(table.bits, row + int(scratch.unreached[k])):
                 k += 1
                 continue
-            steps[scratch.node[k]] = level + 1
-            wait -= 1
-            scratch.place[k], scratch.node[k] = scratch.place[wait], scratch.node[wait]
-    marks[support] = DONE if wait == 0 else 0
-    return before - wait
+            steps[scratch.unreached_node[k]] = level + 1
+            unreached_count -= 1
+            scratch.unreached[k], scratch.unreached_node[k] = (
+                scratch.unreached[unreached_count],
+                scratch.unreached_node[unreached_count],
+            )
+    support_status[support] = ALL_REACHED if unreached_count == 0 else 0
+    return initial_count - unreached_count

@@ -1,17 +1,18 @@
 """Label-setting A* over the nodes of a table, for any number of limbs (compiled).
 
-A state is a node and a label: the branches that each limb may still be on. An edge takes from the
-label of each limb that holds the branches that it cannot keep; a label is dropped where others of
-the same node that cost no more have all its branches, which dominates it. Edges that were checked
-keep what was found; the others are taken to keep what the table says they keep at most, so that the
-least cost found without the former is a lower bound of the cost of all plans.
+A* (Hart, Nilsson and Raphael 1968) orders states by `f = g + h`. A state here is a node with a
+label, the branches that each limb may be on, as in shortest paths with resource constraints
+(Desrochers and Soumis 1988): an edge removes from the label of each support limb the branches that
+it cannot keep, and a label is dropped if labels of the same node that cost no more have all its
+branches (dominance). An edge that was not checked is assumed to keep its upper bound from the
+table, so the cheapest walk over unchecked edges bounds the cost of every plan from below.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,63 +30,67 @@ from mlivr_gym.compiled.limb_masks import (
     mask_of,
 )
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.planners.backward_search import degree, least_cost
+from mlivr_gym.planners.backward_search import degree, edge_cost
 from mlivr_gym.planners.bucket_queue import (
-    NOTHING,
-    NodeQueue,
-    least_waiting,
-    nothing_at_hand,
-    put,
-    put_back,
-    take,
-    width_for,
+    NO_ENTRY,
+    bucket_width,
+    is_current_bucket_empty,
+    pop,
+    push,
+    queue_lower_bound,
+    requeue,
 )
-from mlivr_gym.planners.checked_edges import CheckedEdges, place_of
-from mlivr_gym.planners.costs import Weights
+from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
+from mlivr_gym.planners.costs import CostWeights
+from mlivr_gym.planners.labels import CAPACITY, CHECK_BATCH, NO_LABEL, Labels, NodeOrigins, NodeWalk
 from mlivr_gym.stances.node_pairs import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-CAPACITY = 1 << 22
-"""Most labels of a search."""
+CLOCK_INTERVAL = 1 << 14
+"""Number of labels taken from the queue between two readings of the clock."""
 
-PAUSE = 1 << 14
-"""Labels that are taken before a search looks at the clock."""
-
-NO_LABEL, FULL, PAUSED, LIMIT, PENDING = -1, -2, -3, -4, -5
-"""How a search ends: with no label waiting, its arrays full, to look at the clock, at its limit of
-expansions, or for the edges to some labels to be checked."""
-
-BATCH = 64
-"""Most edges that are checked at once."""
+QUEUE_EMPTY, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
+"""Why a call of `_search` ends: the open queue is empty or the incumbent is proved, the arrays are
+full, the clock is to be read, the limit of expansions is reached, or edges wait to be checked."""
 
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
-"""Checks edges, by their bits and the branches before them; returns those after, 0 for none."""
+"""Function that checks edges: from their bits and the masks before them to the masks after them, 0
+for an edge that is no step."""
 
-SearchGraph = tuple[NodeTable, CheckedEdges, Weights]
-"""The nodes, the steps known of them, and what is minimised."""
+
+class SearchGraph(NamedTuple):
+    """The graph of a search: nodes, edges checked so far, and the cost to minimise."""
+
+    table: NodeTable
+    """The nodes, with an upper bound of the branches kept on each edge."""
+    checked_edges: CheckedEdges
+    """Edges that were checked, with the branches that they keep."""
+    weights: CostWeights
+    """Weights of the cost."""
 
 
 class SearchParameters(NamedTuple):
-    """How a search looks for a walk."""
+    """Parameters of a search."""
 
     cost_weight: float = 1.0
-    """Weight of the cost so far in the order of the queue, that of the bound being 1: 1 for A*,
-    `1 / w` for a walk that costs at most w times the least, 0 for greedy search."""
+    """Weight w of the cost so far in `f = w g + h`: 1 for A*, `1 / e` for weighted A* (Pohl 1970),
+    whose walk costs at most e times the minimum, and 0 for greedy best-first search."""
     labels_per_node: int = CAPACITY
-    """Most labels of a node."""
+    """Maximum number of labels of a node."""
     max_labels: int = CAPACITY
-    """Labels after which it gives up."""
+    """Maximum number of labels, after which the search ends."""
     max_expansions: int = CAPACITY
-    """Most labels that are expanded."""
+    """Maximum number of labels expanded."""
     lazy: bool = False
     """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
-    edges of the walk that is found remain to be checked."""
+    edges of the walk that is returned remain to be checked."""
     equal_only: bool = False
-    """Whether labels are dominated by equal ones alone, both checked: every state is come to."""
+    """Whether only equal labels dominate each other, so that every state that can be reached is
+    expanded."""
 
 
 class SearchStatus(Record):
-    """Where a search is."""
+    """Parameters and progress of a search, which a call of `_search` continues."""
 
     cost_weight: float
     labels_per_node: int
@@ -94,235 +99,167 @@ class SearchStatus(Record):
     lazy: bool
     equal_only: bool
     incumbent_cost: float
-    """Cost that a walk must not reach; once one was found its own: the incumbent."""
-    pause: int
-    """Labels that are taken before the search looks at the clock."""
-    seeded: bool
+    """Cost of the incumbent; before there is one, the cost that a walk must stay below."""
+    clock_interval: int
+    """Number of labels taken before the clock is read."""
+    initialised: bool
     """Whether the origins are in the queue."""
     incumbent: int
-    """Label of the cheapest walk found, `NO_LABEL` without one."""
+    """Label at the goal of the cheapest walk so far, or `NO_LABEL`."""
     expanded: int
-    """Labels expanded."""
+    """Number of labels expanded."""
     pending: int
-    """Labels whose edges are to be checked."""
-
-
-class Labels(NamedTuple):
-    """Labels of a search, each an entry of its queue: which nodes are reached on which branches."""
-
-    waiting: NodeQueue
-    """The queue, with the node of each label."""
-    cost: NDArray[np.float64]
-    """Cost of each, shape (room,)."""
-    link: NDArray[np.int32]
-    """Label before on the walk, or -1 less the origin, shape (room,)."""
-    bits: NDArray[np.int64]
-    """Bit of the step from there, see `node_pairs`, shape (room,)."""
-    masks: NDArray[np.uint64]
-    """Branches that the limbs may be on, see `limb_masks`, shape (room,)."""
-    previous: NDArray[np.int32]
-    """Label before at the same node, shape (room,)."""
-    last: NDArray[np.int32]
-    """Last label of each node, shape (n,)."""
-    expanded: NDArray[np.int32]
-    """Labels in the order in which they were expanded, shape (room,)."""
-    checked: NDArray[np.bool_]
-    """Labels the edge to which was checked, shape (room,)."""
-    pending: IntArray
-    """Labels the edges to which are to be checked, shape (BATCH,)."""
-
-    @classmethod
-    def of(cls, nodes: int) -> Labels:
-        """Room for the labels of some number of nodes."""
-        link, previous = (np.empty(CAPACITY, dtype=np.int32) for _ in range(2))
-        bits, masks = np.empty(CAPACITY, dtype=np.int64), np.empty(CAPACITY, dtype=np.uint64)
-        last, expanded = np.empty(nodes, dtype=np.int32), np.empty(CAPACITY, dtype=np.int32)
-        checked, pending = np.empty(CAPACITY, dtype=np.bool_), np.empty(BATCH, dtype=np.int64)
-        walks = np.empty(CAPACITY), link, bits, masks, previous, last
-        return cls(NodeQueue.of(CAPACITY), *walks, expanded, checked, pending)
-
-    @property
-    def used(self) -> int:
-        """Labels made by the last search."""
-        filled: Any = self.waiting.filled
-        return int(filled["used"])
-
-    def walk_to(self, label: int) -> NodeWalk:
-        """The walk that leads to a label."""
-        chain = [label]
-        while self.link[chain[-1]] >= 0:
-            chain.append(int(self.link[chain[-1]]))
-        chain.reverse()
-        origin, cost = -1 - int(self.link[chain[0]]), float(self.cost[label])
-        nodes = self.waiting.node[chain].astype(np.int64)
-        return NodeWalk(cost, origin, nodes, self.bits[chain[1:]], self.masks[chain])
-
-
-class NodeWalk(NamedTuple):
-    """A walk over nodes."""
-
-    cost: float
-    """What it costs."""
-    origin: int
-    """Which origin it begins at."""
-    nodes: IntArray
-    """Rows of the nodes, shape (k + 1,)."""
-    bits: IntArray
-    """Bits of the steps between them, shape (k,)."""
-    masks: NDArray[np.uint64]
-    """Branches that the limbs may be on at the nodes, shape (k + 1,)."""
-
-
-class NodeOrigins(NamedTuple):
-    """Where walks begin, k nodes."""
-
-    nodes: IntArray
-    """Rows, shape (k,)."""
-    masks: NDArray[np.uint64]
-    """Branches that the limbs may be on, shape (k,)."""
-    cost: Array
-    """What it cost to get there, shape (k,)."""
+    """Number of labels whose edges wait to be checked."""
 
 
 class SearchOutcome(NamedTuple):
-    """What a search found."""
+    """Result of a search."""
 
     walk: NodeWalk | None
-    """The walk, None if none was found."""
-    low: float
-    """No walk costs less; `below` if none costs less than that. Only with weight 1 of the cost."""
+    """The cheapest walk, or None."""
+    lower_bound: float
+    """Lower bound of the cost of every walk, at most `cost_limit`; valid for weight 1 of the
+    cost."""
     end: int
-    """Why it ended: `NO_LABEL`, `FULL`, `LIMIT`, or `PAUSED` if its time was over."""
+    """Why the search ended: `QUEUE_EMPTY`, `ARRAYS_FULL`, `EXPANSION_LIMIT`, or `PAUSED` or
+    `CHECKS_PENDING` at its deadline."""
     expanded: int
-    """Labels expanded."""
+    """Number of labels expanded."""
 
 
 def cheapest_walk(
-    steps: SearchGraph,
+    search_graph: SearchGraph,
     h: Array,
     origins: NodeOrigins,
     labels: Labels,
     parameters: SearchParameters,
     *,
-    below: float = np.inf,
-    until: float = np.inf,
+    cost_limit: float = np.inf,
+    deadline: float = np.inf,
     check: Check | None = None,
 ) -> SearchOutcome:
-    """A walk to a node of which `h` is 0.
+    """Find the cheapest walk from an origin to a node at which `h` is 0.
 
-    With weight 1 of the cost and any number of labels it costs the least.
+    With weight 1 of the cost and no limit of labels its cost is the minimum over the edges of the
+    graph; `docs/mathematics.md` has the proof.
 
     Parameters
     ----------
-    steps
-        The nodes, the steps known of them, and what is minimised.
+    search_graph
+        The nodes, the edges checked so far, and the cost to minimise.
     h
-        Consistent lower bounds of the cost from each node, shape (n,).
+        Consistent lower bounds of the cost from each node to the goal, shape (n,).
     origins
-        Where it may begin.
+        Where the walk may start.
     labels
-        Room.
+        Arrays for the labels, reused.
     parameters
-        How it is searched.
-    below
-        Cost that it must not reach.
-    until
-        When to give up, on the clock of `time.perf_counter`.
+        Parameters of the search.
+    cost_limit
+        Cost that the walk must stay below.
+    deadline
+        When to end, on the clock of `time.perf_counter` [s].
     check
-        What checks edges, where they are checked one by one.
+        Function that checks edges; needed if `parameters.lazy`.
     """
     status = SearchStatus.row()
     for name, value in parameters._asdict().items():
         status[name] = value
-    status["incumbent_cost"], status["pause"], status["incumbent"] = below, PAUSE, NO_LABEL
+    status["incumbent_cost"], status["clock_interval"], status["incumbent"] = (
+        cost_limit,
+        CLOCK_INTERVAL,
+        NO_LABEL,
+    )
     estimates = status["cost_weight"] * origins.cost + h[origins.nodes]
-    labels.waiting.empty(float(estimates.min(initial=np.inf)), width_for(steps[2]))
-    labels.last[:] = NO_LABEL
+    labels.queue.reset(float(estimates.min(initial=np.inf)), bucket_width(search_graph.weights))
+    labels.last_of_node[:] = NO_LABEL
     end = PAUSED
-    while end in (PAUSED, PENDING) and time.perf_counter() < until:
-        end = int(_search(steps, h, status, origins, labels))
-        if end == PENDING:
+    while end in (PAUSED, CHECKS_PENDING) and time.perf_counter() < deadline:
+        end = int(_search(search_graph, h, status, origins, labels))
+        if end == CHECKS_PENDING:
             assert check is not None
             pending = labels.pending[: int(status["pending"])]
-            after = check(labels.bits[pending], labels.masks[labels.link[pending]])
-            put_back_checked(labels, pending, after)
+            after = check(labels.edges[pending], labels.masks[labels.parent[pending]])
+            requeue_checked(labels, pending, after)
             status["pending"] = 0
-    if not status["seeded"]:
+    if not status["initialised"]:
         return SearchOutcome(None, 0.0, end, 0)
-    low, found = float(status["incumbent_cost"]), int(status["incumbent"])
-    if end != NO_LABEL:
-        low = min(low, labels.waiting.least)
+    lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
+    if end != QUEUE_EMPTY:
+        lower_bound = min(lower_bound, labels.queue.lower_bound)
     walk = None if found == NO_LABEL else labels.walk_to(found)
-    return SearchOutcome(walk, low, end, int(status["expanded"]))
+    return SearchOutcome(walk, lower_bound, end, int(status["expanded"]))
 
 
 @entry
 def _search(
-    steps: SearchGraph, h: Array, status: SearchStatus, origins: NodeOrigins, labels: Labels
+    search_graph: SearchGraph, h: Array, status: SearchStatus, origins: NodeOrigins, labels: Labels
 ) -> int:
-    """Go on until the cheapest label of a node of which `h` is 0 is found, see `cheapest_walk`.
+    """Continue a search until the cheapest walk is proved or the search must stop.
 
     Returns
     -------
     int
-        `NO_LABEL` at the end, or why it stopped: `FULL`, `PAUSED` or `LIMIT`.
+        `QUEUE_EMPTY` if the search is complete, otherwise why it stopped.
     """
-    table, _, _ = steps
-    waiting, count = labels.waiting, 0
-    if not status.seeded:
-        status.seeded = True
+    table = search_graph.table
+    queue, count = labels.queue, 0
+    if not status.initialised:
+        status.initialised = True
         for k in range(len(origins.nodes)):
             s, cost = origins.nodes[k], origins.cost[k]
             if h[s] < np.inf:
-                if waiting.filled.used >= len(waiting.node):
-                    return FULL
+                if queue.status.entry_count >= len(queue.node):
+                    return ARRAYS_FULL
                 _add_label(labels, s, origins.masks[k], cost, -1 - k, -1)
-                labels.checked[waiting.filled.used] = True
-                put(waiting, status.cost_weight * cost + h[s], s)
+                labels.checked[queue.status.entry_count] = True
+                push(queue, status.cost_weight * cost + h[s], s)
     while True:
-        if count == status.pause:
+        if count == status.clock_interval:
             return PAUSED
         count += 1
-        if status.pending and nothing_at_hand(waiting):
-            return PENDING
-        here = take(waiting)
-        if here == NOTHING:
-            return NO_LABEL
-        s, cost = int(waiting.node[here]), labels.cost[here]
-        proved = least_waiting(waiting) >= status.cost_weight * status.incumbent_cost
+        if status.pending and is_current_bucket_empty(queue):
+            return CHECKS_PENDING
+        label = pop(queue)
+        if label == NO_ENTRY:
+            return QUEUE_EMPTY
+        s, cost = int(queue.node[label]), labels.cost[label]
+        proved = queue_lower_bound(queue) >= status.cost_weight * status.incumbent_cost
         if status.incumbent != NO_LABEL and proved:
-            return NO_LABEL
+            return QUEUE_EMPTY
         if not cost + h[s] < status.incumbent_cost:
             continue
-        if status.lazy and not labels.checked[here]:
-            masks = labels.masks[here]
-            if status.equal_only or not _is_dominated(labels, s, masks, cost, here, status):
-                labels.pending[status.pending] = here
+        if status.lazy and not labels.checked[label]:
+            masks = labels.masks[label]
+            if status.equal_only or not _is_dominated(labels, s, masks, cost, label, status):
+                labels.pending[status.pending] = label
                 status.pending += 1
-                if status.pending == BATCH:
-                    return PENDING
+                if status.pending == CHECK_BATCH:
+                    return CHECKS_PENDING
             continue
         if h[s] == 0.0:
-            status.incumbent, status.incumbent_cost = here, cost
+            status.incumbent, status.incumbent_cost = label, cost
             continue
-        if waiting.filled.used + degree(table, s) > min(len(waiting.node), status.max_labels):
-            put_back(waiting, here)
-            return FULL
-        if not _is_dominated(labels, s, labels.masks[here], cost, here, status):
+        if queue.status.entry_count + degree(table, s) > min(len(queue.node), status.max_labels):
+            requeue(queue, label)
+            return ARRAYS_FULL
+        if not _is_dominated(labels, s, labels.masks[label], cost, label, status):
             if status.expanded >= status.max_expansions:
-                put_back(waiting, here)
-                return LIMIT
-            labels.expanded[status.expanded] = here
+                requeue(queue, label)
+                return EXPANSION_LIMIT
+            labels.expanded[status.expanded] = label
             status.expanded += 1
-            _expand(steps, h, status, here, labels)
+            _expand(search_graph, h, status, label, labels)
 
 
 @kernel
-def _expand(steps: SearchGraph, h: Array, status: SearchStatus, here: int, labels: Labels) -> None:
-    """Note what steps lead to from a label."""
-    table, known, weights = steps
+def _expand(
+    search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
+) -> None:
+    """Generate the successors of a label."""
+    table, checked_edges, weights = search_graph
     limbs = table.points.shape[1]
-    s, masks = int(labels.waiting.node[here]), labels.masks[here]
+    s, masks = int(labels.queue.node[label]), labels.masks[label]
     for limb in range(limbs):
         row = row_of(table, s, limb)
         if row < 0 or mask_of(masks & table.released[s], limb) == NO_LIMB:
@@ -340,48 +277,51 @@ def _expand(steps: SearchGraph, h: Array, status: SearchStatus, here: int, label
                 & held_beside(table.masks[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
-            if known.at[s]:
-                place = place_of(known, row + k)
-                if known.keys[place] == row + k:
-                    kept &= known.kept[place]
+            if checked_edges.has_edges[s]:
+                slot = slot_of(checked_edges, row + k)
+                if checked_edges.keys[slot] == row + k:
+                    kept &= checked_edges.kept[slot]
             if not all_keep_one(kept, limbs):
                 continue
-            cost = labels.cost[here] + least_cost(table, s, other, weights)
+            cost = labels.cost[label] + edge_cost(table, s, other, weights)
             if not cost + h[other] < status.incumbent_cost:
                 continue
             after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
             if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
-                _add_label(labels, other, after, cost, here, row + k)
-                put(labels.waiting, status.cost_weight * cost + h[other], other)
+                _add_label(labels, other, after, cost, label, row + k)
+                push(labels.queue, status.cost_weight * cost + h[other], other)
 
 
 @kernel
-def _add_label(labels: Labels, s: int, masks: np.uint64, cost: float, link: int, bit: int) -> None:
-    """Note a label as the last of its node; it is put into the queue next."""
-    item = labels.waiting.filled.used
-    labels.masks[item], labels.cost[item] = masks, cost
-    labels.link[item], labels.bits[item] = link, bit
-    labels.previous[item], labels.last[s] = labels.last[s], item
-    labels.checked[item] = False
+def _add_label(
+    labels: Labels, s: int, masks: np.uint64, cost: float, parent: int, edge: int
+) -> None:
+    """Append a label as the last of its node; the caller pushes it into the queue."""
+    label = labels.queue.status.entry_count
+    labels.masks[label], labels.cost[label] = masks, cost
+    labels.parent[label], labels.edges[label] = parent, edge
+    labels.previous_of_node[label], labels.last_of_node[s] = labels.last_of_node[s], label
+    labels.checked[label] = False
 
 
 @kernel
 def _is_dominated(
-    labels: Labels, s: int, masks: np.uint64, g: float, item: int, status: SearchStatus
+    labels: Labels, s: int, masks: np.uint64, g: float, label: int, status: SearchStatus
 ) -> bool:
-    """Whether other labels of a node dominate a label: cost no more, and have all its branches.
+    """Return whether labels of a node that cost no more have all branches of a label.
 
-    One does that alone, or several together whose branches of one limb make up that limb's, while
-    each has all of the other limbs. Also whether the node has its most labels, if `item`, the
-    number of the label, is -1 for a new one. Of two equal ones the earlier covers the other. Where
-    edges are checked one by one a label counts once that to it was.
+    One label may dominate alone, or several jointly whose branches of one limb cover those of that
+    limb while each has all branches of the other limbs. Of two equal labels the earlier dominates.
+    Where edges are checked one by one, only labels whose edge was checked dominate. A new label,
+    whose index `label` is -1, also counts as dominated if its node has the maximum number of
+    labels.
     """
-    other, count, uncovered = labels.last[s], 0, masks
+    other, count, uncovered = labels.last_of_node[s], 0, masks
     while other >= 0:
         if not status.lazy or labels.checked[other]:
             cost = labels.cost[other]
-            earlier = item < 0 or cost < g or other < item
-            if other != item and cost <= g:
+            earlier = label < 0 or cost < g or other < label
+            if other != label and cost <= g:
                 missing = masks & ~labels.masks[other]
                 if status.equal_only:
                     missing |= labels.masks[other] & ~masks
@@ -395,15 +335,15 @@ def _is_dominated(
                             if uncovered & alone == NO_LIMB:
                                 return True
             count += 1
-        other = labels.previous[other]
-    return item < 0 and count >= status.labels_per_node
+        other = labels.previous_of_node[other]
+    return label < 0 and count >= status.labels_per_node
 
 
 @entry
-def put_back_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]) -> None:
-    """Put labels back whose edges were checked, with the branches after them, if any are left."""
+def requeue_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]) -> None:
+    """Push labels whose edges were checked back into the queue, unless no branch is kept."""
     for k in range(len(pending)):
-        item = pending[k]
-        labels.masks[item], labels.checked[item] = after[k], True
+        label = pending[k]
+        labels.masks[label], labels.checked[label] = after[k], True
         if after[k] != NO_LIMB:
-            put_back(labels.waiting, item)
+            requeue(labels.queue, label)

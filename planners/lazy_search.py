@@ -1,18 +1,19 @@
-"""Best-first search over the stances of any number of limbs, which can stop at any time.
+"""Best-first search over stances that are built on demand, for any number of limbs.
 
-A stance of many limbs has hundreds of neighbours, of which few are nodes and fewer can be stepped
-to, and to know that takes longer than all else. So a neighbour goes through three stages, each when
-it is the most promising: one of which its points alone are known, in a block with the others of its
-parent; one whose posture is known; and a state, once the step to it is checked. Those of one stage
-are worked out in batches.
+A stance of three or four limbs has hundreds of neighbours, few of which are nodes, and most of the
+time goes into postures and step checks. So a neighbour passes through three stages, each when it
+comes first in an open queue, and those of one stage are evaluated in batches: its points alone are
+known, in a block with the other neighbours of its parent; its posture is known; the step to it is
+checked, which makes it a state.
 
-Every entry has a lower bound of the cost of the plans through it, from the triangle inequality and
-`set_bounds`, or `move_bounds` where there are no sets. The least of those in the queue bounds the
-cost of every plan, so a plan is told with the factor within which it is proved. A search for the
-least cost takes entries by their bound. Others take them by turns in an order of promise, which may
-lead into a pocket, and by their bound with what is left inflated, which leads out again; once there
-is a plan now and then also by bound alone, to prove it good. Where there is a table
-of all nodes plans come from that instead, see `table_search`.
+Every item has a lower bound of the cost of plans through it, by the triangle inequality and
+`set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds
+the cost of every plan, which gives the optimality bound. A search for an optimal plan takes items
+by their lower bound, one with a suboptimality factor by `f = w g + h`. A satisficing search
+alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
+minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
+is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
+table of nodes, satisficing searches use `table_search` instead.
 """
 
 from __future__ import annotations
@@ -26,51 +27,52 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.outcome import (
-    EXHAUSTED,
-    FOUND,
-    LIMIT,
+    GOAL_REACHED,
+    LIMIT_REACHED,
+    SEARCH_EXHAUSTED,
     Improvement,
-    Path,
-    chain_to,
-    tree_of,
+    SearchResult,
+    path_indices,
+    search_tree,
 )
 from mlivr_gym.planners.query import SearchQuery
-from mlivr_gym.planners.queues import Block, Entry, Queue
+from mlivr_gym.planners.queues import Block, Entry, OpenQueue
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 
-POSTURES, SHARE, STEPS = 128, 8, 32
-"""Most stances whose postures are worked out at once, most of them that are of one block, and most
-steps that are checked at once."""
+POSTURE_BATCH, BLOCK_SHARE, STEP_BATCH = 128, 8, 32
+"""Maximum number of stances whose postures are computed in one batch, of those from one block, and
+of steps checked in one batch."""
 
-INFLATED = 2.0
-"""Factor on what is left in the order that leads out of pockets."""
+COST_TO_GO_INFLATION = 2.0
+"""Factor on the cost-to-go in the queue that leads out of local minima."""
 
-PROVING = 5
-"""Once there is a plan one entry of so many is taken by bound alone, to prove it good."""
+PROOF_INTERVAL = 5
+"""Once there is a plan, one of this many items is taken by its lower bound, to prove the plan
+good."""
 
-ROUNDING = 1e-9
-"""Costs that differ by this share are equal."""
+COST_TOLERANCE = 1e-9
+"""Relative tolerance within which costs are equal."""
 
 
 @dataclass
 class LazySearchResult:
-    """Outcome of a search: expanded states with their parents, costs and postures.
+    """Result of a search: the expanded states with their parents, costs and postures.
 
     Attributes
     ----------
     status
-        `FOUND`, `EXHAUSTED` or `LIMIT`.
+        `GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`.
     goal
-        Index of the state that ends the best plan, or of the last expanded one.
+        Index of the state at the end of the best plan, or of the last expanded state.
     bound
-        Factor of the least cost within which the plan is proved.
+        Optimality bound of the plan.
     """
 
-    status: int = EXHAUSTED
+    status: int = SEARCH_EXHAUSTED
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
@@ -81,48 +83,48 @@ class LazySearchResult:
     improvements: list[Improvement] = field(default_factory=list)
 
 
-def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> Path | None:
-    """Best-first search from a state to any stance whose base lies in the goal region.
+def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchResult | None:
+    """Search from a state to any stance whose base lies in the goal region.
 
     Parameters
     ----------
     graph
         The stance graph.
     start
-        Where to start.
+        The start state.
     search
-        What to look for, and how.
+        The query.
 
     Returns
     -------
-    Path | None
-        What was found; None if no moves lead to the goal, whatever steps there are.
+    SearchResult | None
+        The path; None if no sequence of moves leads to the goal.
     """
-    found = _LazySearch(graph, start, search).run()
-    if not found.states:
+    result = _LazySearch(graph, start, search).run()
+    if not result.states:
         return None
-    position = np.concatenate([p.base_position for p in found.postures])
-    states = tuple(found.states[k] for k in chain_to(found.parents, found.goal))
-    counts, tree = (len(found.states), found.generated), tree_of(position, found.parents)
-    return Path(
-        found.status, states, found.costs[found.goal], *counts, tree,
-        bound=found.bound, improvements=tuple(found.improvements),
+    position = np.concatenate([p.base_position for p in result.postures])
+    states = tuple(result.states[k] for k in path_indices(result.parents, result.goal))
+    counts, tree = (len(result.states), result.generated), search_tree(position, result.parents)
+    return SearchResult(
+        result.status, states, result.costs[result.goal], *counts, tree,
+        bound=result.bound, improvements=tuple(result.improvements),
     )  # fmt: skip
 
 
 class _LazySearch:
-    """A search in progress: its queues, and what was expanded."""
+    """A search in progress, with its open queues and its expanded states."""
 
     def __init__(self, graph: LazyGraph, start: State, search: SearchQuery) -> None:
-        self.graph, self.search, self.began = graph, search, search.began
+        self.graph, self.search, self.start_time = graph, search, search.start_time
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
-        self.found, self.turn = LazySearchResult(), 0
-        self.by_bound, self.by_promise, self.inflated = Queue(), Queue(), Queue()
+        self.result, self.iteration = LazySearchResult(), 0
+        self.by_bound, self.by_estimate, self.inflated = OpenQueue(), OpenQueue(), OpenQueue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Masks and costs with which each stance was expanded."""
         self.complete: dict[tuple[int, ...], float] = {}
-        """Least cost with which each stance was expanded with all its branches."""
+        """Minimum cost with which each stance was expanded with all its branches."""
 
     @cached_property
     def moves(self) -> MoveBounds | SetBounds:
@@ -130,103 +132,105 @@ class _LazySearch:
         graph, goal, sets = self.graph, self.goal, self.graph.sets(work_out=False)
         return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
 
-    def _begin(self) -> None:
-        """Put the start into the queues."""
+    def _push_start(self) -> None:
+        """Push the start into the queues."""
         start, first = self.start, self.graph.posture_of(self.start)
         entry = Entry(start.stance, -1, 0.0, 0.0, 0.0, first, start)
-        if start.pose is None:  # from another pose limbs may reach farther
+        if start.pose is None:  # from a given pose limbs may reach farther
             stance = np.array([start.stance])
-            entry.low = float(self._low(stance, first.base_position, np.zeros(1))[0])
+            entry.lower_bound = float(
+                self._lower_bounds(stance, first.base_position, np.zeros(1))[0]
+            )
         self._push(entry)
 
-    def _note(self, state: State, posture: Postures, parent: int, cost: float) -> None:
-        """Note a state that was reached."""
-        found = self.found
-        found.states.append(state)
-        found.parents.append(parent)
-        found.costs.append(cost)
-        found.postures.append(posture)
+    def _record_state(self, state: State, posture: Postures, parent: int, cost: float) -> None:
+        """Record an expanded state."""
+        result = self.result
+        result.states.append(state)
+        result.parents.append(parent)
+        result.costs.append(cost)
+        result.postures.append(posture)
 
-    def _arrived(self) -> None:
-        """Note that the last expanded state is at the goal."""
-        found = self.found
-        found.goal = len(found.states) - 1
-        passed = time.perf_counter() - self.began
-        found.improvements.append(Improvement(passed, found.costs[-1], self._bound()))
+    def _record_goal(self) -> None:
+        """Record that the state expanded last is at the goal."""
+        result = self.result
+        result.goal = len(result.states) - 1
+        elapsed = time.perf_counter() - self.start_time
+        result.improvements.append(Improvement(elapsed, result.costs[-1], self._bound()))
 
     def run(self) -> LazySearchResult:
-        """Work entries out until a plan is as good as is asked for."""
-        found = self.found
-        self._begin()
-        while self._goes_on():
-            queue = self._queue()
+        """Process items of the queues until a plan is proved good enough or a limit is reached."""
+        result = self.result
+        self._push_start()
+        while self._continues():
+            queue = self._next_queue()
             item = queue.pop()
             if item is None:
                 break
             if isinstance(item, Block):
-                self._pose(self._blocks(queue, item))
+                self._compute_postures(self._block_batch(queue, item))
             elif item.state is None:
-                self._check(self._batch(queue, item))
+                self._check_steps(self._entry_batch(queue, item))
             else:
                 self._expand(item)
-        if found.goal < 0:
-            found.goal = len(found.states) - 1
+        if result.goal < 0:
+            result.goal = len(result.states) - 1
         else:
-            found.status, found.bound = FOUND, self._bound()
-        return found
+            result.status, result.bound = GOAL_REACHED, self._bound()
+        return result
 
     @property
     def best(self) -> float:
         """Cost of the best plan so far, infinite if there is none."""
-        return self.found.costs[self.found.goal] if self.found.goal >= 0 else np.inf
+        return self.result.costs[self.result.goal] if self.result.goal >= 0 else np.inf
 
     def _bound(self) -> float:
-        """Factor of the least cost within which the best plan is proved."""
+        """Return the factor of the minimum within which the best plan is proved."""
         top = self.by_bound.top()
-        low = min(self.best, top.low if top is not None else np.inf)
-        if self.best <= low * (1.0 + ROUNDING):
+        lower_bound = min(self.best, top.lower_bound if top is not None else np.inf)
+        if self.best <= lower_bound * (1.0 + COST_TOLERANCE):
             return 1.0
-        return self.best / low if low > 0.0 else np.inf
+        return self.best / lower_bound if lower_bound > 0.0 else np.inf
 
-    def _goes_on(self) -> bool:
-        """Whether to search on."""
-        search, found = self.search, self.found
-        if found.goal >= 0 and self._bound() <= search.inflation:
+    def _continues(self) -> bool:
+        """Return whether to continue the search."""
+        search, result = self.search, self.result
+        if result.goal >= 0 and self._bound() <= search.inflation:
             return False
-        late = time.perf_counter() > search.until
-        if found.states and (late or len(found.states) >= search.limit):
-            found.status = LIMIT
+        late = time.perf_counter() > search.deadline
+        if result.states and (late or len(result.states) >= search.limit):
+            result.status = LIMIT_REACHED
             return False
         return True
 
-    def _queue(self) -> Queue:
-        """Which queue to take from: see the module."""
-        self.turn += 1
-        if not self.search.guided:
-            return self.by_bound if self.search.inflation == 1.0 else self.by_promise
-        if self.found.goal >= 0 and self.turn % PROVING == 0:
+    def _next_queue(self) -> OpenQueue:
+        """Return the queue from which the next item is taken, see the module."""
+        self.iteration += 1
+        if not self.search.satisficing:
+            return self.by_bound if self.search.inflation == 1.0 else self.by_estimate
+        if self.result.goal >= 0 and self.iteration % PROOF_INTERVAL == 0:
             return self.by_bound
-        return self.inflated if self.turn % 2 else self.by_promise
+        return self.inflated if self.iteration % 2 else self.by_estimate
 
-    def _batch(self, queue: Queue, first: Entry) -> list[Entry]:
-        """An entry, and those after it the steps to which are not checked either."""
+    def _entry_batch(self, queue: OpenQueue, first: Entry) -> list[Entry]:
+        """Return an entry and those after it whose steps are not checked either."""
         batch, entry = [], first
         while True:
-            if self._hopeful(entry):
+            if self._may_improve(entry):
                 batch.append(entry)
             after = queue.top()
-            if not isinstance(after, Entry) or after.state is not None or len(batch) == STEPS:
+            if not isinstance(after, Entry) or after.state is not None or len(batch) == STEP_BATCH:
                 return batch
             queue.pop()
             entry = after
 
-    def _blocks(self, queue: Queue, first: Block) -> list[tuple[int, float, IntArray]]:
-        """Parent, cost and stances of the next of a block, and of the blocks after it."""
-        taken, count, block = [], 0, first
+    def _block_batch(self, queue: OpenQueue, first: Block) -> list[tuple[int, float, IntArray]]:
+        """Return parent, cost and next stances of a block, and of the blocks after it."""
+        blocks, count, block = [], 0, first
         while True:
-            if block.low < self.best * (1.0 - ROUNDING):
-                some = block.stances[block.version : block.version + SHARE]
-                taken.append((block.parent, block.cost, some))
+            if block.lower_bound < self.best * (1.0 - COST_TOLERANCE):
+                some = block.stances[block.version : block.version + BLOCK_SHARE]
+                blocks.append((block.parent, block.cost, some))
                 block.version += len(some)
                 count += len(some)
                 if not block.done:
@@ -234,57 +238,57 @@ class _LazySearch:
             else:
                 block.version = len(block.stances)
             after = queue.top()
-            if not isinstance(after, Block) or count >= POSTURES:
-                return taken
+            if not isinstance(after, Block) or count >= POSTURE_BATCH:
+                return blocks
             queue.pop()
             block = after
 
-    def _hopeful(self, entry: Entry) -> bool:
-        """Whether an entry may lead to a better plan; if not it is dropped."""
-        known = self.complete.get(entry.stance, np.inf) <= entry.cost
-        if known or entry.low >= self.best * (1.0 - ROUNDING):
+    def _may_improve(self, entry: Entry) -> bool:
+        """Return whether an entry may lead to a better plan; otherwise drop it."""
+        is_known = self.complete.get(entry.stance, np.inf) <= entry.cost
+        if is_known or entry.lower_bound >= self.best * (1.0 - COST_TOLERANCE):
             entry.done = True
         return not entry.done
 
     def _push(self, item: Block | Entry) -> None:
-        """Put something into the queues, in its stage."""
-        low = item.low
-        self.by_bound.push(low, item)
-        self.by_promise.push(item.promise, item)
-        if self.search.guided:
-            self.inflated.push(item.cost + INFLATED * (low - item.cost), item)
+        """Push an item into the queues."""
+        lower_bound = item.lower_bound
+        self.by_bound.push(lower_bound, item)
+        self.by_estimate.push(item.estimate, item)
+        if self.search.satisficing:
+            self.inflated.push(item.cost + COST_TO_GO_INFLATION * (lower_bound - item.cost), item)
 
-    def _low(self, stances: IntArray, positions: Array, costs: Array) -> Array:
-        """Lower bounds of plans through stances with known base positions, shape (k,)."""
+    def _lower_bounds(self, stances: IntArray, positions: Array, costs: Array) -> Array:
+        """Return lower bounds of plans through stances with known base positions, shape (k,)."""
         goal, cost = self.goal, self.cost
         if self.search.heuristic == "zero":
             return costs
-        away = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
-        by_distance = cost.step_weight * np.ceil(away / self.max_step - 1e-9)
-        low: Array = costs + cost.base_weight * away
-        low += np.maximum(self._charged(self.moves.steps(stances)), by_distance)
-        return low
+        distance = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
+        by_distance = cost.step_weight * np.ceil(distance / self.max_step - 1e-9)
+        lower_bound: Array = costs + cost.base_weight * distance
+        lower_bound += np.maximum(self._step_costs(self.moves.steps(stances)), by_distance)
+        return lower_bound
 
-    def _charged(self, moves: Array) -> Array:
-        """What is charged for numbers of steps, infinite for infinitely many, shape (k,)."""
+    def _step_costs(self, moves: Array) -> Array:
+        """Return the charge for numbers of steps, infinite for infinitely many, shape (k,)."""
         charged: Array = np.full(len(moves), np.inf)
         some = np.isfinite(moves)
         charged[some] = self.cost.step_weight * moves[some]
         return charged
 
-    def _promise(self, stances: IntArray, positions: Array, costs: Array) -> Array:
-        """What stances are ordered by in the search for a first plan, shape (k,)."""
+    def _estimates(self, stances: IntArray, positions: Array, costs: Array) -> Array:
+        """Return the keys of stances in the search for a first plan, shape (k,)."""
         distances = self.goal.distance(positions)
-        if self.search.guided:
+        if self.search.satisficing:
             moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
-            return costs + self.cost.promise(distances, moves)
-        return self.search.g_weight * costs + self.search.estimate(distances, self.max_step)
+            return costs + self.cost.inadmissible_estimate(distances, moves)
+        return self.search.cost_weight * costs + self.search.estimate(distances, self.max_step)
 
-    def _pose(self, taken: list[tuple[int, float, IntArray]]) -> None:
-        """Work out postures of stances, and put those that are nodes into the queues."""
+    def _compute_postures(self, blocks: list[tuple[int, float, IntArray]]) -> None:
+        """Compute postures of stances, and push those stances that are nodes."""
         rows = [
             (parent, cost, stance)
-            for parent, cost, stances in taken
+            for parent, cost, stances in blocks
             for stance in map(tuple, stances.tolist())
             if self.complete.get(stance, np.inf) > cost
         ]
@@ -296,27 +300,27 @@ class _LazySearch:
         if not len(nodes):
             return
         positions = postures.base_position[nodes]
-        before = [self.found.postures[rows[k][0]].base_position[0] for k in nodes]
+        before = [self.result.postures[rows[k][0]].base_position[0] for k in nodes]
         shift = np.linalg.norm(positions - np.array(before), axis=1)
-        costs = np.array([self.found.costs[rows[k][0]] for k in nodes])
+        costs = np.array([self.result.costs[rows[k][0]] for k in nodes])
         costs += self.cost.base_weight * shift + self.cost.step_weight
-        low = self._low(stances[nodes], positions, costs)
-        promise = self._promise(stances[nodes], positions, costs)
+        lower_bound = self._lower_bounds(stances[nodes], positions, costs)
+        estimate = self._estimates(stances[nodes], positions, costs)
         for n, k in enumerate(nodes.tolist()):
             parent, _, stance = rows[k]
-            figures = float(costs[n]), float(low[n]), float(promise[n])
+            figures = float(costs[n]), float(lower_bound[n]), float(estimate[n])
             entry = Entry(stance, parent, *figures, postures.take(np.array([k])))
-            if self._hopeful(entry):
+            if self._may_improve(entry):
                 self._push(entry)
 
-    def _check(self, batch: list[Entry]) -> None:
-        """Check the steps to stances, and drop what cannot be stepped to."""
+    def _check_steps(self, batch: list[Entry]) -> None:
+        """Check the steps to stances, and drop stances that cannot be reached by them."""
         if not batch:
             return
         parents, before = np.unique([entry.parent for entry in batch], return_inverse=True)
         masks = self.graph.masks_after(
-            [self.found.states[k] for k in parents],
-            join(*(self.found.postures[k] for k in parents)),
+            [self.result.states[k] for k in parents],
+            join(*(self.result.postures[k] for k in parents)),
             before,
             np.array([entry.stance for entry in batch], dtype=np.int64),
             join(*(entry.posture for entry in batch)),
@@ -328,23 +332,23 @@ class _LazySearch:
                 self._push(entry)
 
     def _expand(self, entry: Entry) -> None:
-        """Note a state, and put its neighbours into the queues, unless it is at the goal."""
-        found, state, posture = self.found, entry.state, entry.posture
-        hopeful, entry.done = self._hopeful(entry), True
-        if state is None or not hopeful or not self._close(state, entry):
+        """Record a state, and push its neighbours unless it is at the goal."""
+        result, state, posture = self.result, entry.state, entry.posture
+        may_improve, entry.done = self._may_improve(entry), True
+        if state is None or not may_improve or not self._add_to_closed(state, entry):
             return
-        here = len(found.states)
-        self._note(state, posture, entry.parent, entry.cost)
+        here = len(result.states)
+        self._record_state(state, posture, entry.parent, entry.cost)
         if self.goal.reached(posture.base_position[0], state.stance):
-            self._arrived()
+            self._record_goal()
             return
         if self.search.progress is not None and here % 20 == 0:
             self.search.progress(here)
-        self._neighbours(here)
+        self._push_neighbours(here)
 
-    def _close(self, state: State, entry: Entry) -> bool:
-        """Note that a state is expanded; False if one no worse was expanded before."""
-        # The start may be in a given pose; its stance is another state.
+    def _add_to_closed(self, state: State, entry: Entry) -> bool:
+        """Record the label of an expanded state; return False if an earlier one dominates it."""
+        # A start in a given pose is not the state of its stance.
         seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
         for masks, cost in seen:
             covers = all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True))
@@ -356,27 +360,31 @@ class _LazySearch:
             self.complete[state.stance] = entry.cost
         return True
 
-    def _neighbours(self, here: int) -> None:
-        """Put the neighbours of an expanded state into the queues, as a block."""
+    def _push_neighbours(self, here: int) -> None:
+        """Push the neighbours of an expanded state as a block."""
         graph, goal, cost = self.graph, self.goal, self.cost
         state, posture, so_far = (
-            self.found.states[here], self.found.postures[here], self.found.costs[here]
+            self.result.states[here], self.result.postures[here], self.result.costs[here]
         )  # fmt: skip
         stances = graph.neighbours(state, posture)
         if not len(stances):
             return
         costs = np.full(len(stances), so_far + cost.step_weight)
-        low, guess = costs, graph.likely_base(stances)
+        lower_bound, likely_base = costs, graph.likely_base(stances)
         if self.search.heuristic != "zero":
-            # No plan through a neighbour is shorter than the straight line from here.
-            away = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
-            low = costs + cost.base_weight * away + self._charged(self.moves.steps(stances))
-        shift = np.linalg.norm(guess - posture.base_position, axis=1)
-        promise = self._promise(stances, guess, costs + cost.base_weight * shift)
-        kept = np.flatnonzero(np.isfinite(low) & (low < self.best))
-        if not len(kept):
+            # The base path of a plan through a neighbour is no shorter than the straight line.
+            distance = max(float(goal.distance(posture.base_position[0])) - goal.tolerance, 0.0)
+            lower_bound = (
+                costs + cost.base_weight * distance + self._step_costs(self.moves.steps(stances))
+            )
+        shift = np.linalg.norm(likely_base - posture.base_position, axis=1)
+        estimate = self._estimates(stances, likely_base, costs + cost.base_weight * shift)
+        promising = np.flatnonzero(np.isfinite(lower_bound) & (lower_bound < self.best))
+        if not len(promising):
             return
-        kept = kept[np.argsort(promise[kept], kind="stable")]
-        lows = np.minimum.accumulate(low[kept][::-1])[::-1]
-        self._push(Block(here, float(costs[0]), stances[kept], lows, promise[kept]))
-        self.found.generated += len(kept)
+        promising = promising[np.argsort(estimate[promising], kind="stable")]
+        lower_bounds = np.minimum.accumulate(lower_bound[promising][::-1])[::-1]
+        self._push(
+            Block(here, float(costs[0]), stances[promising], lower_bounds, estimate[promising])
+        )
+        self.result.generated += len(promising)

@@ -1,8 +1,8 @@
-"""Admissible lower bounds of the cost from every node to a goal, kept for further plans there.
+"""Admissible and consistent lower bounds of the cost from every node to a goal, cached by goal.
 
-They are the exact cost-to-go if limbs may change their branches. Obstacles and points that are
-occupied later only make plans dearer. So what was worked out for a goal serves when the robot
-stands elsewhere on its way, or finds a point occupied, and a plan is there at once.
+They are the exact cost-to-go if limbs could change their branches. Obstacles and points occupied
+later only make plans dearer, so the bounds of a goal stay valid when the robot stands elsewhere on
+its walk or finds a point occupied, and replanning is fast.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.batches import distances, rows_close
-from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
-from mlivr_gym.planners.costs import Cost, weights_of
+from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
+from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
-from mlivr_gym.planners.label_search import Labels
-from mlivr_gym.planners.lazy_table import LazyTable, lazy_table_of
+from mlivr_gym.planners.labels import Labels
+from mlivr_gym.planners.lazy_table import LazyTable, make_lazy_table
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -26,142 +26,147 @@ from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-FARTHER_BY = (0.03, 2)
-"""How much farther than to the start they are worked out with more than two limbs, for starts of
-further plans: a share of the cost, and steps."""
+SEARCH_MARGIN = (0.03, 2)
+"""How far the bounds extend beyond the start with more than two limbs, for the starts of further
+plans: a share of the cost, and a number of steps."""
 
-FARTHEST = 1 << 14
-"""More steps than any node is away."""
+MAX_STEPS = 1 << 14
+"""Upper bound of the steps between any two nodes."""
 
-MOST_STARTS = 1000
-"""With more starts than this the search backward is led to none of them."""
+MAX_STARTS = 1000
+"""Maximum number of starts that guide the backward search; with more it is not guided."""
 
-KEPT = 4, 16
-"""Goals, or costs to one, that are kept at least and at most."""
+CACHED_GOALS = 4, 16
+"""Minimum and maximum number of goals and costs whose bounds are cached."""
 
-KEPT_NODES = 2_000_000
-"""Nodes of all that are kept, if there are more than the least."""
+CACHED_NODES = 2_000_000
+"""Maximum number of nodes in all cached bounds, above the minimum number of goals."""
 
 
 class GoalBounds(NamedTuple):
     """Lower bounds of the cost from n nodes to a goal."""
 
     cost: Cost
-    """What is charged."""
+    """The cost."""
     h: Array
-    """The bounds, 0 at the goal alone and consistent; infinite where nothing leads there, and they
-    may be where nothing leads to from the start; shape (n,)."""
+    """The bounds, 0 at the goal alone and consistent, shape (n,); infinite where no walk leads to
+    the goal, and possibly where no walk leads from the start."""
     exact: BoolArray
-    """Where they are the least cost if limbs may change their branches, shape (n,)."""
+    """Whether each bound is the minimum cost if limbs could change their branches, shape (n,)."""
     occupied: frozenset[int]
-    """Points that were taken."""
+    """Points that were occupied."""
 
 
 class LowerBounds:
-    """Lower bounds to the goals that were asked last."""
+    """Lower bounds over the table of a graph, cached for the goals used last."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Of a graph that has a table."""
+        """Prepare the bounds of a graph that has a table."""
         table = graph.table
         assert table is not None
         self.graph, self.table = graph, table
-        self.labels = Labels.of(len(table.points))
-        """Room for searches."""
-        self._world: LazyTable | None = None
-        self._kept: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
-        least, most = KEPT
-        self._most = max(least, min(most, KEPT_NODES // max(len(table.points), 1)))
-        self._rounded = 0.0 if graph.has_tables else 2.0 * ROUNDED
-        self._farther = (0.0, 0) if graph.has_tables else FARTHER_BY
+        self.labels = Labels.allocate(len(table.points))
+        """Arrays for the labels of searches."""
+        self._lazy_table: LazyTable | None = None
+        self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
+        smallest, largest = CACHED_GOALS
+        self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
+        self._position_error = 0.0 if graph.has_tables else 2.0 * ROUNDED
+        self._margin = (0.0, 0) if graph.has_tables else SEARCH_MARGIN
 
     @property
-    def world(self) -> LazyTable:
-        """The nodes in the world as it is now, with what was found of them before."""
-        if self._world is None or self._world.version != self.graph.version:
-            self._world = lazy_table_of(self.graph)
-        assert self._world is not None
-        return self._world
+    def lazy_table(self) -> LazyTable:
+        """Nodes and edges in the present world, with the results of earlier checks in it."""
+        if self._lazy_table is None or self._lazy_table.version != self.graph.version:
+            self._lazy_table = make_lazy_table(self.graph)
+        assert self._lazy_table is not None
+        return self._lazy_table
 
-    def known(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
-        """What is kept that serves from some nodes; None if nothing does."""
-        kept, occupied = self._kept.get(goal.key), frozenset(self.graph.occupied)
-        if kept is None or not (kept.occupied <= occupied and kept.exact[starts].all()):
+    def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
+        """Return cached bounds that are exact from some nodes, or None."""
+        stored, occupied = self._cached_bounds.get(goal.key), frozenset(self.graph.occupied)
+        if stored is None or not (stored.occupied <= occupied and stored.exact[starts].all()):
             return None
-        if kept.occupied == occupied:
-            return kept
-        return kept._replace(h=np.where(self._taken(), np.inf, kept.h))
+        if stored.occupied == occupied:
+            return stored
+        return stored._replace(h=np.where(self._occupied_nodes(), np.inf, stored.h))
 
-    def to(self, goal: Goal, starts: IntArray) -> GoalBounds:
-        """Bounds from some nodes with the points that are taken now; kept."""
-        bounds = self._worked_out(self.table, goal, starts, self._taken())
-        self._kept[goal.key] = bounds
-        self._kept.move_to_end(goal.key)
-        if len(self._kept) > self._most:
-            self._kept.popitem(last=False)
+    def compute(self, goal: Goal, starts: IntArray) -> GoalBounds:
+        """Compute and cache bounds from some nodes with the points occupied now."""
+        bounds = self._compute(self.table, goal, starts, self._occupied_nodes())
+        self._cached_bounds[goal.key] = bounds
+        self._cached_bounds.move_to_end(goal.key)
+        if len(self._cached_bounds) > self._cache_size:
+            self._cached_bounds.popitem(last=False)
         return bounds
 
-    def _worked_out(
-        self, table: NodeTable, goal: Goal, starts: IntArray, taken: BoolArray
+    def _compute(
+        self, table: NodeTable, goal: Goal, starts: IntArray, forbidden: BoolArray
     ) -> GoalBounds:
-        """Bounds from some nodes where walks do not enter some that are taken."""
-        cost, goals = goal.cost, self._goals(goal)
+        """Compute bounds from some nodes for walks that do not enter forbidden nodes."""
+        cost, goals = goal.cost, self._goal_nodes(goal)
         if cost.base_weight:
-            farther = self._farther[0], self._farther[1] * cost.step_weight
-            toward = self._toward(cost, starts, taken)
-            h, exact = costs_to_goal(table, goals, weights_of(cost), starts, toward, farther)
+            margin = self._margin[0], self._margin[1] * cost.step_weight
+            start_bounds = self._start_bounds(cost, starts, forbidden)
+            h, exact = costs_to_goal(table, goals, cost_weights(cost), starts, start_bounds, margin)
         else:
-            steps, least = fewest_steps(table, goals, taken, starts, self._farther[1])
+            steps, smallest = fewest_steps(table, goals, forbidden, starts, self._margin[1])
             exact = steps >= 0
-            h = cost.step_weight * np.where(exact, steps, least)
-            h[taken] = np.inf
+            h = cost.step_weight * np.where(exact, steps, smallest)
+            h[forbidden] = np.inf
         return GoalBounds(cost, h, exact, frozenset(self.graph.occupied))
 
-    def by_distance(self, search: SearchQuery) -> GoalBounds:
-        """Those that the name of a heuristic tells, from the distance to the goal alone."""
+    def from_distance(self, search: SearchQuery) -> GoalBounds:
+        """Return the bounds of a heuristic that is given by the distance to the goal alone."""
         distance = distances(self.table.base_position, search.goal.target)
         h = search.estimate(distance, self.graph.max_step)
-        h = np.where(self._goals(search.goal), 0.0, np.maximum(h, LEAST))
-        h[self._taken()] = np.inf
+        h = np.where(self._goal_nodes(search.goal), 0.0, np.maximum(h, MIN_COST_OUTSIDE_GOAL))
+        h[self._occupied_nodes()] = np.inf
         none = np.zeros(len(h), dtype=np.bool_)
         return GoalBounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
-    def connected(self, goal: Goal, start: State) -> bool:
-        """Whether a goal may be reached from a state, whatever steps and obstacles there are."""
-        goals = self._goals(goal)
+    def is_connected(self, goal: Goal, start: State) -> bool:
+        """Return whether moves may connect a state with a goal, whatever the obstacles are."""
+        goals = self._goal_nodes(goal)
         if isinstance(self.graph, PairGraph) and start.pose is None:
             _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
             return bool((part[goals] == part[self.graph.find(start.stance)]).any())
         return bool(goals.any())
 
-    def _taken(self) -> BoolArray:
-        """Nodes that hold an occupied point, shape (n,)."""
+    def _occupied_nodes(self) -> BoolArray:
+        """Return whether each node holds an occupied point, shape (n,)."""
         if not self.graph.occupied:
             return np.zeros(len(self.table.points), dtype=np.bool_)
         held = np.isin(self.table.points, list(self.graph.occupied))
         return np.asarray(held.any(axis=1))
 
-    def _goals(self, goal: Goal) -> BoolArray:
-        """Nodes that may be at the goal, shape (n,)."""
-        reach, goals = goal.tolerance + self._rounded, np.zeros(len(self.table.points), np.bool_)
+    def _goal_nodes(self, goal: Goal) -> BoolArray:
+        """Return whether each node may be at the goal, by its rounded position, shape (n,)."""
+        reach, goals = (
+            goal.tolerance + self._position_error,
+            np.zeros(len(self.table.points), np.bool_),
+        )
         rows = rows_close(self.table.base_position, goal.target, goal.target, reach)
-        goals[rows] = goal.held(self.table.points[rows].astype(np.int64))
+        goals[rows] = goal.on_goal_face(self.table.points[rows].astype(np.int64))
         return goals
 
-    def _toward(self, cost: Cost, starts: IntArray, taken: BoolArray) -> Array:
-        """Lower bounds of the cost from where walks begin, infinite for what is taken."""
+    def _start_bounds(self, cost: Cost, starts: IntArray, forbidden: BoolArray) -> Array:
+        """Return lower bounds of the cost from the starts, infinite if forbidden, (n,)."""
         table, count = self.table, len(self.table.points)
-        if len(starts) > MOST_STARTS:
-            return np.where(taken, np.inf, 0.0)
-        nearest: Array = np.full(count, np.inf)
+        if len(starts) > MAX_STARTS:
+            return np.where(forbidden, np.inf, 0.0)
+        squared_distance: Array = np.full(count, np.inf)
         for place in table.base_position[starts]:
-            away = table.base_position - place
-            np.minimum(nearest, np.einsum("ij,ij->i", away, away), out=nearest)
-        toward = cost.base_weight * np.sqrt(nearest)
+            offset = table.base_position - place
+            np.minimum(
+                squared_distance, np.einsum("ij,ij->i", offset, offset), out=squared_distance
+            )
+        start_bounds = cost.base_weight * np.sqrt(squared_distance)
         if cost.step_weight:
-            # What joins two nodes leads there and back.
-            begins, nowhere = np.zeros(count, dtype=np.bool_), np.zeros(0, dtype=np.int64)
-            begins[starts] = True
-            steps, _ = fewest_steps(table, begins, taken, nowhere, FARTHEST)
-            toward += cost.step_weight * np.where(steps >= 0, steps, np.inf)
-        toward[taken] = np.inf
-        return toward
+            # Pairs of nodes are symmetric, so this is also the number of steps from the starts.
+            is_start, no_starts = np.zeros(count, dtype=np.bool_), np.zeros(0, dtype=np.int64)
+            is_start[starts] = True
+            steps, _ = fewest_steps(table, is_start, forbidden, no_starts, MAX_STEPS)
+            start_bounds += cost.step_weight * np.where(steps >= 0, steps, np.inf)
+        start_bounds[forbidden] = np.inf
+        return start_bounds

@@ -1,12 +1,12 @@
-"""Fewest moves of limbs to a goal: a lower bound of the steps of any number of limbs.
+"""Fewest moves of pairs of limbs: a lower bound of the steps of any number of limbs.
 
 A step moves one limb. So the fewest moves of limbs i and j to points that they can hold at the
-goal, while the others may do as they please, plus those of k and l, are no more than the steps of
-all: additive pattern databases (Felner, Korf, Hanan, Journal of Artificial Intelligence Research
-22, 2004). Two limbs may hold two points together if these are no farther apart than the robot's
-span and no closer than its grippers allow; at the goal each point lies within reach of the goal
-region. Both are true of every stance, so the bound never exceeds the steps that are left, and one
-step changes it by one at most.
+goal, with no constraint on the other limbs, plus those of limbs k and l, never exceed the steps of
+all: additive pattern databases (Felner, Korf and Hanan, Journal of Artificial Intelligence Research
+22, 2004). Two limbs can hold two points if these are within the span of the robot and farther apart
+than its grippers require; at the goal each point lies within reach of the goal region. Every stance
+satisfies both conditions, so the bound is admissible, and it is consistent because a step changes
+it by at most one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 Partition = tuple[tuple[int, ...], ...]
-"""Limbs in pairs; of an odd number the last is alone."""
+"""Limbs in pairs, and one limb alone if their number is odd."""
 
 
 class MoveBounds:
@@ -31,23 +31,23 @@ class MoveBounds:
     alone
         Fewest moves of a limb by the point that it holds, 0 or 1, shape (m,).
     pairs
-        Fewest moves of two limbs by the points that they hold, shape (m, m); infinite where
-        they cannot come to the goal, or cannot hold both.
+        Fewest moves of two limbs by the points that they hold, shape (m, m); infinite where they
+        cannot reach the goal or cannot hold both points.
     """
 
     def __init__(self, graph: StanceGraph, goal: Goal) -> None:
-        """Work the tables out for `goal`."""
+        """Compute the moves to a goal."""
         robot, positions = graph.robot, graph.grasp_map.positions
         reach = robot.mount_radius + robot.limb.reach + robot.tool_length
-        there = goal.distance(positions) <= reach + goal.tolerance + 1e-9
+        at_goal = goal.distance(positions) <= reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
-            there &= goal.on_face
-        self.alone: Array = np.where(there, 0.0, 1.0)
-        self.pairs = _fewest_moves(graph.together, there)
+            at_goal &= goal.on_face
+        self.alone: Array = np.where(at_goal, 0.0, 1.0)
+        self.pairs = _fewest_moves(graph.together, at_goal)
         self._partitions = list(partitions(tuple(range(graph.limbs))))
 
     def steps(self, stances: IntArray) -> Array:
-        """Lower bounds of the steps from stances, shape (k, N) -> (k,)."""
+        """Return lower bounds of the steps from stances, shape (k, N) -> (k,)."""
         best = np.zeros(len(stances))
         for partition in self._partitions:
             total = np.zeros(len(stances))
@@ -60,7 +60,7 @@ class MoveBounds:
 
 
 def partitions(limbs: tuple[int, ...]) -> Iterator[Partition]:
-    """All partitions of limbs into pairs, with one limb alone where their number is odd."""
+    """Yield all partitions of limbs into pairs, with one limb alone if their number is odd."""
     if len(limbs) <= 1:
         yield (limbs,) if limbs else ()
         return
@@ -74,15 +74,15 @@ def partitions(limbs: tuple[int, ...]) -> Iterator[Partition]:
             yield (*more, (first,))
 
 
-def _fewest_moves(together: BoolArray, there: BoolArray) -> Array:
-    """Fewest moves of two limbs to points that are `there`, by breadth from these, shape (m, m)."""
-    moves = np.full(together.shape, np.inf)
-    new: BoolArray = np.logical_and(together, np.outer(there, there))
+def _fewest_moves(compatible: BoolArray, at_goal: BoolArray) -> Array:
+    """Return the fewest moves of two limbs to points at the goal, shape (m, m)."""
+    moves = np.full(compatible.shape, np.inf)
+    frontier: BoolArray = np.logical_and(compatible, np.outer(at_goal, at_goal))
     count = 0
-    while new.any():
-        moves[new] = count
+    while frontier.any():
+        moves[frontier] = count
         count += 1
         # The first limb moves while the second holds, or the second while the first holds.
-        reached = np.any(new, axis=0, keepdims=True) | np.any(new, axis=1, keepdims=True)
-        new = np.logical_and(together, reached & np.isinf(moves))
+        reached = np.any(frontier, axis=0, keepdims=True) | np.any(frontier, axis=1, keepdims=True)
+        frontier = np.logical_and(compatible, reached & np.isinf(moves))
     return moves

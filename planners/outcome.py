@@ -1,4 +1,4 @@
-"""What searches find."""
+"""Results of searches over stances, and how paths are read off their search trees."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.transitions.state import State
 
-FOUND, EXHAUSTED, LIMIT = 0, 1, 2
-"""How a search ends: at a goal, with nothing more to expand, or at its limit of expansions or of
-time."""
+GOAL_REACHED, SEARCH_EXHAUSTED, LIMIT_REACHED = 0, 1, 2
+"""How a search ends: at a goal, with an empty open queue, or at its limit of expansions or time."""
 
 
 @dataclass(frozen=True)
 class Improvement:
-    """A plan that a search found before it ended.
+    """A plan that an anytime search found before it ended, with the quality proved at that time.
 
     Attributes
     ----------
     time
-        When [s], from the start of the search.
+        Time from the start of the search [s].
     cost
         Cost of the plan.
     bound
-        Factor of the least cost within which it was proved then; infinite if within none.
+        Optimality bound: the plan was proved to cost at most this factor times the minimum;
+        infinite if nothing was proved.
     """
 
     time: float
@@ -36,29 +36,31 @@ class Improvement:
 
 
 @dataclass(frozen=True)
-class Path:
-    """What a search found.
+class SearchResult:
+    """The path that a search found, with its statistics.
 
     Attributes
     ----------
     status
-        `FOUND`, `EXHAUSTED` or `LIMIT`.
+        `GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`.
     states
-        States from the start to the last one explored, the goal if it was found.
+        States from the start to the goal, or to the last expanded state if the goal was not
+        reached.
     cost
-        Cost of the path to it.
+        Cost of the path.
     expanded
-        States expanded.
+        Number of states expanded.
     generated
-        States generated.
+        Number of states put into the open queue.
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    backward
-        Nodes that a search backward has settled for the lower bound.
+    backward_expanded
+        Number of nodes expanded by backward searches for the lower bound.
     bound
-        Factor of the least cost within which the path is proved; infinite if within none.
+        Optimality bound: the path costs at most this factor times the minimum; infinite if nothing
+        is proved.
     improvements
-        The plans found one after the other, each better than the last.
+        The plans found in turn, each cheaper than the one before.
     """
 
     status: int
@@ -67,20 +69,28 @@ class Path:
     expanded: int
     generated: int
     tree: Array
-    backward: int = 0
+    backward_expanded: int = 0
     bound: float = math.inf
     improvements: tuple[Improvement, ...] = ()
 
 
-def tree_of(position: Array, parents: Sequence[int]) -> Array:
-    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
-    above = np.array(parents[1:], dtype=np.int64)
-    return np.stack([position[above], position[1:]], axis=1)
+def search_tree(position: Array, parents: Sequence[int]) -> Array:
+    """Return the base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
+    before = np.array(parents[1:], dtype=np.int64)
+    return np.stack([position[before], position[1:]], axis=1)
 
 
-def chain_to(parents: Sequence[int], last: int = -1) -> list[int]:
-    """Indices from the first to the last entry, or to another one, along the parents."""
-    chain = [last % len(parents)]
-    while parents[chain[-1]] >= 0:
-        chain.append(int(parents[chain[-1]]))
-    return chain[::-1]
+def path_indices(parents: Sequence[int], last: int = -1) -> list[int]:
+    """Return the indices from the root of a search tree to an entry, by default the last.
+
+    Parameters
+    ----------
+    parents
+        Index of the parent of each entry, -1 at the root.
+    last
+        Index of the entry at which the path ends.
+    """
+    path = [last % len(parents)]
+    while parents[path[-1]] >= 0:
+        path.append(int(parents[path[-1]]))
+    return path[::-1]

@@ -1,4 +1,4 @@
-"""The planner: from a start stance and a goal position to a plan."""
+"""The planner: from a start stance and a goal position of the base to a plan."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import math
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import NoPlanError, SettingError, StanceError
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.motion.commitment import CommittedMotion, CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.outcome import FOUND, LIMIT, Improvement, Path
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SearchResult
+from mlivr_gym.planners.planning_result import PlanningResult
 from mlivr_gym.planners.query import (
     GOAL_TOLERANCE,
-    MOST_EXPANSIONS,
+    MAX_EXPANSIONS,
     QUERY,
     Goal,
     SearchOptions,
@@ -29,103 +29,55 @@ from mlivr_gym.planners.query import (
 )
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.searches import Algorithm1Searcher, GraphSearcher, Searcher
-from mlivr_gym.planners.why_not import Cause, cause_of
+from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 CACHED_TABLES = 16
-"""Exact costs-to-go that a planner keeps."""
+"""Maximum number of exact cost-to-go tables that a planner caches."""
 
 
-@dataclass(frozen=True, repr=False)
-class PlanningResult:
-    """Outcome of a query.
-
-    Attributes
-    ----------
-    plan
-        The plan, or None.
-    reason
-        `""`, or why there is none: `"start infeasible"`, `"goal outside the reachable
-        set"`, `"search exhausted"`, `"limit reached"`, `"no swing"`.
-    message
-        One sentence for people.
-    expanded
-        States expanded.
-    generated
-        States generated.
-    feasibility_time
-        Time spent on postures and stances for this query [s].
-    search_time
-        Time spent on search and step checks [s].
-    tree
-        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    improvements
-        When each better plan was found, at what cost.
-    """
-
-    plan: Plan | None
-    reason: str
-    message: str
-    expanded: int
-    generated: int
-    feasibility_time: float
-    search_time: float
-    tree: Array
-    improvements: tuple[Improvement, ...] = ()
-
-    def __repr__(self) -> str:
-        """The message, in one line."""
-        return f"<PlanningResult: {self.message}>"
-
-    def __bool__(self) -> bool:
-        """Whether there is a plan."""
-        return self.plan is not None
-
-    def unwrap(self) -> Plan:
-        """The plan.
-
-        Raises
-        ------
-        NoPlanError
-            If there is none; the message says why.
-        """
-        if self.plan is None:
-            raise NoPlanError(self.message)
-        return self.plan
-
-
-class _Clock:
-    """Time spent on feasibility, and on search without commitment."""
+class _Timer:
+    """Time spent on the start state, and on the search."""
 
     def __init__(self) -> None:
-        self.began, self.feasibility, self.search = time.perf_counter(), 0.0, 0.0
+        self.start_time, self.feasibility, self.search = time.perf_counter(), 0.0, 0.0
 
     def lap(self) -> float:
-        """Time since the last lap [s]."""
-        before, self.began = self.began, time.perf_counter()
-        return self.began - before
+        """Return the time since the last call, or since the timer was made [s]."""
+        before, self.start_time = self.start_time, time.perf_counter()
+        return self.start_time - before
 
 
 class Planner:
-    """Plans on one stance graph.
+    """Planner of hand-over-hand walks on one stance graph.
 
-    Example:
-        >>> from mlivr_gym import stance_graph
-        >>> from mlivr_gym.planners import Planner
-        >>> planner = Planner(stance_graph())
-        >>> plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
-        >>> len(plan.steps)
-        4
+    States are stances with the branches that each limb may be on; plans are found by label-setting
+    A* with lazy evaluation of edges, see `table_search` and `label_search`.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> planner = Planner(stance_graph())
+    >>> plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> len(plan.steps)
+    4
     """
 
     @checked(QUERY)
     def __init__(self, graph: StanceGraph) -> None:
-        """Plan on `graph`, as `stance_graph` makes it."""
+        """Plan on a stance graph.
+
+        Parameters
+        ----------
+        graph
+            The graph, as `stance_graph` makes it.
+        """
         self.graph, self._searcher = graph, GraphSearcher(graph)
-        self._committed = CommittedSteps(graph)
-        self._exact: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
+        self._committed_steps = CommittedSteps(graph)
+        self._cost_tables: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
 
     @checked(QUERY)
     def plan(
@@ -146,89 +98,91 @@ class Planner:
         time_limit: float | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> PlanningResult:
-        """Plan from a stance to a goal position of the base.
+        """Plan from a start stance to a goal position of the base.
 
         Parameters
         ----------
         start
             Point id (or index) of each limb, or a state of the graph.
         goal
-            x, y, z in the JEM frame [m].
+            Goal position x, y, z in the module frame [m].
         cost
-            `"base"` (displacement), `"steps"` or `"weighted"` (displacement plus a price a
-            step).
+            `"base"` (base displacement), `"steps"` or `"weighted"` (displacement plus a price for
+            each regrasp).
         regrasp_price
-            Metres charged for a regrasp, with `cost="weighted"`.
+            Price of a regrasp [m], with `cost="weighted"`.
         method
-            `"astar"` (optimal), `"dijkstra"` (optimal, no heuristic), `"greedy"`
-            (best-first by heuristic) or `"algorithm1"` (as `"astar"`, in plain Python: slow, to
-            read and to compare with).
+            `"astar"` (A*: Hart, Nilsson and Raphael 1968), `"dijkstra"` (the same with heuristic
+            0), `"greedy"` (greedy best-first search) or `"algorithm1"` (A* in plain Python, which
+            is slow, to read and to compare with).
         heuristic
-            `"cost_to_go"` (exact cost when steps are not checked; default for two
-            limbs), `"consistent"` (default for more and of `"algorithm1"`), `"paper"` (may lose
-            optimality; default of `"greedy"`) or `"zero"`.
+            `"cost_to_go"` (exact cost if limbs could change their branches; default for two limbs),
+            `"consistent"` (by the distance to the goal; default for more limbs and for
+            `"algorithm1"`), `"paper"` (the same without the tolerance, which may overestimate;
+            default of `"greedy"`) or `"zero"`.
         inflation
-            The plan costs at most this many times the least. By default 1 for two
-            limbs and `"algorithm1"`; with more limbs the first plan found is taken, and
-            `plan.statistics.bound` tells within what factor it is proved.
+            Suboptimality factor, at least 1: the plan costs at most this many times the minimum.
+            The default is 1 for two limbs, for `"dijkstra"` and `"algorithm1"`, and with a time
+            limit; otherwise the first plan is returned, and `plan.statistics.bound` is the factor
+            that is proved for it.
         goal_tolerance
             Radius of the goal region [m].
         goal_face
-            Face of the map whose points all limbs hold at the goal, for example
-            `"overhead"`; by default they may hold any.
+            Face of the map on which all limbs hold points at the goal, for example `"overhead"`;
+            any by default.
         start_pose
-            Base pose at the start, where the robot stands in another than that of the
-            start stance: x, y, z [m] and quaternion w, x, y, z. The thresholds do not apply to
-            it.
+            Base pose at the start if it is not that of the start stance: x, y, z [m] and quaternion
+            w, x, y, z. The manipulability thresholds do not apply to it.
         start_joints
-            Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of those
-            that hold the points at that pose, on their windings (`Limb.windows`): the plan
-            then keeps their branches for as long as each limb holds.
+            Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of angles that hold the
+            points at that pose, in their joint windows (`Limb.windows`). Each limb then keeps its
+            branch until its first regrasp.
         limit
-            Most expansions.
+            Maximum number of expansions.
         time_limit
-            How long a plan is looked for and improved [s], unless one is proved within
-            `inflation` (by default 1) before. What is found then depends on the machine.
+            Maximum time in which a plan is sought and improved [s]; the search ends earlier once a
+            plan is proved within `inflation` (by default 1). The plan then depends on the speed of
+            the machine.
         progress
-            Called with the number of expansions now and then (`"algorithm1"`, or where
-            there is no table of the graph).
+            Called from time to time with the number of expansions, by `"algorithm1"` and by
+            searches of graphs without a table.
 
         Returns
         -------
         PlanningResult
-            The plan, or why there is none. A start that cannot be held is such a reason; ids that
-            do not exist, points too close or too far apart and goals outside the cabin raise.
+            The plan, or the reason why there is none, such as a start that cannot be held.
 
         Raises
         ------
         MlivrError
-            If an argument cannot be used; the message names it.
+            If an argument cannot be used, for example a point id that does not exist, start points
+            too close together or too far apart, or a goal outside the cabin; the message names it.
         """
         target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
-        search, clock = SearchQuery.checked(self.graph, target, options), _Clock()
+        search, timer = SearchQuery.checked(self.graph, target, options), _Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
-            first = self._first(start, start_pose, start_joints)
+            start_state = self._start_state(start, start_pose, start_joints)
         except StanceError as error:
-            clock.feasibility = clock.lap()
-            return _no_plan("start infeasible", str(error), clock)
-        clock.feasibility = clock.lap()
-        plain = search.method == "algorithm1"
-        searcher: Searcher = Algorithm1Searcher(self.graph) if plain else self._searcher
-        path = searcher.find(search, first)
-        clock.search = clock.lap()
+            timer.feasibility = timer.lap()
+            return _without_plan("start infeasible", str(error), timer)
+        timer.feasibility = timer.lap()
+        is_algorithm1 = search.method == "algorithm1"
+        searcher: Searcher = Algorithm1Searcher(self.graph) if is_algorithm1 else self._searcher
+        path = searcher.find(search, start_state)
+        timer.search = timer.lap()
         if path is None:
-            return _no_plan("goal outside the reachable set", _not_connected(target), clock)
-        if path.status != FOUND:
-            return self._not_found(path, search, first, clock)
-        committed = committed_motion(self.graph, path.states, None, self._committed)
+            return _without_plan("goal outside the reachable set", _not_connected(target), timer)
+        if path.status != GOAL_REACHED:
+            return self._failure(path, search, start_state, timer)
+        committed = committed_motion(self.graph, path.states, None, self._committed_steps)
         if committed.motion is None:
-            return _no_plan("no swing", self._no_swing(path, committed), clock, path)
-        times = clock.feasibility, clock.search
+            return _without_plan("no swing", self._no_swing(path, committed), timer, path)
+        times = timer.feasibility, timer.search
         bound = path.bound if path.bound < math.inf else None
         statistics = Statistics(
-            path.cost, path.expanded, path.generated, *times, path.backward, bound
+            path.cost, path.expanded, path.generated, *times, path.backward_expanded, bound
         )
         plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
         return PlanningResult(
@@ -248,27 +202,32 @@ class Planner:
         start_joints: Sequence[Any] | Array | None = None,
         limit: int = 2000,
     ) -> Cause:
-        """What cuts a goal off to which `plan` has found no plan, and what would help.
+        """Return the rule that cuts a goal off from the start, and what would help.
 
-        The query is asked again on graphs without obstacles, collisions, thresholds or checks of
-        steps, which takes some seconds.
+        The query is repeated on graphs without obstacles, collisions, thresholds, joint limits or
+        step checks, which takes some seconds.
 
         Parameters
         ----------
         start
-            As in `plan`, as are the next four.
+            As in `plan`, as are the next five parameters.
         goal
-            x, y, z in the JEM frame [m].
+            Goal position x, y, z in the module frame [m].
         goal_tolerance
             Radius of the goal region [m].
         goal_face
-            As in `plan`.
+            Face of the map on which all limbs hold points at the goal.
         start_pose
             Base pose at the start.
         start_joints
-            Joint angles at the start.
+            Joint angles at the start [rad].
         limit
-            Most expansions of each search with more than two limbs.
+            Maximum number of expansions of each search with more than two limbs.
+
+        Returns
+        -------
+        Cause
+            The rules that cut the goal off, with a message.
 
         Raises
         ------
@@ -276,18 +235,18 @@ class Planner:
             If an argument cannot be used, or the start cannot be held.
         """
         target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance, goal_face)
-        first = self._first(start, start_pose, start_joints)
-        return cause_of(
-            self.graph, first, target, MOST_EXPANSIONS if self.graph.has_tables else limit
+        start_state = self._start_state(start, start_pose, start_joints)
+        return find_cause(
+            self.graph, start_state, target, MAX_EXPANSIONS if self.graph.has_tables else limit
         )
 
-    def _first(
+    def _start_state(
         self,
         start: Sequence[str | int] | State,
         pose: Sequence[Any] | None,
         joints: Sequence[Any] | Array | None,
     ) -> State:
-        """The state at the start.
+        """Return the state at the start.
 
         Raises
         ------
@@ -296,44 +255,53 @@ class Planner:
         """
         if isinstance(start, State):
             if not (pose is None and joints is None):
-                raise SettingError("start is a state: start_pose and start_joints are told by it")
+                raise SettingError(
+                    "start is a state with base pose and branches; omit start_pose and start_joints"
+                )
             return self.graph.checked_state(start)
         return self.graph.state(start, pose, joints)
 
-    def _no_swing(self, path: Path, committed: CommittedMotion) -> str:
-        """The sentence on a step of the graph for which no swing was found."""
+    def _no_swing(self, path: SearchResult, committed: CommittedMotion) -> str:
+        """Return the message about an edge of the graph for which no swing was found."""
         before, after = path.states[committed.failed or 0 :][:2]
         return (
             f"no swing was found from {self.graph.ids(before.stance)} to "
-            f"{self.graph.ids(after.stance)}, although its parts were shown to be free"
+            f"{self.graph.ids(after.stance)}, although the edge passed its checks"
         )
 
-    def _not_found(
-        self, path: Path, search: SearchQuery, first: State, clock: _Clock
+    def _failure(
+        self, path: SearchResult, search: SearchQuery, start_state: State, timer: _Timer
     ) -> PlanningResult:
-        """The result of a search that ended without reaching the goal."""
-        reason = "limit reached" if path.status == LIMIT else "search exhausted"
-        start, goal = self.graph.ids(first.stance), search.goal.target.tolist()
-        told = f" after {path.expanded} expansions, no path from {start} to {goal}"
+        """Return the result of a search that ended without reaching the goal."""
+        reason = "limit reached" if path.status == LIMIT_REACHED else "search exhausted"
+        start, goal = self.graph.ids(start_state.stance), search.goal.target.tolist()
+        detail = f" after {path.expanded} expansions, no path from {start} to {goal}"
         if reason == "limit reached" and not path.expanded:
-            told = (
-                f": {search.time_limit:g} s were over before all was worked out that is worked out "
-                "once for a robot on a map; that goes on, so ask again"
+            detail = (
+                f": the tables of this robot on this map were not built within "
+                f"{search.time_limit:g} s; they are still being built, so plan again"
             )
         elif path.generated <= 1:
-            told = f": no step leaves the start {start} on the branches that the limbs may be on"
-        return _no_plan(reason, f"{reason}{told}", clock, path)
+            detail = f": no step leaves the start {start} on the branches that its limbs may be on"
+        return _without_plan(reason, f"{reason}{detail}", timer, path)
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
-        """A plan on the same footholds with other base poses and less translation.
+        """Return a plan on the same footholds with other base poses and less base translation.
 
-        See `refinement.refined`: `plan` stays what the graph's optimum is measured by.
+        The method is that of `refinement.refined`; the given plan is not changed.
+
+        Parameters
+        ----------
+        plan
+            A plan of this map and robot.
+        seed
+            Seed of the sampled base poses.
 
         Raises
         ------
         PlanError
-            If the plan belongs to another map or robot, or is not possible here now.
+            If the plan belongs to another map or robot, or is not possible in the present world.
         """
         return refined(self.graph, plan, seed)
 
@@ -347,20 +315,21 @@ class Planner:
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
     ) -> None:
-        """Work the `"cost_to_go"` heuristic out for all stances: further plans there are fast.
+        """Compute the `"cost_to_go"` heuristic of a goal for all stances.
 
-        It is the exact cost if limbs may change their branches, and stays a lower bound when points
-        are occupied or obstacles come.
+        Further plans to the goal are then fast. The heuristic is the exact cost if limbs could
+        change their branches, and stays a lower bound when points are occupied or obstacles added.
+        The parameters are those of `plan`.
 
         Raises
         ------
         SettingError
             If the robot has more than two limbs.
         """
-        graph, bounds = self._two_limbs(), self._searcher.bounds()
-        assert bounds is not None
+        graph, lower_bounds = self._two_limbs(), self._searcher.lower_bounds()
+        assert lower_bounds is not None
         target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        bounds.to(target, np.arange(len(graph)))
+        lower_bounds.compute(target, np.arange(len(graph)))
 
     @checked(QUERY)
     def cost_to_go(
@@ -372,7 +341,9 @@ class Planner:
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
     ) -> CostToGo:
-        """Exact cost from every state to a goal, steps checked: the oracle and expert.
+        """Return the exact cost from every state to a goal, with all steps checked.
+
+        The parameters are those of `plan`. The table is cached until the world changes.
 
         Raises
         ------
@@ -382,13 +353,14 @@ class Planner:
         graph = self._two_limbs()
         target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         key = (*target.key, graph.version)
-        if key not in self._exact:
-            self._exact[key] = CostToGo(graph, target)
-            if len(self._exact) > CACHED_TABLES:
-                self._exact.popitem(last=False)
-        return self._exact[key]
+        if key not in self._cost_tables:
+            self._cost_tables[key] = CostToGo(graph, target)
+            if len(self._cost_tables) > CACHED_TABLES:
+                self._cost_tables.popitem(last=False)
+        return self._cost_tables[key]
 
     def _two_limbs(self) -> PairGraph:
+        """Return the stance graph, which must be one of two limbs."""
         if not isinstance(self.graph, PairGraph):
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
@@ -396,14 +368,17 @@ class Planner:
 
 
 def _not_connected(goal: Goal) -> str:
+    """Return the message about a goal that no sequence of moves connects with the start."""
     return (
-        f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
+        f"no stance connected with the start by moves has its base within {goal.tolerance:g} m of "
         f"goal {goal.target.tolist()}"
     )
 
 
-def _no_plan(reason: str, message: str, clock: _Clock, path: Path | None = None) -> PlanningResult:
-    """A result without a plan."""
+def _without_plan(
+    reason: str, message: str, timer: _Timer, path: SearchResult | None = None
+) -> PlanningResult:
+    """Return a result without a plan."""
     counts = (0, 0) if path is None else (path.expanded, path.generated)
     tree = np.zeros((0, 2, 3)) if path is None else path.tree
-    return PlanningResult(None, reason, message, *counts, clock.feasibility, clock.search, tree)
+    return PlanningResult(None, reason, message, *counts, timer.feasibility, timer.search, tree)

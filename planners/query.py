@@ -1,4 +1,4 @@
-"""Queries: what a planner is asked, with every argument checked."""
+"""Queries of a planner: goal, cost and search options, with every argument checked."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
 
 
-MOST_EXPANSIONS = 10**30
-"""Most that may be asked for as a limit; no search is longer, and compiled ones take 64 bits."""
+MAX_EXPANSIONS = 10**30
+"""Largest limit of expansions that can be requested; compiled searches count in 64 bits."""
 
 QUERY: Kinds = {
     **WALK,
@@ -45,16 +45,17 @@ QUERY: Kinds = {
     "method": Choice(METHODS),
     "heuristic": Maybe(Choice(HEURISTICS)),
     "inflation": Maybe(Tuples((), 1.0)),
-    "limit": Whole(1, MOST_EXPANSIONS),
+    "limit": Whole(1, MAX_EXPANSIONS),
     "time_limit": Maybe(NOT_NEGATIVE),
     "seed": SEED,
 }
-"""Kinds of the arguments of planners; a pose and joint angles are read by the stance graph."""
+"""Kinds of the arguments of a planner; base poses and joint angles are checked by the stance
+graph."""
 
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How to search; None where the default depends on method and robot, see `Planner.plan`.
+    """Options of a search; None stands for the default of method and robot, see `Planner.plan`.
 
     Attributes
     ----------
@@ -63,13 +64,13 @@ class SearchOptions:
     heuristic
         One of `costs.HEURISTICS`.
     inflation
-        Factor of the least cost that a plan may cost, at least 1.
+        Suboptimality factor, at least 1: a plan may cost at most this many times the minimum.
     limit
-        Most expansions.
+        Maximum number of expansions.
     progress
-        Called with the number of expansions now and then.
+        Called from time to time with the number of expansions.
     time_limit
-        Longest that a plan is looked for and improved [s].
+        Maximum time in which a plan is sought and improved [s].
     """
 
     method: str = "astar"
@@ -82,7 +83,7 @@ class SearchOptions:
 
 @dataclass(frozen=True)
 class Goal:
-    """Where to go and at what cost.
+    """A goal region of the base, and the cost with which it is reached.
 
     Attributes
     ----------
@@ -93,9 +94,9 @@ class Goal:
     cost
         Cost of a step.
     face
-        Face of the map whose points all limbs hold at the goal; None for any.
+        Face of the map on which all limbs hold points at the goal; None for any.
     on_face
-        Which points lie on it, shape (m,); None with no face.
+        Whether each point lies on that face, shape (m,); None if no face is requested.
     """
 
     target: Array
@@ -114,12 +115,12 @@ class Goal:
         tolerance: float,
         face: str | None = None,
     ) -> Goal:
-        """A goal from the arguments of a user.
+        """Return a goal from the arguments of a user.
 
         Raises
         ------
         MlivrError
-            If one cannot be used; the message names it.
+            If an argument cannot be used; the message names it.
         """
         priced = Cost.named(cost, regrasp_price)
         target, on_face = graph.grasp_map.check_goal(goal), None
@@ -131,51 +132,52 @@ class Goal:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What tables of costs to this goal are kept under."""
+        """Return the key under which tables of this goal are cached."""
         return (*self.target.tolist(), self.tolerance, self.face, self.cost)
 
     def distance(self, positions: Array) -> Array:
-        """Distances of base positions from the goal, shape (..., 3) -> (...) [m]."""
-        away: Array = np.linalg.norm(positions - self.target, axis=-1)
-        return away
+        """Return the distances of base positions from the goal, shape (..., 3) -> (...) [m]."""
+        distances: Array = np.linalg.norm(positions - self.target, axis=-1)
+        return distances
 
-    def held(self, stances: Sequence[Any] | NDArray[np.integer[Any]]) -> BoolArray:
-        """Whether all limbs hold points of the face, for stances (..., N) -> (...)."""
+    def on_goal_face(self, stances: Sequence[Any] | NDArray[np.integer[Any]]) -> BoolArray:
+        """Return whether all limbs hold points of the face, for stances (..., N) -> (...)."""
         points = np.asarray(stances)
         if self.on_face is None:
             return np.ones(points.shape[:-1], dtype=np.bool_)
         return np.asarray(self.on_face[points].all(axis=-1))
 
     def reached(self, positions: Array, stances: Sequence[Any] | IntArray) -> BoolArray:
-        """Whether a robot is at the goal, base positions (..., 3) and stances (..., N) -> (...)."""
+        """Return whether robots are at the goal, base (..., 3), stances (..., N) -> (...)."""
         inside = self.distance(positions) <= self.tolerance
-        return np.asarray(inside & self.held(stances))
+        return np.asarray(inside & self.on_goal_face(stances))
 
 
 @dataclass(frozen=True)
 class SearchQuery:
-    """A query of a search: the goal, and how to look for it.
+    """A query of a search: the goal and the search parameters, all defaults resolved.
 
     Attributes
     ----------
     goal
-        Where to go and at what cost.
+        Goal region and cost.
     method
         One of `METHODS`.
     heuristic
         One of `costs.HEURISTICS`.
     inflation
-        Factor of the least cost that a plan may cost, at least 1; infinite for any.
+        Suboptimality factor, at least 1; infinite if any plan will do.
     limit
-        Most expansions.
+        Maximum number of expansions.
     progress
-        Called with the number of expansions now and then.
+        Called from time to time with the number of expansions.
     time_limit
-        Longest that a plan is looked for and improved [s].
-    began
-        When it was asked, as `time.perf_counter` counts [s].
-    guided
-        Whether a first plan is looked for by promise, see `lazy_search`.
+        Maximum time in which a plan is sought and improved [s].
+    satisficing
+        Whether a first plan is sought before an optimal one: over the table of nodes, or by an
+        inadmissible estimate where there is no table, see `lazy_search`.
+    start_time
+        Time at which the query was made, on the clock of `time.perf_counter` [s].
     """
 
     goal: Goal
@@ -185,24 +187,24 @@ class SearchQuery:
     limit: int
     progress: Callable[[int], None] | None = None
     time_limit: float = math.inf
-    guided: bool = False
-    began: float = field(default_factory=time.perf_counter)
+    satisficing: bool = False
+    start_time: float = field(default_factory=time.perf_counter)
 
     @classmethod
     def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
-        """A search from the options of a user, with the defaults of method and robot.
+        """Return a query from the options of a user, with the defaults of method and robot.
 
         Raises
         ------
         SettingError
-            If one cannot be used; the message names it.
+            If an option cannot be used; the message names it.
         """
         method = options.method
-        plain, tables = method == "algorithm1", graph.has_tables
+        is_algorithm1, tables = method == "algorithm1", graph.has_tables
         heuristic = options.heuristic
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
-            estimate = "cost_to_go" if tables and not plain else "consistent"
+            estimate = "cost_to_go" if tables and not is_algorithm1 else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
         if method == "dijkstra":
             heuristic = "zero"
@@ -211,48 +213,52 @@ class SearchQuery:
         if heuristic == "cost_to_go" and not tables:
             name = graph.robot.name
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
-        if heuristic == "cost_to_go" and plain:
+        if heuristic == "cost_to_go" and is_algorithm1:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
         limit, inflation = min(options.limit, sys.maxsize), options.inflation
         seconds = options.time_limit
-        if seconds is not None and plain:
+        if seconds is not None and is_algorithm1:
             raise SettingError(f"time_limit is {seconds!r}; method 'algorithm1' takes none")
         seconds = math.inf if seconds is None else seconds
-        optimal = tables or plain or method == "dijkstra" or seconds < math.inf
+        optimal = tables or is_algorithm1 or method == "dijkstra" or seconds < math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
-        guided = not (tables or plain) and method == "astar" and heuristic == "consistent"
-        guided &= inflation > 1.0 or seconds < math.inf
-        if not (tables or plain) and (method == "greedy" or heuristic == "paper"):
+        satisficing = (
+            not (tables or is_algorithm1) and method == "astar" and heuristic == "consistent"
+        )
+        satisficing &= inflation > 1.0 or seconds < math.inf
+        if not (tables or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
-        return cls(goal, method, heuristic, inflation, limit, options.progress, seconds, guided)
+        return cls(
+            goal, method, heuristic, inflation, limit, options.progress, seconds, satisficing
+        )
 
     @property
-    def until(self) -> float:
-        """When its time is over, as `time.perf_counter` counts [s]."""
-        return self.began + self.time_limit
+    def deadline(self) -> float:
+        """Return when the search must end, on the clock of `time.perf_counter` [s]."""
+        return self.start_time + self.time_limit
 
     @property
-    def g_weight(self) -> float:
-        """Weight of the cost so far in the order of the queue; that of the estimate is 1."""
+    def cost_weight(self) -> float:
+        """Return the weight w of the cost so far in the order `f = w g + h` of the open queue."""
         if self.method == "greedy":
             return 0.0
         return 1.0 / self.inflation if self.inflation < math.inf else 1.0
 
     @property
-    def guarantee(self) -> float:
-        """Factor of the least cost that plans of two limbs keep; infinite if none is proved."""
+    def guaranteed_factor(self) -> float:
+        """Return the suboptimality factor of plans of two limbs, infinite if none is proved."""
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf
 
     def estimate(self, distance: Array, max_step: float) -> Array:
-        """Estimate of the cost to the goal at distances from it [m], see `Cost.heuristic`."""
+        """Estimate the cost to the goal from distances to it [m], see `Cost.heuristic`."""
         goal = self.goal
         return goal.cost.heuristic(self.heuristic, distance, goal.tolerance, max_step)
 
     @property
     def record(self) -> Query:
-        """The query as a plan tells it."""
+        """Return the query as a plan stores it."""
         x, y, z = self.goal.target.tolist()
         cost = self.goal.cost
         price = cost.step_weight if cost.name == "weighted" else None

@@ -1,4 +1,4 @@
-"""What a search of many limbs has in its queues; see `lazy_search`."""
+"""Items of the open queues of the search without a table, see `lazy_search`."""
 
 from __future__ import annotations
 
@@ -12,50 +12,50 @@ from mlivr_gym.transitions.state import State
 
 @dataclass(slots=True)
 class Block:
-    """Neighbours of a state of which their points alone are known, the most promising first.
+    """Neighbours of an expanded state, in order of estimate, of which only the points are known.
 
     Attributes
     ----------
     parent
-        Index of the expanded state before them.
+        Index of the expanded state.
     cost
-        A lower bound of the cost so far of all of them.
+        Lower bound of the cost so far at each of them.
     stances
         Their points, shape (k, N).
-    lows
-        Lower bounds of the cost of plans through each of them and those after it, shape (k,).
-    promises
-        What they are ordered by in the search for a first plan, shape (k,).
+    lower_bounds
+        Lower bounds of the cost of plans through each of them and all after it, shape (k,).
+    estimates
+        Keys by which they are ordered in the search for a first plan, shape (k,).
     version
-        How many of them were taken.
+        Number of neighbours already taken.
     """
 
     parent: int
     cost: float
     stances: IntArray
-    lows: Array
-    promises: Array
+    lower_bounds: Array
+    estimates: Array
     version: int = 0
 
     @property
     def done(self) -> bool:
-        """Whether all were taken."""
+        """Whether all neighbours were taken."""
         return self.version == len(self.stances)
 
     @property
-    def low(self) -> float:
-        """Lower bound of the cost of a plan through any that was not taken."""
-        return float(self.lows[self.version])
+    def lower_bound(self) -> float:
+        """Lower bound of the cost of plans through the neighbours not taken."""
+        return float(self.lower_bounds[self.version])
 
     @property
-    def promise(self) -> float:
-        """That of the first which was not taken."""
-        return float(self.promises[self.version])
+    def estimate(self) -> float:
+        """Estimate of the first neighbour not taken."""
+        return float(self.estimates[self.version])
 
 
 @dataclass(slots=True)
 class Entry:
-    """A node in the queue.
+    """A stance with a known posture in the open queue.
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ class Entry:
         Index of the expanded state before it, -1 at the start.
     cost
         Cost so far.
-    low
-        Lower bound of the cost of a plan through it.
-    promise
-        What it is ordered by in the search for a first plan, the least first.
+    lower_bound
+        Lower bound of the cost of plans through it.
+    estimate
+        Key by which it is ordered in the search for a first plan.
     posture
         Its posture.
     state
@@ -80,8 +80,8 @@ class Entry:
     stance: tuple[int, ...]
     parent: int
     cost: float
-    low: float
-    promise: float
+    lower_bound: float
+    estimate: float
     posture: Postures
     state: State | None = None
     done: bool = False
@@ -92,21 +92,21 @@ class Entry:
         return int(self.state is not None)
 
 
-class Queue:
-    """Blocks and entries in an order; what was pushed again or is done counts no more."""
+class OpenQueue:
+    """An open queue of blocks and entries that skips items changed since their push."""
 
     def __init__(self) -> None:
-        """Start empty."""
+        """Create an empty queue."""
         self._heap: list[tuple[float, float, int, int, Block | Entry]] = []
         self._pushed = 0
 
     def push(self, order: float, item: Block | Entry) -> None:
-        """Add something, or put it in another place; ties go to the larger cost so far."""
+        """Push an item with a key; ties go to the larger cost so far."""
         self._pushed += 1
         heapq.heappush(self._heap, (order, -item.cost, self._pushed, item.version, item))
 
     def top(self) -> Block | Entry | None:
-        """The first, which stays; None if there is none."""
+        """Return the first item without removing it, or None."""
         while self._heap:
             *_, version, item = self._heap[0]
             if not item.done and version == item.version:
@@ -115,7 +115,7 @@ class Queue:
         return None
 
     def pop(self) -> Block | Entry | None:
-        """Take the first."""
+        """Remove and return the first item, or None."""
         item = self.top()
         if item is not None:
             heapq.heappop(self._heap)

@@ -1,11 +1,11 @@
-"""Plans refined: other base poses on the footholds that a plan has.
+"""Plans refined: other base poses on the same footholds, with less base translation.
 
-The stance graph gives a stance one base pose, the one of best manipulability. With the footholds
-fixed, every pose of a stance that meets the thresholds will do, as long as each step is an edge by
-the same checks. `refined` looks for the walk of least base translation: first among all poses that
-are tried for a stance, then among seeded samples about the poses found. In each round the search is
-exact: A* over the poses of one stance after the other with the least translation left, steps not
-checked, as its heuristic; a step is checked when the search wants to go on from it.
+The stance graph gives each stance one base pose, that of best manipulability. With the footholds
+fixed any pose that meets the thresholds will do, as long as each step is an edge by the same
+checks. The walk of minimum base translation is sought first among all candidate poses of each
+stance, then among seeded samples around the poses of the best walk. Each round is an exact A* over
+a layered graph, one layer of poses for each stance, with the translation to the last layer, steps
+not checked, as its heuristic; a step is checked when the search is about to use it.
 """
 
 from __future__ import annotations
@@ -31,41 +31,41 @@ from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.state import State
 
 ROUNDS, SHRINK = 12, 0.8
-"""Rounds of samples about the poses found so far, and what their spread shrinks by in each."""
+"""Number of sampling rounds, and the factor by which the spread of the samples shrinks in each."""
 
 SPREAD = (0.12, 0.3)
 """Standard deviations of the samples in the first round [m, rad]."""
 
 SAMPLES = 60
-"""Samples for each stance and round."""
+"""Number of samples for each stance and round."""
 
-BLOCK = 8
-"""Steps that are checked at once."""
+STEP_BATCH = 8
+"""Number of steps that are checked in one batch."""
 
 
 def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
-    """A plan with the same footholds and no more base translation.
+    """Return a plan with the same footholds and no more base translation.
 
     Parameters
     ----------
     graph
-        The stance graph that the plan was made on, with the obstacles that there are now.
+        The stance graph of the plan, with the obstacles of the present world.
     plan
-        The plan. Its first base pose and branches are kept; its last base pose stays in the
-        goal region.
+        The plan. Its first base pose and branches stay; its last base pose stays in the goal
+        region.
     seed
         Seed of the samples.
 
     Returns
     -------
     Plan
-        The plan with other base poses where they shorten the way, else `plan` itself. Its `query`
-        and counts are those of `plan`; its cost is that of the new way.
+        The plan with other base poses if they shorten the base path, otherwise `plan` itself. Query
+        and counts are those of `plan`; the cost is that of the new base path.
 
     Raises
     ------
     PlanError
-        If the plan belongs to another map or robot, or is not possible here now.
+        If the plan belongs to another map or robot, or is not possible in the present world.
     """
     plan.check_map(graph.grasp_map)
     if plan.world.robot != graph.robot:
@@ -75,7 +75,7 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
         )
     walk = _Footholds(graph, plan)
     rng = np.random.default_rng(seed)
-    layers = walk.layers(walk.poses_tried())
+    layers = walk.layers(walk.candidate_poses())
     best, chosen = plan, walk.search(layers)
     if chosen is None:
         raise PlanError("a step of the plan is not possible on this graph as the world is now")
@@ -92,32 +92,32 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     return best
 
 
-class _Chosen(NamedTuple):
-    """States of a walk, and the postures in which the robot stands in them."""
+class _PosedWalk(NamedTuple):
+    """The states of a walk, and the postures in them."""
 
     states: tuple[State, ...]
     postures: Postures
 
 
-class _Node(NamedTuple):
-    """A posture of a stance that was reached."""
+class _PoseNode(NamedTuple):
+    """A posture of a stance that the search reached."""
 
     layer: int
     row: int
-    """Posture among those of all stances."""
+    """Index of the posture among those of all stances."""
     masks: tuple[int, ...]
-    spent: float
-    before: _Node | None
+    cost: float
+    parent: _PoseNode | None
 
 
-class _Ahead(NamedTuple):
-    """Postures that a node may go on to, those with the least estimate first."""
+class _PendingSteps(NamedTuple):
+    """Unchecked steps from a node to the next stance, the lowest estimate first."""
 
-    node: _Node
+    node: _PoseNode
     rows: IntArray
-    """Postures, shape (k,)."""
+    """Indices of the postures, shape (k,)."""
     estimate: Array
-    """Length of the whole way over each [m], shape (k,)."""
+    """Length of the whole base path through each posture [m], shape (k,)."""
 
 
 Poses = list[tuple[Array, Array]]
@@ -125,7 +125,7 @@ Poses = list[tuple[Array, Array]]
 
 
 class _Footholds:
-    """The stances of a plan and what is fixed of them."""
+    """The stances of a plan, with the poses and branches that are fixed."""
 
     def __init__(self, graph: StanceGraph, plan: Plan) -> None:
         self.graph, self.plan, self.query = graph, plan, plan.query
@@ -138,16 +138,18 @@ class _Footholds:
             )
         ]
         self.start = graph.state(self.stances[0], self.given[0], motion.joint_positions[0])
-        away = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
-        self.arrives = away <= self.query.goal_tolerance
-        """Whether the plan ends in its goal region; if not, its last pose is kept."""
+        distance = float(np.linalg.norm(motion.base_positions[-1] - np.array(self.query.goal)))
+        self.ends_at_goal = distance <= self.query.goal_tolerance
+        """Whether the plan ends in its goal region; if not, its last pose is fixed."""
 
-    def poses_tried(self) -> Poses:
-        """All base poses that are tried for each stance."""
+    def candidate_poses(self) -> Poses:
+        """Return all candidate base poses of each stance."""
         return [self.graph.solver.poses_tried(stance) for stance in self.stances]
 
     def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
-        """Base poses about those of some postures, one a stance; half of them nearer.
+        """Return base poses sampled around some postures, one for each stance.
+
+        Half of the samples have three tenths of the spread.
 
         Parameters
         ----------
@@ -169,14 +171,14 @@ class _Footholds:
         return out
 
     def layers(self, poses: Poses, known: Postures | None = None) -> list[Postures]:
-        """Postures of each stance that may be taken: the plan's own or `known` first."""
+        """Return the postures from which each stance may take one, the present posture first."""
         graph = self.graph
         thresholds = graph.settings.thresholds(graph.limbs)
         layers, last = [], len(self.stances) - 1
         for k, (stance, (positions, rotations)) in enumerate(zip(self.stances, poses, strict=True)):
             given = State(stance, self.start.masks, self.given[k])
             first = graph.posture_of(given) if known is None else known.take(slice(k, k + 1))
-            if k == 0 or (k == last and not self.arrives):
+            if k == 0 or (k == last and not self.ends_at_goal):
                 layers.append(first)
                 continue
             points = np.tile(np.array(stance, dtype=np.int64), (len(positions), 1))
@@ -184,84 +186,86 @@ class _Footholds:
             both = join(first, found)
             good = graph.is_node(both)
             if k == last:
-                away = np.linalg.norm(both.base_position - np.array(self.query.goal), axis=1)
-                good &= away <= self.query.goal_tolerance
+                distance = np.linalg.norm(both.base_position - np.array(self.query.goal), axis=1)
+                good &= distance <= self.query.goal_tolerance
             layers.append(both.take(good))
         return layers
 
-    def search(self, layers: list[Postures]) -> _Chosen | None:
-        """The walk of least base translation over some postures of each stance."""
+    def search(self, layers: list[Postures]) -> _PosedWalk | None:
+        """Return the walk of minimum base translation over some postures of each stance."""
         graph, last = self.graph, len(layers) - 1
-        every = layers[0]
+        postures = layers[0]
         for layer in layers[1:]:
-            every = join(every, layer)
+            postures = join(postures, layer)
         sizes = [len(layer.w_b) for layer in layers]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)
-        stances, to_go = graph.checks.stances(points, every), _least_ahead(layers)
+        stances, costs_to_go = graph.checks.stances(points, postures), _costs_to_go(layers)
         order, closed = count(), dict[int, list[tuple[int, ...]]]()
-        first = _Node(0, 0, self.start.masks, 0.0, None)
-        queue: list[tuple[float, int, _Node | _Ahead]] = [(0.0, next(order), first)]
+        first = _PoseNode(0, 0, self.start.masks, 0.0, None)
+        queue: list[tuple[float, int, _PoseNode | _PendingSteps]] = [(0.0, next(order), first)]
         while queue:
             _, _, item = heapq.heappop(queue)
-            if isinstance(item, _Node):
-                if _covered(item, closed):
+            if isinstance(item, _PoseNode):
+                if _is_dominated(item, closed):
                     continue
                 if item.layer == last:
-                    return self._chosen(every, item)
+                    return self._posed_walk(postures, item)
                 after = slice(starts[item.layer + 1], starts[item.layer + 2])
-                away = np.linalg.norm(
-                    every.base_position[after] - every.base_position[item.row], axis=1
+                distance = np.linalg.norm(
+                    postures.base_position[after] - postures.base_position[item.row], axis=1
                 )
-                estimate = item.spent + away + to_go[after]
+                estimate = item.cost + distance + costs_to_go[after]
                 best = np.argsort(estimate, kind="stable")
-                item = _Ahead(item, best + after.start, estimate[best])
+                item = _PendingSteps(item, best + after.start, estimate[best])
             else:
-                for node in self._stepped(stances, item, every):
-                    total = node.spent + float(to_go[node.row])
+                for node in self._expand(stances, item, postures):
+                    total = node.cost + float(costs_to_go[node.row])
                     heapq.heappush(queue, (total, next(order), node))
-                item = _Ahead(item.node, item.rows[BLOCK:], item.estimate[BLOCK:])
+                item = _PendingSteps(item.node, item.rows[STEP_BATCH:], item.estimate[STEP_BATCH:])
             if len(item.rows) and np.isfinite(item.estimate[0]):
                 heapq.heappush(queue, (float(item.estimate[0]), next(order), item))
         return None
 
-    def _stepped(self, stances: StanceSet, ahead: _Ahead, every: Postures) -> Iterator[_Node]:
-        """What the first steps ahead lead to, those that are edges."""
-        graph, node, rows = self.graph, ahead.node, ahead.rows[:BLOCK]
+    def _expand(
+        self, stances: StanceSet, ahead: _PendingSteps, postures: Postures
+    ) -> Iterator[_PoseNode]:
+        """Yield the nodes that the first pending steps lead to, if they are edges."""
+        graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]
         if graph.settings.transitions:
             here, masks = np.full(len(rows), node.row), np.tile(node.masks, (len(rows), 1))
             steps = graph.step_rows(stances, here, rows, masks)
             masks = graph.masks_of_steps(steps, stances)
         else:
             masks = stances.mask[rows]
-        places = every.base_position
+        places = postures.base_position
         for row, after in zip(rows.tolist(), masks.tolist(), strict=True):
             if all(after):
-                spent = node.spent + float(np.linalg.norm(places[row] - places[node.row]))
-                yield _Node(node.layer + 1, row, tuple(after), spent, node)
+                cost = node.cost + float(np.linalg.norm(places[row] - places[node.row]))
+                yield _PoseNode(node.layer + 1, row, tuple(after), cost, node)
 
-    def _chosen(self, every: Postures, node: _Node) -> _Chosen:
-        """The walk to a node; `every` are the postures of all stances."""
+    def _posed_walk(self, postures: Postures, node: _PoseNode) -> _PosedWalk:
+        """Return the walk to a node; `postures` are those of all stances."""
         nodes = [node]
-        while nodes[-1].before is not None:
-            nodes.append(nodes[-1].before)
+        while nodes[-1].parent is not None:
+            nodes.append(nodes[-1].parent)
         nodes.reverse()
         after = (State(self.stances[node.layer], node.masks) for node in nodes[1:])
-        postures = every.take(np.array([node.row for node in nodes]))
-        return _Chosen((self.start, *after), postures)
+        postures = postures.take(np.array([node.row for node in nodes]))
+        return _PosedWalk((self.start, *after), postures)
 
 
-def _least_ahead(layers: list[Postures]) -> Array:
-    """Least base translation from each posture to the last stance, steps not checked [m]."""
+def _costs_to_go(layers: list[Postures]) -> Array:
+    """Return the minimum base translation to the last stance, steps not checked [m]."""
     ahead = [np.zeros(len(layers[-1].w_b))]
     for there, here in pairwise(layers[::-1]):
-        away = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
-        ahead.append((away + ahead[-1]).min(axis=1, initial=np.inf))
+        distance = np.linalg.norm(here.base_position[:, None] - there.base_position[None], axis=2)
+        ahead.append((distance + ahead[-1]).min(axis=1, initial=np.inf))
     return np.concatenate(ahead[::-1])
 
 
-def _covered(node: _Node, closed: dict[int, list[tuple[int, ...]]]) -> bool:
-    """Whether a posture was reached before with all the branches; keeps the node if not."""
+def _is_dominated(node: _PoseNode, closed: dict[int, list[tuple[int, ...]]]) -> bool:
+    """Return whether a posture was reached before with all branches of a node; record it if not."""
     known = closed.setdefault(node.row, [])
     for masks in known:
         if all(a & ~b == 0 for a, b in zip(node.masks, masks, strict=True)):

@@ -1,4 +1,4 @@
-"""The searches of a planner: over a table, from state to state where there is none, Algorithm 1."""
+"""The searches of a planner: over a table of nodes, over lazily built nodes, and Algorithm 1."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.building import finished
+from mlivr_gym.planners.building import complete_by_deadline
 from mlivr_gym.planners.lazy_search import lazy_search
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import LIMIT, Path, chain_to, tree_of
+from mlivr_gym.planners.outcome import LIMIT_REACHED, SearchResult, path_indices, search_tree
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import search_table
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -23,76 +23,87 @@ from mlivr_gym.transitions.state import State
 class Searcher(Protocol):
     """A search over one stance graph."""
 
-    def find(self, search: SearchQuery, first: State) -> Path | None:
-        """Search from a state; None if the goal is not connected with it by any moves."""
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
+        """Search from a state; return None if no sequence of moves connects it with the goal."""
 
 
 class GraphSearcher:
-    """The search of any number of limbs."""
+    """The compiled search for any number of limbs: over the table of nodes if the graph has one."""
 
-    def __init__(self, graph: StanceGraph, *, work_out: bool = True) -> None:
-        """Search `graph`.
+    def __init__(self, graph: StanceGraph, *, build_sets: bool = True) -> None:
+        """Prepare to search a stance graph.
 
         Parameters
         ----------
         graph
             The stance graph.
-        work_out
-            Whether its sets of points are worked out first where they are not known.
+        build_sets
+            Whether the stance sets of the graph are built before the search if none are cached.
         """
-        self.graph, self.work_out = graph, work_out
-        self._bounds: LowerBounds | None = None
+        self.graph, self.build_sets = graph, build_sets
+        self._lower_bounds: LowerBounds | None = None
 
-    def bounds(self) -> LowerBounds | None:
-        """Lower bounds over the table of the graph; None where it has none."""
+    def lower_bounds(self) -> LowerBounds | None:
+        """Return the lower bounds over the table of the graph, or None if it has no table."""
         table = self.graph.table
-        if table is not None and (self._bounds is None or self._bounds.table is not table):
-            self._bounds = LowerBounds(self.graph)
-        return self._bounds
+        if table is not None and (
+            self._lower_bounds is None or self._lower_bounds.table is not table
+        ):
+            self._lower_bounds = LowerBounds(self.graph)
+        return self._lower_bounds
 
-    def find(self, search: SearchQuery, first: State) -> Path | None:
-        """See `Searcher.find`."""
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
+        """Search from a state, see `Searcher.find`."""
         graph = self.graph
-        if isinstance(graph, LazyGraph) and not self._ready(graph, search):
-            return Path(LIMIT, (first,), 0.0, 0, 0, np.zeros((0, 2, 3)))
-        bounds = self.bounds()
-        if bounds is not None and (search.guided or not isinstance(graph, LazyGraph)):
-            return search_table(bounds, search, first)
+        if isinstance(graph, LazyGraph) and not self._tables_are_ready(graph, search):
+            return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
+        lower_bounds = self.lower_bounds()
+        if lower_bounds is not None and (search.satisficing or not isinstance(graph, LazyGraph)):
+            return search_table(lower_bounds, search, start)
         assert isinstance(graph, LazyGraph)
-        return lazy_search(graph, first, search)
+        return lazy_search(graph, start, search)
 
-    def _ready(self, graph: LazyGraph, search: SearchQuery) -> bool:
-        """Whether what is worked out once for the graph is there before the time is over."""
+    def _tables_are_ready(self, graph: LazyGraph, search: SearchQuery) -> bool:
+        """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)
-        if search.guided:
-            if not finished(("nodes", key), lambda: node_table(graph), search.until):
+        if search.satisficing:
+            if not complete_by_deadline(("nodes", key), lambda: node_table(graph), search.deadline):
                 return False
             node_table(graph)
         if graph.table is not None:
             return True
-        work_out = self.work_out
-        return finished(("sets", key), lambda: graph.sets(work_out=work_out), search.until)
+        build_sets = self.build_sets
+        return complete_by_deadline(
+            ("sets", key), lambda: graph.sets(work_out=build_sets), search.deadline
+        )
 
 
 class Algorithm1Searcher:
-    """Algorithm 1 in plain Python."""
+    """Algorithm 1 of the paper in plain Python."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Search `graph`."""
+        """Prepare to search a stance graph."""
         self.graph = graph
 
-    def find(self, search: SearchQuery, first: State) -> Path | None:
-        """See `Searcher.find`."""
-        found = algorithm1(
+    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
+        """Search from a state, see `Searcher.find`."""
+        tree_found = algorithm1(
             self.graph,
-            first,
+            start,
             search.goal,
             search.heuristic,
             inflation=search.inflation,
             limit=search.limit,
             progress=search.progress,
         )
-        states = tuple(found.states[k] for k in chain_to(found.parents))
-        tree = tree_of(np.array(found.positions), found.parents)
-        counts = len(found.states), found.generated
-        return Path(found.status, states, found.costs[-1], *counts, tree, bound=search.guarantee)
+        states = tuple(tree_found.states[k] for k in path_indices(tree_found.parents))
+        tree = search_tree(np.array(tree_found.positions), tree_found.parents)
+        counts = len(tree_found.states), tree_found.generated
+        return SearchResult(
+            tree_found.status,
+            states,
+            tree_found.costs[-1],
+            *counts,
+            tree,
+            bound=search.guaranteed_factor,
+        )

@@ -1,8 +1,9 @@
-"""Fewest moves between sets of points to a goal: a lower bound of the steps of three or four limbs.
+"""Fewest moves between stance sets: a lower bound of the steps of three or four limbs.
 
-Every state of a walk holds one of the `StanceSets`, and a step goes to one a move away. So the
-fewest moves to a set from which the base can be at the goal, worked out by breadth from all of
-these, never exceed the steps that are left, and one step changes them by one at most.
+Every state of a walk holds one of the `StanceSets`, and a step leads to a set one move away. So the
+fewest moves to a set whose base can be at the goal, by breadth-first search from all of these, are
+an admissible and consistent lower bound of the steps: a pattern database (Culberson and Schaeffer
+1998).
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ class SetBounds:
     Attributes
     ----------
     sets
-        The sets of points.
+        The stance sets.
     moves
-        Fewest moves from each to the goal, -1 where none lead there, shape (n,).
+        Fewest moves from each set to the goal, -1 where none lead there, shape (n,).
     """
 
     def __init__(self, graph: StanceGraph, sets: StanceSets, goal: Goal) -> None:
-        """Work the moves out for `goal`."""
+        """Compute the moves to a goal."""
         self.sets, points = sets, sets.points.astype(np.int64)
-        there = goal.held(points)
-        there[there] = graph.solver.in_reach(points[there], goal.target, goal.tolerance)
-        self.moves: NDArray[np.int16] = np.where(there, 0, -1).astype(np.int16)
+        at_goal = goal.on_goal_face(points)
+        at_goal[at_goal] = graph.solver.in_reach(points[at_goal], goal.target, goal.tolerance)
+        self.moves: NDArray[np.int16] = np.where(at_goal, 0, -1).astype(np.int16)
         fewest_moves(sets.supports, self.moves, np.zeros(sets.support_count, dtype=np.bool_))
 
     def steps(self, stances: IntArray) -> Array:
-        """Lower bounds of the steps from stances, (k, N) -> (k,); infinite for what is no node."""
+        """Return lower bounds of the steps from stances, (k, N) -> (k,); infinite if no set."""
         row = self.sets.find(stances)
         moves = self.moves[row].astype(np.float64)
         moves[(row < 0) | (moves < 0)] = np.inf
@@ -46,27 +47,27 @@ class SetBounds:
 
 @entry
 def fewest_moves(supports: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray) -> None:
-    """Fewest moves from n sets to those of which `moves` is 0, by breadth.
+    """Compute the fewest moves from n sets to those where `moves` is 0, by breadth-first search.
 
     Parameters
     ----------
     supports
-        Supports of each set, shape (n, N): sets with one in common are a move apart.
+        Supports of each set, shape (n, N): sets with a common support are one move apart.
     moves
-        0 for the goals, -1 for others, where it is filled; shape (n,).
+        0 for the goals and -1 for other sets, where the moves are written, shape (n,).
     reached
-        Room for each rest, all False.
+        Scratch, all False, one for each support.
     """
-    count, new = 0, True
-    while new:
+    moves_done, changed = 0, True
+    while changed:
         for s in range(len(moves)):
-            if moves[s] == count:
+            if moves[s] == moves_done:
                 for i in range(supports.shape[1]):
                     reached[supports[s, i]] = True
-        count, new = count + 1, False
+        moves_done, changed = moves_done + 1, False
         for s in range(len(moves)):
             if moves[s] < 0:
                 for i in range(supports.shape[1]):
                     if reached[supports[s, i]]:
-                        moves[s], new = count, True
+                        moves[s], changed = moves_done, True
                         break

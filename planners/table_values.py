@@ -1,9 +1,9 @@
-"""Cost-to-go over `StepTables`, with costs that may depend on the point a limb takes hold of.
+"""Cost-to-go over `StepTables`, with costs that may depend on the point that a limb grasps.
 
-The table holds `U[s, i, b]`, the least cost from stance s when limb i holds on branch b and the
-other limb moves next. It is found by relaxing until nothing changes, over arrays that any set of
-points can be taken out of in a millisecond: what training on many layouts needs, and expected costs
-where grasps may fail.
+The table holds `U[s, i, b]`, the minimum cost from stance s when limb i holds on branch b and the
+other limb moves next. A label-correcting search computes it, which relaxes edges until Bellman's
+equation holds. Sets of points can be removed from its arrays within a millisecond, as training on
+many layouts requires, and where grasps may fail it computes expected costs.
 """
 
 from __future__ import annotations
@@ -22,55 +22,56 @@ from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
-class Charges(NamedTuple):
-    """What a step to each of m points costs, shape (m,)."""
+class StepPrices(NamedTuple):
+    """Prices of a step to each of m points, shape (m,)."""
 
     step: Array
-    """For the step."""
+    """Price of the step."""
     metre: Array
-    """For each metre of base displacement."""
+    """Price of each metre of base displacement [1/m]."""
 
 
-class Costs(NamedTuple):
-    """Least costs to g goals from n stances."""
+class CostTables(NamedTuple):
+    """Minimum costs from n stances to g goals."""
 
     held: Array
-    """When a limb holds on a branch and the other moves next, shape (g, n, 2, 16)."""
+    """Cost when a limb holds on a branch and the other moves next, shape (g, n, 2, 16)."""
     grasped: Array
-    """The least when a limb has just grasped and the other moves next, shape (g, n, 2)."""
+    """Minimum over branches when a limb has just grasped and the other moves next, shape (g, n,
+    2)."""
 
 
 @entry
 def relax(
     goal: BoolArray,
-    charges: Charges,
+    prices: StepPrices,
     tables: StepTables,
-    costs: Costs,
+    costs: CostTables,
     g: int,
-    waiting: IntArray,
+    queue: IntArray,
     queued: NDArray[np.int8],
 ) -> None:
-    """Fill the table, label-correcting backward from the goal stances.
+    """Compute the costs to one goal by label correcting backward from its stances.
 
     Parameters
     ----------
     goal
-        Which stances are goals, shape (n,).
-    charges
-        What a step to each point costs.
+        Whether each stance is at the goal, shape (n,).
+    prices
+        Prices of a step to each point.
     tables
-        `StepTables`.
+        The steps.
     costs
-        Infinities, filled for one goal.
+        Initially infinite; the entries of one goal are written.
     g
-        Which goal.
-    waiting
-        Shape (n,).
+        Index of the goal.
+    queue
+        Scratch, shape (n,).
     queued
-        Zeros, shape (n,).
+        Scratch, all 0, shape (n,).
     """
     n, value, grasped = len(goal), costs.held[g], costs.grasped[g]
-    step_cost, base_cost = charges.step, charges.metre
+    step_cost, base_cost = prices.step, prices.metre
     head = size = 0
     for s in range(n):
         if goal[s]:
@@ -79,11 +80,11 @@ def relax(
                 for b in range(16):
                     if has(tables.masks[s, limb], b):
                         value[s, limb, b] = 0.0
-            waiting[size] = s
+            queue[size] = s
             queued[s] = 1
             size += 1
     while size:
-        s2 = waiting[head]
+        s2 = queue[head]
         head = (head + 1) % n
         size -= 1
         queued[s2] = 0
@@ -100,18 +101,18 @@ def relax(
                 branches, changed = tables.kept[e], False
                 for b in range(16):
                     if has(branches, b):
-                        # The limb that holds may move next if it can be released on its branch.
-                        rest = np.inf
+                        # The support limb may move next if it can be released on its branch.
+                        remaining = np.inf
                         if can_release(only(b), tables.releasable[s2, held]):
-                            rest = grasped[s2, moving]
-                        through = cost + min(value[s2, held, b], rest)
+                            remaining = grasped[s2, moving]
+                        through = cost + min(value[s2, held, b], remaining)
                         if through < value[s, held, b] - 1e-9:
                             value[s, held, b] = through
                             if can_release(only(b), tables.releasable[s, held]):
                                 grasped[s, held] = min(grasped[s, held], through)
                             changed = True
                 if changed and not queued[s]:
-                    waiting[(head + size) % n] = s
+                    queue[(head + size) % n] = s
                     queued[s] = 1
                     size += 1
 
@@ -120,38 +121,38 @@ def relax(
 def step_values(
     stances: IntArray,
     masks: IntArray,
-    which: IntArray,
+    goal_of_state: IntArray,
     goals: BoolArray,
-    charges: Charges,
+    prices: StepPrices,
     tables: StepTables,
-    costs: Costs,
+    costs: CostTables,
     out: Array,
 ) -> None:
-    """Cost of taking each possible action and going on at the least cost.
+    """Compute the cost of each action, followed by a walk of minimum cost.
 
     Parameters
     ----------
     stances
         Stance indices, shape (k,).
     masks
-        Branches, shape (k, 2).
-    which
-        Goal of each state, shape (k,).
+        Branches that each limb may be on, shape (k, 2).
+    goal_of_state
+        Index of the goal of each state, shape (k,).
     goals
-        Which stances are goals, shape (g, n).
-    charges
-        As in `relax`.
+        Whether each stance is at each goal, shape (g, n).
+    prices
+        Prices of a step to each point.
     tables
-        `StepTables`.
+        The steps.
     costs
-        As `relax` has filled them.
+        The costs that `relax` computed.
     out
-        Infinities, shape (k, 2 m), written.
+        Initially infinite; the costs of possible actions are written, shape (k, 2 m).
     """
     m, values, grasped = out.shape[1] // 2, costs.held, costs.grasped
-    step_cost, base_cost = charges.step, charges.metre
+    step_cost, base_cost = prices.step, prices.metre
     for k in range(len(stances)):
-        s, g = stances[k], which[k]
+        s, g = stances[k], goal_of_state[k]
         for moving in range(2):
             held = 1 - moving
             if not can_release(masks[k, moving], tables.releasable[s, moving]):
@@ -162,26 +163,26 @@ def step_values(
                     continue
                 s2 = tables.after[e]
                 point = tables.points[s2, moving]
-                square, rest = 0.0, np.inf
+                square, remaining = 0.0, np.inf
                 if can_release(branches, tables.releasable[s2, held]):
-                    rest = grasped[g, s2, moving]
+                    remaining = grasped[g, s2, moving]
                 for axis in range(3):
                     square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 for b in range(16):
                     if has(branches, b):
-                        rest = min(rest, values[g, s2, held, b])
+                        remaining = min(remaining, values[g, s2, held, b])
                 if goals[g, s2]:
-                    rest = 0.0
+                    remaining = 0.0
                 out[k, moving * m + point] = (
-                    step_cost[point] + base_cost[point] * np.sqrt(square) + rest
+                    step_cost[point] + base_cost[point] * np.sqrt(square) + remaining
                 )
 
 
-def expected_charges(cost: Cost, failure: Array) -> Charges:
-    """Expected charges for a step and for a metre where attempts at points may fail.
+def expected_prices(cost: Cost, failure: Array) -> StepPrices:
+    """Return the expected prices of a step and of a metre if attempts at points may fail.
 
-    A failed attempt costs a step and the path there and back; it is made again until it succeeds,
-    `1 / (1 - p)` times on average.
+    A failed attempt costs a step and the base displacement there and back. It is repeated until it
+    succeeds, after `1 / (1 - p)` attempts on average.
 
     Parameters
     ----------
@@ -189,90 +190,87 @@ def expected_charges(cost: Cost, failure: Array) -> Charges:
         Cost of a step.
     failure
         Probability p that an attempt at each point fails, shape (m,).
-
-    Returns
-    -------
-    Charges
-        The charges for each point.
     """
     step = cost.step_weight / (1.0 - failure)
-    return Charges(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
+    return StepPrices(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
 def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
-    """Which stances have their base within a tolerance [m] of goal positions, (g, 3) -> (g, n)."""
+    """Return whether each base is within a tolerance [m] of goal positions, (g, 3) -> (g, n)."""
     return np.array([distances(tables.base_in_world, goal) <= tolerance for goal in goals])
 
 
 class TableValues:
-    """Least costs to g goals on one layout of the points.
+    """Minimum costs to g goals on one layout of the points.
 
     Attributes
     ----------
     tables
         The steps of the layout.
     goals
-        Which stances are goals, shape (g, n).
+        Whether each stance is at each goal, shape (g, n).
     values
-        Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); inf where the
-        goal cannot be reached.
+        Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); infinite where the goal
+        cannot be reached.
     grasped
-        Their least by goal, stance and limb that has just grasped, shape (g, n, 2).
+        Their minimum by goal, stance and limb that has just grasped, shape (g, n, 2).
     """
 
     def __init__(
         self, tables: StepTables, goals: BoolArray, cost: Cost, failure: Array | None = None
     ) -> None:
-        """Search backward from the stances of each goal.
+        """Compute the costs backward from the stances of each goal.
 
         Parameters
         ----------
         tables
             The steps.
         goals
-            Which stances are at each goal, shape (g, n).
+            Whether each stance is at each goal, shape (g, n).
         cost
             Cost of a step.
         failure
-            Probability that an attempt at each point fails, shape (m,); costs are then
-            expected costs.
+            Probability that an attempt at each point fails, shape (m,), for expected costs; 0 by
+            default.
         """
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
-        self.charges = expected_charges(cost, np.zeros(points) if failure is None else failure)
+        self.prices = expected_prices(cost, np.zeros(points) if failure is None else failure)
         n, count = len(tables.points), len(goals)
         self.goals: BoolArray = goals & (tables.masks != 0).all(axis=1)
-        self._costs = Costs(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
+        self._costs = CostTables(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
         self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            relax(self.goals[g], self.charges, tables, self._costs, g, queue, queued)
+            relax(self.goals[g], self.prices, tables, self._costs, g, queue, queued)
 
     def of_stances(self, g: int) -> Array:
-        """Least cost from each stance to goal `g` with all branches of both limbs, shape (n,)."""
+        """Return the cost from each stance to goal `g` with all its branches, shape (n,)."""
         return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
-        self, stances: IntArray, masks: IntArray, which: IntArray, actions: int
+        self, stances: IntArray, masks: IntArray, goal_of_state: IntArray, actions: int
     ) -> Array:
-        """Cost of taking each action in k states and going on at the least cost.
+        """Return the cost of each action in k states, followed by a walk of minimum cost.
 
         Parameters
         ----------
         stances
             Stance indices, shape (k,).
         masks
-            Branches each limb may be on, shape (k, 2).
-        which
-            Goal of each state, shape (k,).
+            Branches that each limb may be on, shape (k, 2).
+        goal_of_state
+            Index of the goal of each state, shape (k,).
         actions
             Number of actions, 2 m.
 
         Returns
         -------
         Array
-            Shape (k, actions), inf where an action is not possible.
+            The costs, shape (k, actions); infinite where an action is not possible.
         """
         out: Array = np.full((len(stances), actions), np.inf)
-        step_values(stances, masks, which, self.goals, self.charges, self.tables, self._costs, out)
+        step_values(
+            stances, masks, goal_of_state, self.goals, self.prices, self.tables, self._costs, out
+        )
         return out

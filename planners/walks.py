@@ -1,4 +1,4 @@
-"""Walks: sequences of states that a method finds or a policy takes, and the plans they make."""
+"""Walks, sequences of states from a method or a policy, and the plans committed along them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from mlivr_gym.transitions.state import State, moving_limb
 
 
 class Walk(NamedTuple):
-    """What a method found.
+    """The walk that a method or a policy made.
 
     Attributes
     ----------
     states
         K states, the first of them the start.
     reached
-        Whether the last one is at the goal.
+        Whether the last state is at the goal.
     expanded
-        States expanded.
+        Number of states expanded.
     """
 
     states: tuple[State, ...]
@@ -33,7 +33,7 @@ class Walk(NamedTuple):
 
     @property
     def actions(self) -> tuple[tuple[int, int], ...]:
-        """Limb that moves and point it moves to, K - 1 pairs."""
+        """Return the limb that moves and the point it moves to, for each of K - 1 steps."""
         pairs = []
         for before, after in zip(self.states, self.states[1:], strict=False):
             limb = moving_limb(before.stance, after.stance)
@@ -49,22 +49,22 @@ def plan_of(
     method: str,
     expanded: int = 0,
 ) -> Plan | None:
-    """The plan of a walk; None if one of its steps is not executable after those before it.
+    """Return the plan along a walk, or None if a step has no swing after those before.
 
     Parameters
     ----------
     graph
         The stance graph.
     states
-        The states, each a step from the one before it.
+        The states, each a successor of the one before it.
     goal
-        Goal position [m], shape (3,).
+        Goal position of the base [m], shape (3,).
     tolerance
         Radius of the goal region [m].
     method
-        Name of what found the states.
+        Name of the method that made the walk.
     expanded
-        States explored.
+        Number of states expanded.
     """
     motion = committed_motion(graph, states).motion
     if motion is None:
@@ -76,7 +76,7 @@ def plan_of(
 
 
 def edges_along(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
-    """How many steps of a sequence of stances are edges of a graph, from the first on."""
+    """Return how many steps of a sequence of stances are executable, from the first on."""
     points = [graph.indices(stance) for stance in stances]
     try:
         state = graph.state(points[0])

@@ -1,7 +1,8 @@
-"""Compile what a first plan needs beside the stance set: `python -m mlivr_gym.planners.warmup`.
+"""Compilation of the kernels that a first plan needs: `python -m mlivr_gym.planners.warmup`.
 
-`stance_graph` starts this where nothing was compiled yet. It plans on four points with postures
-that need no kernel, so that exactly what a plan needs is compiled, with the types a plan uses.
+`stance_graph` starts this in a process of its own if nothing is compiled yet. It plans on four
+points with postures that need no kernel, so that the kernels of a plan are compiled for the types
+that a plan uses.
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ HEIGHT = 0.65
 
 
 class PlainSolver(PostureSolver):
-    """Base poses at one height, with every branch, good or not."""
+    """A posture solver that places the base at one height, with every branch feasible."""
 
     def hands_touch(self, grid: object) -> IntArray:
-        """Nothing, at any point."""
+        """Return that no gripper touches anything, at any point."""
         return np.zeros(len(self.grasp_map), dtype=np.int64)
 
     def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
-        """Postures of stances given as point indices, shape (k, 2)."""
+        """Return postures of stances given as point indices, shape (k, 2)."""
         grasps = self.grasp_map.positions[stances]
         centroid = grasps.mean(axis=1)
         rails = self.grasp_map.rotations[stances[:, 0], :, 0]
@@ -53,13 +54,13 @@ class PlainSolver(PostureSolver):
 
 
 class PlainGraph(PairGraph):
-    """A graph of such postures."""
+    """A stance graph of two limbs with such postures."""
 
     solver_class = PlainSolver
 
 
 def main() -> None:
-    """Plan from one stance to another."""
+    """Plan from one stance to another, for both costs of the paper."""
     full = jem_map()
     graph = PlainGraph(full.subset(np.isin(full.ids, POINTS)), robot_spec("mlivr2"), Settings())
     goal = graph.posture(graph.indices(("F3a:4", "F3b:2"))).base_position[0].tolist()

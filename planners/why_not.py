@@ -1,7 +1,8 @@
-"""Why there is no plan: which of the rules cuts the goal off, and what would help.
+"""Why there is no plan: the rule that cuts the goal off, and what would help.
 
-Each rule is left out in turn, obstacles, collisions, thresholds, joint limits, the check of steps,
-and the query asked again; then all up to it together. What first lets a plan through is the cause.
+Each rule is left out in turn (obstacles, collisions, thresholds, joint limits, step checks) and the
+query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
+plan gives the cause.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.outcome import FOUND
+from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
@@ -23,72 +24,74 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
-"""Rules that the settings do not name."""
+"""Names of the rules that are no settings."""
 
 RULES = {
-    OBSTACLES: ({}, "take some of them away"),
-    "collisions": ({"collisions": False}, "a smaller clearance may help, or a slimmer robot"),
-    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b would help"),
+    OBSTACLES: ({}, "removing some of them may help"),
+    "collisions": ({"collisions": False}, "a smaller clearance or a slimmer robot may help"),
+    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b may help"),
     JOINTS: (
         {},
-        "limbs that hold would turn joints out of their windows: wider joint_limits or other "
+        "support limbs would leave their joint windows: wider joint_limits or other "
         "window_starts may help",
     ),
     "steps": (
         {"transitions": False},
-        "stances reach the goal, but limbs that hold would leave their branches or the floor of "
-        "w_m on the way: a lower path_floor may help",
+        "stances at the goal exist, but support limbs would leave their branches or fall below "
+        "path_floor along steps: a lower path_floor may help",
     ),
 }
-"""What is left out, by settings, and what would help; in this order."""
+"""Settings that leave each rule out, and what would help, in the order in which they are left
+out."""
 
 
 class Cause(NamedTuple):
-    """What cuts a goal off."""
+    """The rules that cut a goal off."""
 
     rules: tuple[str, ...]
-    """The rules that have to go, keys of `RULES`; none if nothing helps."""
+    """The rules that must be left out, keys of `RULES`; none if leaving rules out does not help."""
     message: str
     """One sentence for people."""
 
 
-def cause_of(graph: StanceGraph, first: State, goal: Goal, limit: int) -> Cause:
-    """Why no plan leads from a state to a goal.
+def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
+    """Find the cause why no plan leads from a state to a goal.
 
     Parameters
     ----------
     graph
-        The stance graph, on which a search has found none.
-    first
-        The start.
+        The stance graph on which a search found no plan.
+    start
+        The start state.
     goal
         The goal.
     limit
-        Most expansions of each search for the cause; for two limbs the answer is exact.
+        Maximum number of expansions of each search; for two limbs the answer is exact.
     """
-    nearest = _nearest_base(graph, goal)
-    if nearest == np.inf:
+    smallest = _smallest_goal_distance(graph, goal)
+    if smallest == np.inf:
         return Cause((), f"no stance holds points of face {goal.face!r} with all limbs")
-    if nearest > goal.tolerance:
+    if smallest > goal.tolerance:
         on_face = f" on face {goal.face!r}" if goal.face else ""
         return Cause(
             (),
             f"no stance{on_face} has its base within {goal.tolerance:g} m of the goal; the nearest "
-            f"is {nearest:.3f} m away: a goal_tolerance of {nearest + 0.0005:.3f} m would have one",
+            f"is {smallest:.3f} m away: a goal_tolerance of {smallest + 0.0005:.3f} m would "
+            "have one",
         )
-    names = [name for name in RULES if _applies(name, graph)]
+    names = [name for name in RULES if _has_rule(name, graph)]
     for name in names:
-        if _leads(graph, (name,), first, goal, limit):
+        if _plan_exists(graph, (name,), start, goal, limit):
             return Cause((name,), f"the goal is cut off by {name}: {RULES[name][1]}")
     for last in range(2, len(names) + 1):
-        if _leads(graph, tuple(names[:last]), first, goal, limit):
-            told = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
-            return Cause(tuple(names[:last]), f"the goal is cut off by {told} together")
+        if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
+            listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
+            return Cause(tuple(names[:last]), f"the goal is cut off by the combination of {listed}")
     return Cause((), "no walk of this robot leads to the goal, whatever rule is left out")
 
 
-def _applies(name: str, graph: StanceGraph) -> bool:
-    """Whether a graph has a rule."""
+def _has_rule(name: str, graph: StanceGraph) -> bool:
+    """Return whether a rule applies to a graph."""
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
     if name == JOINTS:
@@ -96,33 +99,33 @@ def _applies(name: str, graph: StanceGraph) -> bool:
     return all(getattr(graph.settings, key) for key in RULES[name][0])
 
 
-def _nearest_base(graph: StanceGraph, goal: Goal) -> float:
-    """Distance of the nearest base position of a stance to the goal [m]; 0 if it is not known."""
+def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
+    """Return the smallest distance of a stance's base to the goal [m]; 0 if it is not known."""
     if not isinstance(graph, PairGraph):
         return 0.0
-    held = (graph.mask > 0).all(axis=1) & goal.held(graph.points)
-    away = np.where(held, goal.distance(graph.base_in_world), np.inf)
-    return float(away.min(initial=np.inf))
+    held = (graph.mask > 0).all(axis=1) & goal.on_goal_face(graph.points)
+    distances = np.where(held, goal.distance(graph.base_in_world), np.inf)
+    return float(distances.min(initial=np.inf))
 
 
-def _leads(
-    graph: StanceGraph, rules: tuple[str, ...], first: State, goal: Goal, limit: int
+def _plan_exists(
+    graph: StanceGraph, rules: tuple[str, ...], start: State, goal: Goal, limit: int
 ) -> bool:
-    """Whether a walk leads to the goal without some rules."""
+    """Return whether a plan leads to the goal with some rules left out."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
-    other = stance_graph(graph.grasp_map, graph.robot, settings)
+    relaxed = stance_graph(graph.grasp_map, graph.robot, settings)
     if OBSTACLES not in rules:
-        other.add_obstacles(graph.obstacles)
-        other.occupy(sorted(graph.occupied))
+        relaxed.add_obstacles(graph.obstacles)
+        relaxed.occupy(sorted(graph.occupied))
     if JOINTS in rules:
-        other.checks.ignore_joint_limits()
+        relaxed.checks.ignore_joint_limits()
     try:
-        start = other.state(first.stance, first.pose)
+        relaxed_start = relaxed.state(start.stance, start.pose)
     except StanceError:
         return False
-    steps = replace(goal, cost=Cost.named("steps"))
-    search = SearchQuery.checked(other, steps, SearchOptions(limit=limit))
-    # What is worked out once for a graph would be asked for this once.
-    path = GraphSearcher(other, work_out=False).find(search, start)
-    return path is not None and path.status == FOUND
+    step_goal = replace(goal, cost=Cost.named("steps"))
+    search = SearchQuery.checked(relaxed, step_goal, SearchOptions(limit=limit))
+    # Stance sets are not worth building for a single query.
+    path = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
+    return path is not None and path.status == GOAL_REACHED

@@ -27,8 +27,8 @@ from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
 ENTRIES = (
-    label_search._search, label_search.put_back_checked, backward_search._search,
-    fewest_steps._go_back, checked_edges._put, table_values.relax, node_table.find_rows,
+    label_search._search, label_search.requeue_checked, backward_search._search,
+    fewest_steps._expand_level, checked_edges._put, table_values.relax, node_table.find_rows,
     pair_nodes.mark_steps, pair_nodes.fill_lost, pair_steps.pair_successors,
     limb_masks.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
@@ -36,7 +36,7 @@ ENTRIES = (
 
 def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
-    monkeypatch.setattr(table_search, "PATIENCE", 1)
+    monkeypatch.setattr(table_search, "FIRST_EXPANSION_LIMIT", 1)
     before = {one.py_func.__name__: set(one.signatures) for one in ENTRIES}  # of other tests
     graph = stance_graph(small_map)
     start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()

@@ -14,7 +14,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Cost, Planner
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import EXHAUSTED, FOUND, LIMIT
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.table_search import search_table
 
@@ -74,7 +74,7 @@ def compiled_cost(graph, start, goal, cost):
     options = SearchOptions(heuristic="consistent", limit=10**6)
     search = SearchQuery.checked(graph, Goal(goal, 0.2, cost), options)
     path = search_table(LowerBounds(graph), search, graph.state(start))
-    return path.cost if path is not None and path.status == FOUND else np.inf
+    return path.cost if path is not None and path.status == GOAL_REACHED else np.inf
 
 
 def path_of(explored):
@@ -129,14 +129,16 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
         for goal, expected in zip(goals, costs, strict=True):
             for heuristic in ("consistent", "zero"):
                 explored = algorithm1(graph, start, Goal(goal, 0.2, cost), heuristic)
-                assert explored.status == (FOUND if np.isfinite(expected) else EXHAUSTED)
-                if explored.status == FOUND:
+                assert explored.status == (
+                    GOAL_REACHED if np.isfinite(expected) else SEARCH_EXHAUSTED
+                )
+                if explored.status == GOAL_REACHED:
                     assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
                 if (name, heuristic) == ("steps", "zero"):
                     # Breadth first: no way found later is shorter.
                     assert explored.generated <= len(truth)
                 longer += len(path_of(explored)) > 2
-                missing += explored.status == EXHAUSTED
+                missing += explored.status == SEARCH_EXHAUSTED
     assert longer >= 2
     assert missing >= 2
 
@@ -157,11 +159,11 @@ def test_costs_and_existence_are_those_of_the_compiled_search(two_of_three, name
         start, goal = random_query(graph, rng)
         ours = algorithm1(graph, graph.state(start), Goal(goal, 0.2, cost))
         compiled = compiled_cost(graph, start, goal, cost)
-        assert (ours.status == FOUND) == np.isfinite(compiled)
-        if ours.status == FOUND:
+        assert (ours.status == GOAL_REACHED) == np.isfinite(compiled)
+        if ours.status == GOAL_REACHED:
             assert ours.costs[-1] == pytest.approx(compiled, abs=1e-9)
             several += len(path_of(ours)) > 2
-        none += ours.status == EXHAUSTED
+        none += ours.status == SEARCH_EXHAUSTED
     assert several > 13
     assert none > 1
 
@@ -220,7 +222,7 @@ def test_inflation_limit_and_progress(small_graph):
     short = planner.plan(start, goal, limit=150, progress=seen.append, **how)
     assert (short.reason, short.expanded, seen) == ("limit reached", 150, [0, 100])
     state = small_graph.state(start)
-    assert algorithm1(small_graph, state, Goal(goal, 0.2, Cost()), limit=1).status == LIMIT
+    assert algorithm1(small_graph, state, Goal(goal, 0.2, Cost()), limit=1).status == LIMIT_REACHED
 
 
 def test_the_table_of_costs_to_go_is_not_for_it(small_graph):

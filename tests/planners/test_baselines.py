@@ -8,15 +8,15 @@ from scipy.stats import chisquare
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners.baselines import (
+    BASELINES,
     CORRIDORS,
-    FINDERS,
     find_walk,
 )
 from mlivr_gym.planners.walks import edges_along
 from mlivr_gym.stances.random_states import random_state
 
 
-@pytest.mark.parametrize("method", FINDERS)
+@pytest.mark.parametrize("method", BASELINES)
 def test_baselines_walk_possible_steps(env, method):
     """Each step is one the graph allows, and a walk that says so ends at the goal."""
     reached = 0

@@ -5,38 +5,38 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym.planners.bucket_queue import (
-    LISTS,
-    NOTHING,
+    BUCKETS,
+    NO_ENTRY,
     NodeQueue,
-    least_waiting,
-    put,
-    put_back,
-    take,
+    pop,
+    push,
+    queue_lower_bound,
+    requeue,
 )
 
 LOW, WIDTH = 0.5, 0.25
-FAR = LOW + WIDTH * (LISTS + 4)
+FAR = LOW + WIDTH * (BUCKETS + 4)
 
 
 @given(st.lists(st.none() | st.integers(0, 24).map(lambda k: LOW + k / 8) | st.just(FAR)))
 def test_what_is_taken_is_of_the_first_list_that_holds_something(actions):
     """Nothing takes a node; a number is put in, and there is always room."""
-    waiting, plain, last, node = NodeQueue.of(1, LOW, WIDTH), {}, 0, 0
+    queue, plain, last, node = NodeQueue.allocate(1, LOW, WIDTH), {}, 0, 0
     for action in (*actions, *[None] * len(actions), None):
         if action is not None:
-            if waiting.filled["used"] == len(waiting.node):
-                waiting = waiting.wider()
-            called(put)(waiting, action, node)
-            plain[node] = max(min(int((action - LOW) / WIDTH), LISTS - 1), last)
+            if queue.status["entry_count"] == len(queue.node):
+                queue = queue.doubled()
+            called(push)(queue, action, node)
+            plain[node] = max(min(int((action - LOW) / WIDTH), BUCKETS - 1), last)
             node += 1
         elif plain:
-            first, entry = min(plain.values()), int(called(take)(waiting))
-            called(put_back)(waiting, entry)
-            assert called(take)(waiting) == entry
-            assert plain.pop(int(waiting.node[entry])) == first
-            assert called(least_waiting)(waiting) == waiting.least == LOW + WIDTH * first
+            first, entry = min(plain.values()), int(called(pop)(queue))
+            called(requeue)(queue, entry)
+            assert called(pop)(queue) == entry
+            assert plain.pop(int(queue.node[entry])) == first
+            assert called(queue_lower_bound)(queue) == queue.lower_bound == LOW + WIDTH * first
             last = first
         else:
-            assert called(take)(waiting) == NOTHING
+            assert called(pop)(queue) == NO_ENTRY
             return
     assert not plain

@@ -12,7 +12,7 @@ from small_tables import small_map
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.building import finished
+from mlivr_gym.planners.building import complete_by_deadline
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import StanceSets
 
@@ -24,12 +24,12 @@ def test_work_outlasts_those_who_wait_for_it():
         go.wait(30.0)
         done.append(1)
 
-    assert not finished("work", work, time.perf_counter() + 0.05)
-    assert not finished("work", work, time.perf_counter() + 0.05)
+    assert not complete_by_deadline("work", work, time.perf_counter() + 0.05)
+    assert not complete_by_deadline("work", work, time.perf_counter() + 0.05)
     go.set()
-    assert finished("work", work, time.perf_counter() + 30.0)
+    assert complete_by_deadline("work", work, time.perf_counter() + 30.0)
     assert done == [1]
-    assert finished("work", work, math.inf)
+    assert complete_by_deadline("work", work, math.inf)
     assert done == [1, 1]
 
 
@@ -38,7 +38,7 @@ def test_its_error_is_raised_where_it_is_waited_for():
         raise ValueError("torn")
 
     with pytest.raises(ValueError, match="torn"):
-        finished("torn", work, time.perf_counter() + 30.0)
+        complete_by_deadline("torn", work, time.perf_counter() + 30.0)
 
 
 def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
@@ -64,7 +64,7 @@ def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
     result = planner.plan(start, goal, "steps", goal_tolerance=0.05, time_limit=0.5)
     assert 0.45 < time.perf_counter() - began < 0.5 + 0.2
     assert result.reason == "limit reached"
-    assert "ask again" in result.message
+    assert "plan again" in result.message
     again = planner.plan(start, goal, "steps", goal_tolerance=0.05, time_limit=30.0)
     assert again.reason != "limit reached"
     assert calls == [1]

@@ -12,22 +12,22 @@ BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
 
 @given(st.lists(st.lists(st.tuples(BIT, st.integers(0, 1 << 48)), max_size=20), max_size=6))
 def test_it_holds_what_was_put_in_last(groups):
-    known, plain = CheckedEdges.none(50, capacity=4), {}
+    known, plain = CheckedEdges.empty(50, capacity=4), {}
     for group in groups:
         nodes = np.array([bit % 50 for bit, _ in group], dtype=np.int64)
         bits = np.array([bit for bit, _ in group], dtype=np.int64)
         kept = np.array([masks for _, masks in group], dtype=np.uint64)
-        known = known.with_steps(nodes, bits, kept)
+        known = known.with_edges(nodes, bits, kept)
         plain.update(group)
         assert len(known.keys) >= 2 * len(plain)
-    assert np.flatnonzero(known.at).tolist() == sorted({bit % 50 for bit in plain})
+    assert np.flatnonzero(known.has_edges).tolist() == sorted({bit % 50 for bit in plain})
     asked = np.array([*plain, 7, 1 << 41], dtype=np.int64)
-    assert known.has(asked).tolist() == [True] * len(plain) + [7 in plain, False]
+    assert known.contains(asked).tolist() == [True] * len(plain) + [7 in plain, False]
     bits = np.array([*plain], dtype=np.int64)
-    assert known.of(bits).tolist() == [*plain.values()]
+    assert known.kept_on(bits).tolist() == [*plain.values()]
 
 
 def test_there_is_room_to_begin_with():
-    known = CheckedEdges.none(3)
-    assert len(known.keys) == checked_edges.CAPACITY
-    assert not known.has(np.array([0, 5])).any()
+    known = CheckedEdges.empty(3)
+    assert len(known.keys) == checked_edges.INITIAL_CAPACITY
+    assert not known.contains(np.array([0, 5])).any()

@@ -12,20 +12,20 @@ from small_tables import COSTS, every_pair, goal_at, small_table
 
 from mlivr_gym.compiled.limb_masks import packed, unpacked
 from mlivr_gym.planners import backward_search, bucket_queue, label_search
-from mlivr_gym.planners.backward_search import LEAST, costs_to_goal
-from mlivr_gym.planners.bucket_queue import put
+from mlivr_gym.planners import labels as labels_module
+from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
+from mlivr_gym.planners.bucket_queue import push
 from mlivr_gym.planners.checked_edges import CheckedEdges
-from mlivr_gym.planners.costs import weights_of
+from mlivr_gym.planners.costs import cost_weights
 from mlivr_gym.planners.label_search import (
-    NO_LABEL,
-    Labels,
-    NodeOrigins,
+    SearchGraph,
     SearchParameters,
     SearchStatus,
     _add_label,
     _is_dominated,
     cheapest_walk,
 )
+from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
 from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances.node_pairs import (
     EdgeSet,
@@ -66,34 +66,40 @@ def price(table, rows, cost):
 
 def exact_costs(table, goals, weights, start):
     """Least costs to the goals over pairs of nodes."""
-    toward = np.zeros(len(goals))
-    return costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))[0]
+    start_bounds = np.zeros(len(goals))
+    return costs_to_goal(table, goals, weights, np.array([start]), start_bounds, (0.0, np.inf))[0]
 
 
 @pytest.mark.parametrize("cost", COSTS)
 def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
-    monkeypatch.setattr(backward_search, "CAPACITY", 4)
+    monkeypatch.setattr(backward_search, "INITIAL_CAPACITY", 4)
     graph, table = known
     goal, pairs, count = goal_at(graph, table, 7, cost), every_pair(table), len(table.points)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    weights, charged = weights_of(goal.cost), price(table, pairs, goal.cost)
+    weights, charged = cost_weights(goal.cost), price(table, pairs, goal.cost)
     matrix = csr_array((charged + 1e-15, (pairs[:, 2], pairs[:, 0])), shape=(count, count))
     expected = dijkstra(matrix, indices=np.flatnonzero(goals), min_only=True)
     start = int(np.flatnonzero(np.isfinite(expected))[expected[np.isfinite(expected)].argmax()])
-    toward = np.zeros(count)
-    h, exact = costs_to_goal(table, goals, weights, np.array([start]), toward, (0.0, np.inf))
+    start_bounds = np.zeros(count)
+    h, exact = costs_to_goal(table, goals, weights, np.array([start]), start_bounds, (0.0, np.inf))
     np.testing.assert_array_equal(exact, np.isfinite(expected))
-    np.testing.assert_allclose(h, np.where(goals, 0.0, np.maximum(expected, LEAST)), atol=1e-9)
+    np.testing.assert_allclose(
+        h, np.where(goals, 0.0, np.maximum(expected, MIN_COST_OUTSIDE_GOAL)), atol=1e-9
+    )
     # Two starts are both reached, with no potential that leads to either.
     others = np.flatnonzero(np.isfinite(expected))[[0, -1]]
-    h, exact = costs_to_goal(table, goals, weights, others, toward, (0.0, 0.0))
-    np.testing.assert_allclose(h[exact], np.maximum(expected, LEAST * ~goals)[exact], atol=1e-9)
+    h, exact = costs_to_goal(table, goals, weights, others, start_bounds, (0.0, 0.0))
+    np.testing.assert_allclose(
+        h[exact], np.maximum(expected, MIN_COST_OUTSIDE_GOAL * ~goals)[exact], atol=1e-9
+    )
     np.testing.assert_allclose(h[others], np.maximum(expected[others], h[others].min()), atol=1e-9)
     # On the way to a start alone all are lower bounds, its own is exact, and they are consistent.
     part = dijkstra(matrix.T, indices=[start], min_only=True)
     part[~np.isfinite(part)] = np.inf
     h, exact = costs_to_goal(table, goals, weights, np.array([start]), part, (0.0, 0.0))
-    np.testing.assert_allclose(h[exact], np.maximum(expected, LEAST * ~goals)[exact], atol=1e-9)
+    np.testing.assert_allclose(
+        h[exact], np.maximum(expected, MIN_COST_OUTSIDE_GOAL * ~goals)[exact], atol=1e-9
+    )
     assert h[start] == pytest.approx(expected[start])
     finite = np.isfinite(part)
     assert (h[finite] <= expected[finite] + 1e-9).all()
@@ -109,7 +115,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
     With odd seeds masks are random, so that nodes are come to on many, and so is what steps lose.
     Lists of the queue span much, so that the first walk taken is not always the cheapest.
     """
-    monkeypatch.setattr(bucket_queue, "WIDTH", 0.5)
+    monkeypatch.setattr(bucket_queue, "BUCKET_WIDTH", 0.5)
     graph, table = known
     rng, limbs, count = np.random.default_rng(seed), table.limbs, len(table.points)
     if seed % 2:
@@ -126,23 +132,23 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
             0
         ]
         kept[bit] = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1] & ~lost
-    steps = CheckedEdges.none(count)
+    steps = CheckedEdges.empty(count)
     for row in pairs[rng.random(len(pairs)) < 0.3].tolist():
         kept[row[4]] = kept[row[4]] & rng.integers(0, 1 << 16, limbs - 1) * (rng.random() < 0.8)
         number = sum(int(mask) << 16 * k for k, mask in enumerate(kept[row[4]]))
-        steps = steps.with_steps(
+        steps = steps.with_edges(
             np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
         )
     for _ in range(8):
         start = int(rng.integers(count))
         goal = goal_at(graph, table, int(rng.integers(count)), cost)
         goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-        weights, charged = weights_of(goal.cost), price(table, pairs, goal.cost)
-        states, waiting = nx.DiGraph(), [(start, tuple(masks[start].tolist()))]
-        states.add_nodes_from(waiting)
+        weights, charged = cost_weights(goal.cost), price(table, pairs, goal.cost)
+        states, queue = nx.DiGraph(), [(start, tuple(masks[start].tolist()))]
+        states.add_nodes_from(queue)
         leaving = {s: np.flatnonzero(pairs[:, 0] == s) for s in range(count)}
-        while waiting:
-            here = waiting.pop()
+        while queue:
+            here = queue.pop()
             for e in leaving[here[0]].tolist():
                 _, i, b, j, bit = pairs[e].tolist()
                 held = np.roll(here[1], -i - 1)[:-1] & kept[bit]
@@ -150,7 +156,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
                     after = np.roll(np.append(held, released[b, j]), j + 1)
                     there = b, tuple(after.tolist())
                     if there not in states:
-                        waiting.append(there)
+                        queue.append(there)
                     states.add_edge(here, there, cost=charged[e])
         costs = nx.single_source_dijkstra_path_length(
             states, (start, tuple(masks[start].tolist())), weight="cost"
@@ -158,18 +164,22 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
         least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
         h = exact_costs(table, goals, weights, start)
         origins = NodeOrigins(np.array([start]), table.masks[[start]], np.zeros(1))
-        world = table, steps, weights
-        walk, low, *_ = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
-        assert low == pytest.approx(least, abs=1e-9)
-        monkeypatch.setattr(label_search, "PAUSE", 7)
-        for below in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
+        search_graph = SearchGraph(table, steps, weights)
+        walk, lower_bound, *_ = cheapest_walk(
+            search_graph, h, origins, Labels.allocate(count), EXACT
+        )
+        assert lower_bound == pytest.approx(least, abs=1e-9)
+        monkeypatch.setattr(label_search, "CLOCK_INTERVAL", 7)
+        for cost_limit in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
             found, bound, *_ = cheapest_walk(
-                world, h, origins, Labels.of(count), EXACT, below=below
+                search_graph, h, origins, Labels.allocate(count), EXACT, cost_limit=cost_limit
             )
-            assert (found is not None) == (least < below)
-            assert bound == pytest.approx(min(least, below), abs=1e-9)
+            assert (found is not None) == (least < cost_limit)
+            assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
         ended = time.perf_counter() - 1.0
-        late = cheapest_walk(world, h, origins, Labels.of(count), EXACT, until=ended)
+        late = cheapest_walk(
+            search_graph, h, origins, Labels.allocate(count), EXACT, deadline=ended
+        )
         assert late[:2] == (None, 0.0)
         if walk is not None:
             assert walk.cost == pytest.approx(least, abs=1e-9)
@@ -184,33 +194,35 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     graph, table = known
     count, goal = len(table.points), goal_at(graph, table, 0, COSTS[0])
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    h = exact_costs(table, goals, weights_of(goal.cost), 9)
+    h = exact_costs(table, goals, cost_weights(goal.cost), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
     origins = NodeOrigins(np.array([far]), table.masks[[far]], np.zeros(1))
-    world = table, CheckedEdges.none(count), weights_of(goal.cost)
-    _, least, *_ = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
-    monkeypatch.setattr(label_search, "CAPACITY", 64)
-    walk, low, *_ = cheapest_walk(world, h, origins, Labels.of(count), EXACT)
+    search_graph = SearchGraph(table, CheckedEdges.empty(count), cost_weights(goal.cost))
+    _, least, *_ = cheapest_walk(search_graph, h, origins, Labels.allocate(count), EXACT)
+    monkeypatch.setattr(labels_module, "CAPACITY", 64)
+    walk, lower_bound, *_ = cheapest_walk(search_graph, h, origins, Labels.allocate(count), EXACT)
     assert walk is None
-    assert h[far] - 1e-9 <= low <= least
+    assert h[far] - 1e-9 <= lower_bound <= least
     monkeypatch.undo()
-    labels = Labels.of(count)
-    cheapest_walk(world, h, origins, labels, EXACT)
-    most = labels.used // 2
-    walk, low, *_ = cheapest_walk(world, h, origins, labels, EXACT._replace(max_labels=most))
+    labels = Labels.allocate(count)
+    cheapest_walk(search_graph, h, origins, labels, EXACT)
+    most = labels.label_count // 2
+    walk, lower_bound, *_ = cheapest_walk(
+        search_graph, h, origins, labels, EXACT._replace(max_labels=most)
+    )
     assert walk is None
-    assert h[far] - 1e-9 <= low <= least
-    assert 1 <= labels.used <= most
+    assert h[far] - 1e-9 <= lower_bound <= least
+    assert 1 <= labels.label_count <= most
 
 
 @pytest.mark.parametrize("most", [2, 9])
 def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(most):
-    rng, labels = np.random.default_rng(0), Labels.of(1)
+    rng, labels = np.random.default_rng(0), Labels.allocate(1)
     how = SearchStatus.row()
     how["labels_per_node"] = most
     for _ in range(60):
-        labels.last[0], plain = NO_LABEL, []
-        labels.waiting.empty(0.0, 1.0)
+        labels.last_of_node[0], plain = NO_LABEL, []
+        labels.queue.reset(0.0, 1.0)
         for item in range(4):
             masks, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
             union = np.bitwise_or.reduce([m for m, c in plain if c <= cost] or [np.uint64(0)])
@@ -218,7 +230,7 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
             expected = covered or len(plain) >= most
             assert called(_is_dominated)(labels, 0, masks, cost, -1, how) == expected
             called(_add_label)(labels, 0, masks, cost, -1, -1)
-            called(put)(labels.waiting, cost, 0)
+            called(push)(labels.queue, cost, 0)
             plain.append((masks, cost))
             for k, (m, c) in enumerate(plain):
                 others = [(b, o, j) for j, (b, o) in enumerate(plain) if j != k and o <= c]

@@ -8,8 +8,8 @@ from small_tables import every_pair, searching, small_table
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner, lower_bounds, table_search
-from mlivr_gym.planners.fewest_steps import TAKEN, fewest_steps
-from mlivr_gym.planners.lower_bounds import KEPT, LowerBounds
+from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
+from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.pair_build import fill_rows
@@ -68,7 +68,7 @@ def test_fewest_steps_are_those_of_networkx(known, seed, farther):
     expected = lengths(known, goal, taken)
     starts = rng.choice(np.flatnonzero(~taken), 2)
     steps, least = fewest_steps(table, goals, taken, starts, farther)
-    assert (steps[taken] == TAKEN).all()
+    assert (steps[taken] == FORBIDDEN).all()
     reached = steps >= 0
     np.testing.assert_array_equal(steps[reached], expected[reached])
     others = expected[~reached & ~taken]
@@ -94,7 +94,7 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
         goal = away(graph, table, cost, int(rng.integers(len(taken))))
         expected = lengths(known, goal, taken)
         starts = rng.choice(np.flatnonzero(~taken), 1)
-        found = LowerBounds(graph).to(goal, starts)
+        found = LowerBounds(graph).compute(goal, starts)
         assert np.isinf(found.h[taken]).all()
         met = np.isfinite(lengths(known, goal, taken, starts))
         assert (found.h[met] <= np.maximum(expected[met], 1e-12) + 1e-9).all()
@@ -114,26 +114,28 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     joined = np.flatnonzero(np.isfinite(lengths(known, goal, none)))
     start = rng.choice(joined, 1)
     bounds = LowerBounds(graph)
-    assert bounds.known(goal, start) is None
-    first = bounds.to(goal, start)
-    assert bounds.known(goal, start) is first
-    assert bounds.known(away(graph, table, cost, 8), start) is None
-    assert bounds.known(away(graph, table, cost, 7, 0.07), start) is None
+    assert bounds.cached(goal, start) is None
+    first = bounds.compute(goal, start)
+    assert bounds.cached(goal, start) is first
+    assert bounds.cached(away(graph, table, cost, 8), start) is None
+    assert bounds.cached(away(graph, table, cost, 7, 0.07), start) is None
     some = np.flatnonzero(~first.exact)
-    assert not len(some) or bounds.known(goal, some[:1]) is None
+    assert not len(some) or bounds.cached(goal, some[:1]) is None
     point = int(np.setdiff1d(table.points, table.points[start])[0])
     graph.occupy([point])
-    again, taken = bounds.known(goal, start), (table.points == point).any(axis=1)
+    again, taken = bounds.cached(goal, start), (table.points == point).any(axis=1)
     assert np.isinf(again.h[taken]).all()
     np.testing.assert_array_equal(again.h[~taken], first.h[~taken])
     assert not np.isinf(first.h[taken]).all()
-    assert any(bounds.to(goal, start).exact[start] for _ in taking(graph, table.points[start[0]]))
-    assert bounds.known(goal, start) is not None
+    assert any(
+        bounds.compute(goal, start).exact[start] for _ in taking(graph, table.points[start[0]])
+    )
+    assert bounds.cached(goal, start) is not None
     graph.vacate()
-    assert bounds.known(goal, start) is None
+    assert bounds.cached(goal, start) is None
     for row in range(len(table.points)):
-        bounds.to(away(graph, table, cost, row), start)
-    assert len(bounds._kept) == KEPT[1]
+        bounds.compute(away(graph, table, cost, row), start)
+    assert len(bounds._cached_bounds) == CACHED_GOALS[1]
 
 
 def taking(graph, held):
@@ -172,7 +174,7 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
             walk = next(searching(LowerBounds(graph), goal, start).walks())
             assert goal.reached(walk.positions[-1], walk.states[-1].stance)
         with monkeypatch.context() as patched:
-            patched.setattr(LowerBounds, "to", stopped)
+            patched.setattr(LowerBounds, "compute", stopped)
             search = searching(bounds, goal, start)
             assert search.cost(list(search.walks())[-1]) == pytest.approx(first.cost(every[-1]))
         grasped = {p for state in every[-1].states for p in state.stance} - set(start.stance)
@@ -181,7 +183,7 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
         if next(anew, None) is None:
             continue
         with monkeypatch.context() as patched:
-            patched.setattr(LowerBounds, "to", stopped)
+            patched.setattr(LowerBounds, "compute", stopped)
             walk = next(searching(bounds, goal, start).walks())
         assert not {p for state in walk.states for p in state.stance} & graph.occupied
         again += 1
@@ -239,7 +241,7 @@ def test_what_is_told_of_each_plan_is_a_bound(known, cost, monkeypatch):
 @pytest.mark.parametrize("cost", ["steps", "base"])
 def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch, cost):
     """After they are gone plans cost what they cost a planner that never saw them."""
-    monkeypatch.setattr("mlivr_gym.planners.table_search.PATIENCE", 1)
+    monkeypatch.setattr("mlivr_gym.planners.table_search.FIRST_EXPANSION_LIMIT", 1)
     graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
     planner = Planner(graph)
     for _ in range(10):

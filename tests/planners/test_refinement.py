@@ -95,11 +95,11 @@ def least_of(graph, walk, layers):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_round_finds_the_least_translation(small_checked_graph, monkeypatch, seed):
-    monkeypatch.setattr(refinement, "BLOCK", 2)
+    monkeypatch.setattr(refinement, "STEP_BATCH", 2)
     graph, rng = small_checked_graph, np.random.default_rng(seed)
     for plan in plans(graph, 4, "base", seed):
         walk = _Footholds(graph, plan)
-        known = walk.search(walk.layers(walk.poses_tried())).postures
+        known = walk.search(walk.layers(walk.candidate_poses())).postures
         # Far samples, without the poses that are known to do: many steps are not possible.
         tried = [(p[:30], r[:30]) for p, r in walk.samples(known, rng, 1.5)]
         layers = walk.layers(tried, known)
@@ -140,7 +140,8 @@ def test_a_posture_reached_on_other_branches_is_not_passed_over():
     closed = {}
     nodes = [(0b0011, 0b0100), (0b0001, 0b0100), (0b0011, 0b1100), (0b0111, 0b0100)]
     passed = [
-        refinement._covered(refinement._Node(1, 7, masks, 0.0, None), closed) for masks in nodes
+        refinement._is_dominated(refinement._PoseNode(1, 7, masks, 0.0, None), closed)
+        for masks in nodes
     ]
     assert passed == [False, True, False, False]
-    assert not refinement._covered(refinement._Node(1, 8, nodes[0], 0.0, None), closed)
+    assert not refinement._is_dominated(refinement._PoseNode(1, 8, nodes[0], 0.0, None), closed)

@@ -12,7 +12,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import FOUND
+from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.postures.turns import permuted_limbs
 from mlivr_gym.stances import node_files
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -32,7 +32,7 @@ def known(request):
 def optimum(graph, goal, start):
     """The plain search, every step checked, without bounds, table or dominance."""
     found = algorithm1(graph, start, goal, "zero")
-    return found.costs[-1] if found.status == FOUND else np.inf
+    return found.costs[-1] if found.status == GOAL_REACHED else np.inf
 
 
 def again(first, table):
@@ -52,13 +52,13 @@ def compare(graph, goal, start, search):
         for before, after in itertools.pairwise(last.states):
             assert graph.step_to(before, after.stance) == after
     least = optimum(graph, goal, start)
-    assert search.low <= least + 1e-9
+    assert search.lower_bound <= least + 1e-9
     if found:
         assert found == sorted(found, reverse=True)
         assert found[-1] == pytest.approx(least, rel=1e-9)
     else:
         assert not np.isfinite(least)
-    return last, search.low >= min(least - 1e-9, 1e9)
+    return last, search.lower_bound >= min(least - 1e-9, 1e9)
 
 
 @pytest.mark.parametrize("cost", COSTS)
@@ -152,7 +152,7 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
     first, table = known
     if table.limbs == 2:
         pytest.skip("the one round of two limbs comes to all that can be reached")
-    monkeypatch.setattr(table_search, "BLOCKED", table_search.BLOCKED[:2])
+    monkeypatch.setattr(table_search, "OBSTACLE_STAGES", table_search.OBSTACLE_STAGES[:2])
     graph, rng, proved = again(first, table), np.random.default_rng(3), 0
     for _ in range(60):
         row, end = rng.integers(len(table.points), size=2)
@@ -165,7 +165,11 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
             state = graph.state(table.points[row].tolist())
         if state is not None:
             search = searching(LowerBounds(graph), goal, state)
-            if not search.arrived and not list(search.walks()) and search.low == np.inf:
+            if (
+                not search.starts_at_goal
+                and not list(search.walks())
+                and search.lower_bound == np.inf
+            ):
                 assert optimum(graph, goal, state) == np.inf
                 proved += search.expanded > 1
         graph.remove_obstacles()
@@ -187,10 +191,12 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
         search = searching(LowerBounds(graph), goal, start)
         nodes = edge_ends(table, bits)[0][0]
         none = np.zeros(len(bits), dtype=np.uint64)
-        search._world.known = search._world.known.with_steps(nodes, bits, none)
+        search._lazy_table.checked_edges = search._lazy_table.checked_edges.with_edges(
+            nodes, bits, none
+        )
         assert not list(search.walks())
         least = optimum(graph, goal, start)
-        assert search.low <= least + 1e-9
+        assert search.lower_bound <= least + 1e-9
         found += np.isfinite(least)
     assert found > 1
 

@@ -1,0 +1,69 @@
+"""The result of a planning query: a plan, or the reason why there is none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import NoPlanError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.planners.outcome import Improvement
+
+
+@dataclass(frozen=True, repr=False)
+class PlanningResult:
+    """A plan, or the reason why there is none, with the statistics of the search.
+
+    Attributes
+    ----------
+    plan
+        The plan, or None.
+    reason
+        `""` for a plan, otherwise `"start infeasible"`, `"goal outside the reachable set"`,
+        `"search exhausted"`, `"limit reached"` or `"no swing"`.
+    message
+        One sentence for people.
+    expanded
+        Number of states expanded.
+    generated
+        Number of states put into the open queue.
+    feasibility_time
+        Time spent on the start state [s].
+    search_time
+        Time spent on search and step checks [s].
+    tree
+        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
+    improvements
+        The plans found in turn, each cheaper than the one before, with the times at which they were
+        found.
+    """
+
+    plan: Plan | None
+    reason: str
+    message: str
+    expanded: int
+    generated: int
+    feasibility_time: float
+    search_time: float
+    tree: Array
+    improvements: tuple[Improvement, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the message in one line."""
+        return f"<PlanningResult: {self.message}>"
+
+    def __bool__(self) -> bool:
+        """Return whether there is a plan."""
+        return self.plan is not None
+
+    def unwrap(self) -> Plan:
+        """Return the plan.
+
+        Raises
+        ------
+        NoPlanError
+            If there is no plan; the message says why.
+        """
+        if self.plan is None:
+            raise NoPlanError(self.message)
+        return self.plan
