@@ -55,7 +55,7 @@ def cached_files() -> list[CachedFile]:
 
 
 def mark_used(path: Path) -> None:
-    """Return the least recently used files, without which at most `most` bytes remain."""
+    """Return the least recently used files, whose removal leaves at most `most` bytes."""
     with suppress(OSError):  # a folder without permission to write
         os.utime(path)
 
