@@ -100,7 +100,7 @@ class Text:
     least: int = 1
 
     def read(self, value: object, place: FieldPath) -> str:
-        """Return the text; a lone surrogate is refused, for example, since no file could hold it."""
+        """Return the text; a lone surrogate, for example, is refused: no file could hold it."""
         if (
             not isinstance(value, str)
             or not self.least <= len(value) <= LONGEST_TEXT
@@ -319,7 +319,7 @@ class Struct(Generic[T]):
 
     @cached_property
     def fields(self) -> Fields:
-        """Return an instance of the dataclass from plain data, or the instance that is given."""
+        """Kinds of the fields in plain data."""
         missing: dict[str, Kind[Any]] = {}
         optional: dict[str, Kind[Any]] = {}
         for entry in dataclasses.fields(self.made):  # type: ignore[arg-type]
@@ -330,8 +330,7 @@ class Struct(Generic[T]):
         return Fields(missing, optional)
 
     def read(self, value: object, place: FieldPath) -> T:
-        """Return an instance of the dataclass, built from plain data; an instance is returned
-        unchanged."""
+        """Return an instance of the dataclass from plain data, or the instance that is given."""
         if isinstance(value, self.made):
             return value
         return place.build(self.made, **self.fields.read(value, place))

@@ -55,14 +55,13 @@ def cached_files() -> list[CachedFile]:
 
 
 def mark_used(path: Path) -> None:
-    """Return the least recently used files, whose removal leaves at most `most` bytes."""
+    """Record that a cached file is used now."""
     with suppress(OSError):  # a folder without permission to write
         os.utime(path)
 
 
 def least_recently_used(files: Sequence[CachedFile], most: int) -> list[CachedFile]:
-    """Return the files to remove, least recently used first, so that the others have `most` bytes
-    at most."""
+    """Return the least recently used files, whose removal leaves at most `most` bytes."""
     gone, size = [], sum(one.size for one in files)
     for one in sorted(files, key=lambda one: one.used):
         if size <= most:
