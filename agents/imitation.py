@@ -23,9 +23,9 @@ from mlivr_gym.agents.hyperparameters import ImitationSettings
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
+from mlivr_gym.envs.batch import CopyStates, StepParameters, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import ObservationArrays, PlaceTable
+from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.planners.table_values import TableValues, stances_at
@@ -125,7 +125,7 @@ class Imitation:
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
-        self._places = PlaceTable.of(self.moves.graph)
+        self._places = ObservationTable.of(self.moves.graph)
         self.features = TableFeatures(env)
         self.rng = np.random.default_rng(seed)
         self.m = len(env.graph.grasp_map)
@@ -189,7 +189,7 @@ class Imitation:
         reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
         self._reach.append(np.array(reach, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        walks = Robots(stances, tables.masks[stances].astype(np.int64), streams)
+        walks = CopyStates(stances, tables.masks[stances].astype(np.int64), streams)
         rows, count = [_nothing(self.m)], len(stances)
         for _ in range(self.settings.longest):
             if not len(walks.stances):
@@ -198,7 +198,7 @@ class Imitation:
             rows.append(here)
             self._step(walks, legal, optimal if expert else self._chosen(here), tables)
             going = ~values.goals[which, walks.stances]
-            walks, which = Robots._make(part[going] for part in walks), which[going]
+            walks, which = CopyStates._make(part[going] for part in walks), which[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
         known, walking = np.isfinite(samples.cost), len(which)
         return Samples(*(column[known] for column in samples)), 1.0 - walking / max(count, 1)
@@ -210,8 +210,8 @@ class Imitation:
         stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
         every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
         tasks = env.tasks if isinstance(env.tasks, WalkTasks) else WalkTasks()
-        draws = Draws.of(grasp_map, env.goal_tolerance, tasks)
-        robots = Robots(stances, masks, self._streams)
+        draws = TaskDistribution.of(grasp_map, env.goal_tolerance, tasks)
+        robots = CopyStates(stances, masks, self._streams)
         missing = draw_tasks(every, ~every, draws, tables, robots, goals)
         if missing >= 0:
             return np.zeros((0, 3))
@@ -222,7 +222,7 @@ class Imitation:
         return kept
 
     def _label(
-        self, walks: Robots, which: IntArray, layout: _Layout
+        self, walks: CopyStates, which: IntArray, layout: _Layout
     ) -> tuple[Samples, BoolArray, BoolArray]:
         """The states of k walks with what is best there.
 
@@ -247,7 +247,7 @@ class Imitation:
         return samples, legal, optimal
 
     def _step(
-        self, walks: Robots, legal: BoolArray, preferred: BoolArray, tables: StepTables
+        self, walks: CopyStates, legal: BoolArray, preferred: BoolArray, tables: StepTables
     ) -> None:
         """Take a step on each walk, in place, by chance any possible one."""
         rng, count = self.rng, len(walks.stances)
@@ -255,7 +255,7 @@ class Imitation:
         likely = np.where(noisy[:, None], legal, preferred)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
         moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
-        skip, chances = np.zeros(count, np.bool_), Chances(self.env.failure_probability, 0.0)
+        skip, chances = np.zeros(count, np.bool_), StepParameters(self.env.failure_probability, 0.0)
         advance(actions, skip, chances, tables, walks, moved, outcome)
 
     def _starts(self, values: TableValues) -> tuple[IntArray, IntArray]:

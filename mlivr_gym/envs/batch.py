@@ -10,12 +10,12 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.envs.tasks import (
-    MOST_STEPS,
+    MAX_WALK_STEPS,
     Task,
     TaskGenerator,
     WalkTasks,
     draw_task,
-    halves,
+    longest_axis,
 )
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.stances.moves import Moves, TableMoves
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from mlivr_gym.transitions.state import State
     from mlivr_gym.world.grasp_map import GraspMap
 
-TRIES = 1000
+MAX_DRAWS = 1000
 """Draws after which drawing a start and goal gives up."""
 
 
-class Robots(NamedTuple):
-    """States of k robots, one a copy of the environment."""
+class CopyStates(NamedTuple):
+    """States of k copies, one a copy of the environment."""
 
     stances: IntArray
     """Stance indices, shape (k,)."""
@@ -46,16 +46,16 @@ class Robots(NamedTuple):
     """States of the random numbers, shape (k,)."""
 
 
-class Chances(NamedTuple):
+class StepParameters(NamedTuple):
     """What an action may come to."""
 
-    failure: Array
+    failure_probability: Array
     """Probability that an attempt at each point fails, shape (m,)."""
     max_step: float
     """Displacement charged for an action that is masked out [m]."""
 
 
-class Draws(NamedTuple):
+class TaskDistribution(NamedTuple):
     """What starts and goals are drawn from."""
 
     targets: Array
@@ -70,9 +70,9 @@ class Draws(NamedTuple):
     """Where the halves meet on it [m]."""
 
     @classmethod
-    def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> Draws:
+    def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> TaskDistribution:
         """What tasks on a map are drawn from."""
-        axis, middle = halves(grasp_map) if tasks.far else (-1, 0.0)
+        axis, middle = longest_axis(grasp_map) if tasks.far else (-1, 0.0)
         return cls(grasp_map.positions, grasp_map.cabin, tolerance, axis, middle)
 
 
@@ -101,9 +101,9 @@ def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
 def advance(
     actions: IntArray,
     skip: BoolArray,
-    chances: Chances,
+    parameters: StepParameters,
     tables: StepTables,
-    robots: Robots,
+    copies: CopyStates,
     moved: Array,
     outcome: IntArray,
 ) -> None:
@@ -115,11 +115,11 @@ def advance(
         Limb times m plus point, shape (k,).
     skip
         States that take none, shape (k,).
-    chances
+    parameters
         What an action may come to.
     tables
         `StepTables`.
-    robots
+    copies
         The states, changed.
     moved
         Base displacement of each step [m], shape (k,), written.
@@ -127,8 +127,9 @@ def advance(
         0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
         written.
     """
-    stances, masks, failure = robots.stances, robots.masks, chances.failure
-    streams, max_step = robots.streams, chances.max_step
+    stances, masks = copies.stances, copies.masks
+    failure = parameters.failure_probability
+    streams, max_step = copies.streams, parameters.max_step
     m = len(failure)
     for k in range(len(actions)):
         if skip[k]:
@@ -175,7 +176,7 @@ def _walk_towards(
     start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
     for axis in range(3):
         nearest += (position[s, axis] - target[axis]) ** 2
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_WALK_STEPS):
         best = NONE
         for moving in range(2):
             if not can_release(masks[moving], tables.releasable[here, moving]):
@@ -198,17 +199,17 @@ def _walk_towards(
     return here
 
 
-def draw_over(
+def draw_task_with_tables(
     moves: Moves, tasks: TaskGenerator, stream: Stream, tolerance: float, start: State | None
 ) -> Task:
-    """A task as `tasks.draw_task` draws it, from tables of steps where there are any.
+    """A task as `tasks.draw_task` distribution it, from tables of steps where there are any.
 
     Arguments and errors are those; the graph is that of the moves. Where none is found no number of
     the stream is taken.
     """
     at_posture = start is None or start.pose is None
     if isinstance(moves, TableMoves) and isinstance(tasks, WalkTasks) and at_posture:
-        return _draw_walk(moves, tasks, stream, tolerance, start)
+        return _draw_walk_task(moves, tasks, stream, tolerance, start)
     before = stream.state
     try:
         return draw_task(tasks, moves.graph, stream, tolerance, start)
@@ -217,17 +218,17 @@ def draw_over(
         raise
 
 
-def _draw_walk(
+def _draw_walk_task(
     moves: TableMoves, tasks: WalkTasks, stream: Stream, tolerance: float, start: State | None
 ) -> Task:
-    """A task as `tasks` draws it, number for number of the same stream, over tables of steps.
+    """A task as `tasks` distribution it, number for number of the same stream, over tables of steps.
 
     Parameters
     ----------
     moves
         Moves of the tables.
     tasks
-        What draws it.
+        What distribution it.
     stream
         Where its numbers come from.
     tolerance
@@ -245,13 +246,13 @@ def _draw_walk(
     which, given = np.ones(1, np.bool_), np.full(1, start is not None)
     if start is not None:
         stances[0], masks[0] = moves.stance_at[start.stance], start.masks
-    robots = Robots(stances, masks, np.array([stream.state], dtype=np.uint64))
-    draws = Draws.of(grasp_map, tolerance, tasks)
-    if draw_tasks(which, given, draws, tables, robots, goals) >= 0:
+    copies = CopyStates(stances, masks, np.array([stream.state], dtype=np.uint64))
+    distribution = TaskDistribution.of(grasp_map, tolerance, tasks)
+    if draw_tasks(which, given, distribution, tables, copies, goals) >= 0:
         raise StanceError(
-            f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
+            f"no goal that can be reached was found on map {grasp_map.name!r} in {MAX_DRAWS} distribution"
         )
-    stream.state = int(robots.streams[0])
+    stream.state = int(copies.streams[0])
     return Task(state_of(tables, int(stances[0]), masks[0]) if start is None else start, goals[0])
 
 
@@ -259,9 +260,9 @@ def _draw_walk(
 def draw_tasks(
     which: BoolArray,
     given: BoolArray,
-    draws: Draws,
+    distribution: TaskDistribution,
     tables: StepTables,
-    robots: Robots,
+    copies: CopyStates,
     goals: Array,
 ) -> int:
     """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
@@ -273,26 +274,26 @@ def draw_tasks(
     which
         States to draw, shape (k,).
     given
-        Those of them whose start is given by `robots`, shape (k,).
-    draws
+        Those of them whose start is given by `copies`, shape (k,).
+    distribution
         What they are drawn from.
     tables
         `StepTables`.
-    robots
+    copies
         Stances and masks are written where not given.
     goals
         Shape (k, 3) [m], written.
     """
-    targets, cabin, tolerance = draws.targets, draws.cabin, draws.tolerance
-    axis, middle = draws.axis, draws.middle
-    stances, masks, streams = robots.stances, robots.masks, robots.streams
+    targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
+    axis, middle = distribution.axis, distribution.middle
+    stances, masks, streams = copies.stances, copies.masks, copies.streams
     position = tables.base_in_world
     n = len(position)
     for k in range(len(which)):
         if not which[k]:
             continue
         found = False
-        for _ in range(TRIES):
+        for _ in range(MAX_DRAWS):
             if not given[k]:
                 s = random_below(streams, k, n)
                 mask0, mask1 = tables.masks[s]

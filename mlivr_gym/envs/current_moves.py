@@ -23,22 +23,22 @@ class CurrentMoves:
 
     def __init__(self, graph: StanceGraph) -> None:
         """Take exact tables where every step is known; of more limbs, the table of all nodes."""
-        self.graph, self.tabled = graph, False
+        self.graph, self.uses_tables = graph, False
         self._moves: Moves | None = None
         self._version = graph.version
         if isinstance(graph, LazyGraph):
             node_table(graph)
 
-    def now(self) -> Moves:
+    def current(self) -> Moves:
         """What answers for the world as it is now."""
         if self._moves is None or self._version != self.graph.version:
             graph = self.graph
             known = isinstance(graph, PairGraph) and graph.complete
-            self._moves = self._read() if self.tabled or known else GraphMoves(graph)
+            self._moves = self._table_moves() if self.uses_tables or known else GraphMoves(graph)
             self._version = self.graph.version
         return self._moves
 
-    def from_tables(self) -> TableMoves:
+    def use_tables(self) -> TableMoves:
         """The same from exact tables, which are used from now on.
 
         Raises
@@ -46,14 +46,14 @@ class CurrentMoves:
         SettingError
             If the robot has more than two limbs.
         """
-        if not self.tabled:
-            self._moves, self._version = self._read(), self.graph.version
-            self.tabled = True
-        moves = self.now()
+        if not self.uses_tables:
+            self._moves, self._version = self._table_moves(), self.graph.version
+            self.uses_tables = True
+        moves = self.current()
         assert isinstance(moves, TableMoves)
         return moves
 
-    def _read(self) -> TableMoves:
+    def _table_moves(self) -> TableMoves:
         tables = step_tables(self.graph)
         assert isinstance(self.graph, PairGraph)
         return TableMoves(self.graph, tables)

@@ -9,7 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arguments import SEED, Of, checked
-from mlivr_gym.envs.arguments import MOST_STEPS
+from mlivr_gym.envs.arguments import EPISODE_STEPS
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.schema import Maybe
@@ -36,7 +36,7 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
         >>> timestep = environment.step(action)
     """
 
-    @checked({"env": Of(MlivrEnv), "seed": Maybe(SEED), "max_episode_steps": MOST_STEPS})
+    @checked({"env": Of(MlivrEnv), "seed": Maybe(SEED), "max_episode_steps": EPISODE_STEPS})
     def __init__(
         self, env: MlivrEnv, seed: int | None = None, max_episode_steps: int = 100
     ) -> None:

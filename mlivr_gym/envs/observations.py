@@ -17,7 +17,7 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
+MASK_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
 """The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
 
 Floats = NDArray[np.float32]
@@ -77,7 +77,7 @@ class Observer:
         """What an agent sees in a state at `place`, in new arrays."""
         if isinstance(moves, TableMoves) and state.pose is None:
             if not self._rows:
-                self._rows = place_rows(moves.graph)
+                self._rows = observation_rows(moves.graph)
             s = moves.stance_at[state.stance]
             stance, grasps, position, turn = [rows[s].copy() for rows in self._rows]
         else:
@@ -85,11 +85,11 @@ class Observer:
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
             position = np.array(place.base_in_world).astype(np.float32)
             turn = place.quaternion.astype(np.float32)
-        branches = BITS.take(state.masks, axis=0).ravel()
-        return _named(stance, grasps, position, turn, goal.astype(np.float32), branches)
+        branches = MASK_BITS.take(state.masks, axis=0).ravel()
+        return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
 
-def _named(
+def _as_observation(
     stance: IntArray,
     grasps: Floats,
     base_position: Floats,
@@ -107,7 +107,7 @@ def _named(
     }
 
 
-def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
+def observation_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
     """The first four arrays of `ObservationArrays` for each of the n stances of a graph."""
     return (
         graph.points.astype(np.int64),
@@ -117,22 +117,22 @@ def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
     )
 
 
-class PlaceTable(NamedTuple):
+class ObservationTable(NamedTuple):
     """What belongs to each of the n stances of a two-limb graph on m points."""
 
     points: NDArray[np.int32]
     """Point that each limb holds, shape (n, 2)."""
     positions: Array
     """Positions of the points [m], shape (m, 3)."""
-    places: Array
+    properties: Array
     """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
 
     @classmethod
-    def of(cls, graph: PairGraph) -> PlaceTable:
+    def of(cls, graph: PairGraph) -> ObservationTable:
         """The table of a graph."""
         turns = quaternion(graph.base_axes_in_world)
-        places = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
-        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, places)
+        properties = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
+        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, properties)
 
 
 class ObservationArrays(NamedTuple):
@@ -150,12 +150,12 @@ class ObservationArrays(NamedTuple):
     """Limb manipulability, shape (k, 2)."""
     w_b: Array
     """Base manipulability, shape (k,)."""
-    away: Array
+    goal_distance: Array
     """Distances of the base from the goal [m], shape (k,)."""
 
     @classmethod
     def of(
-        cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array
+        cls, table: ObservationTable, stances: IntArray, masks: IntArray, goals: Array
     ) -> ObservationArrays:
         """What is seen in new arrays.
 
@@ -183,29 +183,33 @@ class ObservationArrays(NamedTuple):
             np.empty(k),
             np.empty(k),
         )
-        look(stances, masks, goals, table, made)
+        write_observations(stances, masks, goals, table, made)
         return made
 
     def observation(self) -> Observation:
         """What of it agents see."""
-        return _named(*self[:6])
+        return _as_observation(*self[:6])
 
 
 @entry
-def look(
-    stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: ObservationArrays
+def write_observations(
+    stances: IntArray,
+    masks: IntArray,
+    goals: Array,
+    table: ObservationTable,
+    out: ObservationArrays,
 ) -> None:
     """Write what k agents see; arguments as those of `ObservationArrays.of`."""
     for k in range(len(stances)):  # what lies far apart in memory comes first: reads overlap then
         s = stances[k]
         for limb in range(2):
             out.stance[k, limb] = table.points[s, limb]
-            out.w_m[k, limb] = table.places[s, 7 + limb]
+            out.w_m[k, limb] = table.properties[s, 7 + limb]
         for axis in range(3):
-            out.base_in_world[k, axis] = table.places[s, axis]
+            out.base_in_world[k, axis] = table.properties[s, axis]
         for part in range(4):
-            out.base_quaternion[k, part] = table.places[s, 3 + part]
-        out.w_b[k] = table.places[s, 9]
+            out.base_quaternion[k, part] = table.properties[s, 3 + part]
+        out.w_b[k] = table.properties[s, 9]
     for k in range(len(stances)):
         square = 0.0
         for limb in range(2):
@@ -218,4 +222,4 @@ def look(
             here, goal = out.base_in_world[k, axis], goals[k, axis]
             out.base_position[k, axis], out.goal[k, axis] = here, goal
             square += (here - goal) ** 2
-        out.away[k] = np.sqrt(square)
+        out.goal_distance[k] = np.sqrt(square)

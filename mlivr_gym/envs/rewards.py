@@ -69,7 +69,7 @@ REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, 
 """The rewards by name."""
 
 
-def _reward(given: Any, place: FieldPath) -> Reward:
+def _read_reward(given: Any, place: FieldPath) -> Reward:
     """A reward by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
@@ -80,7 +80,7 @@ def _reward(given: Any, place: FieldPath) -> Reward:
     return reward
 
 
-REWARD = Via(_reward)
+REWARD = Via(_read_reward)
 """A reward by name, from plain data (`to_dict`), or as it is."""
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-WORD = 2**64
+MODULUS = 2**64
 
 
 class Stream:
@@ -28,10 +28,10 @@ class Stream:
 
     def random(self) -> float:
         """A number in [0, 1)."""
-        self.state = (self.state + 0x9E3779B97F4A7C15) % WORD
+        self.state = (self.state + 0x9E3779B97F4A7C15) % MODULUS
         z = self.state
-        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % WORD
-        z = (z ^ z >> 27) * 0x94D049BB133111EB % WORD
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 % MODULUS
+        z = (z ^ z >> 27) * 0x94D049BB133111EB % MODULUS
         return float((z ^ z >> 31) >> 11) * 2.0**-53
 
     def integers(self, low: int, /) -> int:

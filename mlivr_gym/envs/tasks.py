@@ -21,7 +21,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
-MOST_STEPS = 12
+MAX_WALK_STEPS = 12
 """Most steps of the walk that leads from the start to the goal."""
 
 
@@ -69,7 +69,7 @@ class WalkTasks:
     """A random start, and the goal where a walk towards a random graspable point ends.
 
     For two limbs the start is a stance of the graph, drawn by its index until a step leaves it;
-    then a point is drawn by its index. Each of at most `MOST_STEPS` steps goes to the stance whose
+    then a point is drawn by its index. Each of at most `MAX_WALK_STEPS` steps goes to the stance whose
     base is nearest to that point, the first of them in the order of the graph, as long as that is
     nearer than before. If the walk ends outside the cabin, or not farther from the start than the
     goal tolerance, both are drawn again, or the point alone if the start is given.
@@ -78,7 +78,7 @@ class WalkTasks:
     ----------
     far
         Whether start and point, and start and goal, must lie in opposite halves of the map
-        along its longest axis, see `halves`; what does not is drawn again too.
+        along its longest axis, see `longest_axis`; what does not is drawn again too.
     """
 
     far: bool = False
@@ -98,34 +98,34 @@ class WalkTasks:
         return {"kind": "far" if self.far else "walk"}
 
 
-GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
+TASK_GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
-def _generator(given: Any, place: FieldPath) -> TaskGenerator:
+def _read_generator(given: Any, place: FieldPath) -> TaskGenerator:
     """A task generator by name, from plain data, or as it is; a class of them is none."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return GENERATORS[Choice(tuple(GENERATORS)).read(name, place)]
+        return TASK_GENERATORS[Choice(tuple(TASK_GENERATORS)).read(name, place)]
     if isinstance(given, dict | type) or not callable(getattr(given, "draw", None)):
-        valid = ", ".join(map(repr, GENERATORS))
+        valid = ", ".join(map(repr, TASK_GENERATORS))
         raise place.refused(given, f"one of {valid} or a TaskGenerator")
     generator: TaskGenerator = given
     return generator
 
 
-TASKS = Via(_generator)
+TASKS = Via(_read_generator)
 """A task generator by name, from plain data (`to_dict`), or as it is."""
 
 
-FIXED = 1 << 62
+FIRST_FIXED_SEED = 1 << 62
 """Seed of the first fixed task; those of training are to be smaller."""
 
-MOST_FIXED = 1_000_000
+MAX_FIXED_TASKS = 1_000_000
 """Fixed tasks that there are."""
 
 
-FIXED_NUMBER = Whole(0, MOST_FIXED - 1)
+FIXED_NUMBER = Whole(0, MAX_FIXED_TASKS - 1)
 """Number of a fixed task."""
 
 
@@ -148,10 +148,10 @@ def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolera
     MlivrError
         If no task is found.
     """
-    return draw_task(generator, graph, Stream.of_seed(FIXED + number), tolerance)
+    return draw_task(generator, graph, Stream.of_seed(FIRST_FIXED_SEED + number), tolerance)
 
 
-def halves(grasp_map: GraspMap) -> tuple[int, float]:
+def longest_axis(grasp_map: GraspMap) -> tuple[int, float]:
     """The axis along which a map's points spread farthest, and their middle on it [m]."""
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     axis = int(np.argmax(high - low))
@@ -217,32 +217,32 @@ def sample_task(
         If no pair is found.
     """
     grasp_map = graph.grasp_map
-    axis, middle = halves(grasp_map)
+    axis, middle = longest_axis(grasp_map)
     for _ in range(TRIES):
         state = random_state(graph, rng) if start is None else start
         target = grasp_map.positions[int(rng.integers(len(grasp_map)))]
         origin = graph.posture_of(state).base_position[0]
         if far and (origin[axis] - middle) * (target[axis] - middle) >= 0.0:
             continue
-        position = _walk(graph, state, origin, target)
+        position = _walk_end(graph, state, origin, target)
         if far and (origin[axis] - middle) * (position[axis] - middle) >= 0.0:
             continue
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
-        if inside and _square(position - origin) > tolerance * tolerance:
+        if inside and _squared_lengths(position - origin) > tolerance * tolerance:
             return Task(state, position)
     raise StanceError(
         f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
     )
 
 
-def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
+def _walk_end(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
     """Base position at the end of a walk from `origin` towards `target` [m]."""
-    best, position = float(_square(origin - target)), origin
-    for _ in range(MOST_STEPS):
+    best, position = float(_squared_lengths(origin - target)), origin
+    for _ in range(MAX_WALK_STEPS):
         steps = graph.successors(state)
         if not steps:
             break
-        square = _square(steps.base_in_world - target)
+        square = _squared_lengths(steps.base_in_world - target)
         k = int(np.argmin(square))
         if square[k] >= best:
             break
@@ -250,7 +250,7 @@ def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Arr
     return position
 
 
-def _square(vectors: Array) -> Array:
+def _squared_lengths(vectors: Array) -> Array:
     """Squared lengths of vectors, shape (..., 3), summed in the order of `envs.batch`."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     square: Array = x * x + y * y + z * z

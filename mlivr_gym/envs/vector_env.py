@@ -18,10 +18,10 @@ from gymnasium.vector.utils import batch_space
 from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
-from mlivr_gym.envs.arguments import MODE, MOST_STEPS
-from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
+from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
+from mlivr_gym.envs.batch import CopyStates, StepParameters, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation, ObservationArrays, PlaceTable
+from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
@@ -32,13 +32,13 @@ from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-MOST_COPIES = 1 << 20
+MAX_COPIES = 1 << 20
 """Most copies: their observations of the JEM take some gigabytes."""
 
-KINDS: Kinds = {
-    "num_envs": Whole(1, MOST_COPIES),
-    "max_episode_steps": Maybe(MOST_STEPS),
-    "autoreset_mode": MODE,
+VECTOR_ARGUMENTS: Kinds = {
+    "num_envs": Whole(1, MAX_COPIES),
+    "max_episode_steps": Maybe(EPISODE_STEPS),
+    "autoreset_mode": AUTORESET_MODE,
     "env": Maybe(Of(MlivrEnv)),
 }
 """Kinds of the arguments, besides those of `MlivrEnv`."""
@@ -53,7 +53,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     `grasp_failed`, each (k,) if not said otherwise.
 
     Rewards and task generators are the same objects: a reward is called with arrays of shape (k,),
-    a generator once for each copy that starts anew. Each copy draws its tasks and failed grasps
+    a generator once for each copy that starts anew. Each copy distribution its tasks and failed grasps
     from its own stream: with seed s copy i goes as a `MlivrEnv` with seed s + i goes under the same
     actions, over any number of episodes.
 
@@ -79,7 +79,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Sum of base displacements since reset [m], shape (k,).
     """
 
-    @checked(KINDS)
+    @checked(VECTOR_ARGUMENTS)
     def __init__(
         self,
         num_envs: int = 1,
@@ -123,7 +123,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._stance_at, self._places = moves.stance_at, PlaceTable.of(moves.graph)
+        self._stance_at, self._observation_table = moves.stance_at, ObservationTable.of(moves.graph)
         self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self._seeded = np.zeros(num_envs, dtype=np.bool_)
@@ -147,7 +147,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Parameters
         ----------
         seed
-            Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
+            Copy i distribution from seed + i, or from entry i of a list of k seeds; where that is
             None it goes on with its stream.
         options
             `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
@@ -160,43 +160,45 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             If seed or options cannot be used, or no goal can be reached from a start;
             no copy has moved then.
         """
-        self._keep_up()
-        given, seeds = self._given(options, seed)
+        self._refresh_tables()
+        given, seeds = self._read_reset_arguments(options, seed)
         which = given.get("reset_mask", self._all)
         starts, goals, numbers = (given.get(name) for name in ("start", "goal", "task"))
         if numbers is not None:
             if not (starts is None and goals is None):
-                raise SettingError("reset option 'task' tells start and goal: give it alone")
+                raise SettingError("reset option 'task' includes start and goal; give it alone")
             env = self.env
             fixed = [
                 fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
             ]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
-        self._seed(seeds, which)
+        self._seed_streams(seeds, which)
         new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
         graph = self.env.graph
         if starts is not None:
             for k in np.flatnonzero(which):
                 state = graph.state(starts[k])
                 new[0][k], new[1][k] = self._stance_at[state.stance], state.masks
-            self._need_step(which, *new[:2])
+            self._check_starts(which, *new[:2])
         if starts is None or goals is None:
             self._draw(which, starts is not None, *new)
         if goals is not None:
             for k in np.flatnonzero(which):
                 new[2][k] = graph.grasp_map.check_goal(goals[k])
         self.stances[:], self.masks[:], self.goals[:] = new
-        self._begin(which)
+        self._start_episodes(which)
         self._ended[which] = False
-        self._look()
+        self._observe()
         nothing = np.zeros(self.num_envs, np.bool_)
-        return self._looks.observation(), self._info(nothing, nothing.copy())
+        return self._seen.observation(), self._info(nothing, nothing.copy())
 
-    def _given(self, options: object, seed: object) -> tuple[dict[str, Any], list[int | None]]:
+    def _read_reset_arguments(
+        self, options: object, seed: object
+    ) -> tuple[dict[str, Any], list[int | None]]:
         """The options, and a seed or None for each copy."""
         k = self.num_envs
         kinds: Kinds = {
-            "reset_mask": Via(self._chosen),
+            "reset_mask": Via(self._read_reset_mask),
             "start": Maybe(Listed(STANCE, k, k)),
             "goal": Maybe(Listed(GOAL, k, k)),
             "task": Maybe(Listed(FIXED_NUMBER, k, k)),
@@ -209,14 +211,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         first = Maybe(SEED).read(seed, FieldPath("seed", SettingError))
         return given, [None if first is None else first + i for i in range(k)]
 
-    def _chosen(self, mask: object, place: FieldPath) -> BoolArray:
+    def _read_reset_mask(self, mask: object, place: FieldPath) -> BoolArray:
         """Which copies start anew."""
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
             return mask.copy()
         return np.array(Listed(Flag(), k, k).read(mask, place))
 
-    def _seed(self, seeds: list[int | None], which: BoolArray) -> None:
+    def _seed_streams(self, seeds: list[int | None], which: BoolArray) -> None:
         """Give the chosen copies their streams."""
         for k in np.flatnonzero(which):
             if (number := seeds[k]) is None:
@@ -242,26 +244,26 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             If the actions are not in the action space, or a copy's episode has ended
             and copies do not start anew by themselves.
         """
-        self._need_reset()
-        self._keep_up()
+        self._check_reset()
+        self._refresh_tables()
         actions = action_numbers(actions, self.num_envs, 2 * len(self._stance_at))
-        env, restart, before = self.env, self._ended, self._looks.away
+        env, restart, before = self.env, self._ended, self._seen.goal_distance
         if restart.any():
             if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
                 raise SettingError(
                     f"episode {int(np.flatnonzero(restart)[0])} has ended; reset it first"
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
-            self._begin(restart)
+            self._start_episodes(restart)
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
-        chances = Chances(env.failure_probability, env.graph.max_step)
-        robots = Robots(self.stances, self.masks, self._streams)
-        advance(actions, restart, chances, self.tables, robots, moved, outcome)
+        parameters = StepParameters(env.failure_probability, env.graph.max_step)
+        copies = CopyStates(self.stances, self.masks, self._streams)
+        advance(actions, restart, parameters, self.tables, copies, moved, outcome)
         invalid, failed, going = outcome == 1, outcome == 2, ~restart
         self.steps += going
         self.base_translation += np.where(invalid, 0.0, moved)
-        self._look()
-        after = self._looks.away
+        self._observe()
+        after = self._seen.goal_distance
         success = after <= env.goal_tolerance
         before = np.where(restart, after, before)
         worth = env.reward(StepOutcome(moved, before, after, success, ~invalid))
@@ -269,7 +271,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
         self._ended = terminated | truncated
         info = self._info(invalid, failed)
-        return self._looks.observation(), reward, terminated, truncated, info
+        return self._seen.observation(), reward, terminated, truncated, info
 
     def action_masks(self) -> BoolArray:
         """Which actions are allowed, shape (k, N m).
@@ -279,22 +281,22 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         gymnasium.error.ResetNeeded
             If a copy was never reset.
         """
-        self._need_reset()
-        self._keep_up()
+        self._check_reset()
+        self._refresh_tables()
         return self._legal(self.stances, self.masks)
 
-    def _keep_up(self) -> None:
+    def _refresh_tables(self) -> None:
         """Read the tables anew if the world has changed; stances keep their indices."""
         if self._version != self.env.graph.version:
             self.tables = self.env.table_moves().tables
             self._version = self.env.graph.version
 
-    def _need_reset(self) -> None:
+    def _check_reset(self) -> None:
         if not self._started.all():
             first = int(np.argmin(self._started))
             raise gymnasium.error.ResetNeeded(f"copy {first} was never reset: call reset()")
 
-    def _need_step(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
+    def _check_starts(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
         """Refuse starts that no step leaves."""
         stuck = which & ~self._legal(stances, masks).any(axis=1)
         if stuck.any():
@@ -320,9 +322,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
-        draws = Draws.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
-        robots = Robots(stances, masks, self._streams)
-        missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
+        distribution = TaskDistribution.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
+        copies = CopyStates(stances, masks, self._streams)
+        missing = draw_tasks(which, which & given, distribution, self.tables, copies, goals)
         if missing >= 0:
             start = graph.ids(self.tables.points[stances[missing]])
             what = f"goal that a walk joins with start {start} was"
@@ -343,25 +345,27 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
             goals[k] = task.goal
             self._streams[k] = stream.state
-        self._need_step(which, stances, masks)
+        self._check_starts(which, stances, masks)
 
-    def _begin(self, which: BoolArray) -> None:
+    def _start_episodes(self, which: BoolArray) -> None:
         self.steps[which], self.base_translation[which], self._started[which] = 0, 0.0, True
 
-    def _look(self) -> None:
-        self._looks = ObservationArrays.of(self._places, self.stances, self.masks, self.goals)
+    def _observe(self) -> None:
+        self._seen = ObservationArrays.of(
+            self._observation_table, self.stances, self.masks, self.goals
+        )
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
-        looks = self._looks
+        seen = self._seen
         info: dict[str, Any] = {
-            "stance": self._ids.take(looks.stance),
-            "base_position": looks.base_in_world,
+            "stance": self._ids.take(seen.stance),
+            "base_position": seen.base_in_world,
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
-            "limb_manipulability": looks.w_m,
-            "base_manipulability": looks.w_b,
+            "limb_manipulability": seen.w_m,
+            "base_manipulability": seen.w_b,
             "action_mask": self._legal(self.stances, self.masks).view(np.int8),
-            "is_success": looks.away <= self.env.goal_tolerance,
+            "is_success": seen.goal_distance <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,
         }

@@ -16,11 +16,11 @@ from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
 from mlivr_gym.schema import NAME, FieldPath, Flag, Maybe, Whole
 
-MOST_ACTIONS = 1_000_000
+MAX_ACTIONS = 1_000_000
 """Most actions of a film."""
 
 
-def _ours(value: Any, place: FieldPath) -> Any:
+def _read_env(value: Any, place: FieldPath) -> Any:
     """A `MlivrEnv`, also inside wrappers."""
     if not isinstance(value, gymnasium.Env) or not isinstance(value.unwrapped, MlivrEnv):
         raise place.refused(value, "a MlivrEnv, also inside wrappers")
@@ -32,7 +32,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
     Gymnasium's own takes one picture an action, with this environment a slide show. Arguments are
     the same. Where that takes one picture for an action, this one takes
-    `envs.moments.STEP_PICTURES`, with 25 pictures a second of film; `video_length` counts actions.
+    `envs.snapshots.STEP_PICTURES`, with 25 pictures a second of film; `video_length` counts actions.
     The film is rendered when a recording ends, so that branches are chosen for all of it.
 
     Example:
@@ -42,11 +42,11 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
     @checked(
         {
-            "env": Via(_ours),
+            "env": Via(_read_env),
             "video_folder": FileName(),
             "episode_trigger": Maybe(Called()),
             "step_trigger": Maybe(Called()),
-            "video_length": Whole(0, MOST_ACTIONS),
+            "video_length": Whole(0, MAX_ACTIONS),
             "name_prefix": NAME,
             "fps": Maybe(Whole(1, 1000)),
             "disable_logger": Flag(),
@@ -82,7 +82,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
     def _capture_frame(self) -> None:
         """Keep what a picture would show."""
-        self.recorded_frames.append(self.get_wrapper_attr("moment"))
+        self.recorded_frames.append(self.get_wrapper_attr("snapshot"))
 
     def stop_recording(self) -> None:
         """Render what was kept, and write the film."""
@@ -96,7 +96,7 @@ class ActionMaskObservation(
 ):
     """Puts the action mask into the observation, under `"action_mask"`."""
 
-    @checked({"env": Via(_ours)})
+    @checked({"env": Via(_read_env)})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`.
 

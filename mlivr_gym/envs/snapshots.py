@@ -1,4 +1,4 @@
-"""What an environment shows: moments of an episode, and how the robot moves between them."""
+"""What an environment shows: snapshots of an episode, and how the robot moves between them."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Failure
     from mlivr_gym.simulation.simulator import ExecutedStep
 
-STEP_PICTURES = 25
+FRAMES_PER_ACTION = 25
 """Pictures of one action, hence a second of film."""
 
-SAMPLES = 100
+SAMPLES_PER_SEGMENT = 100
 """Configurations on each piece of a step, of which those for the pictures are chosen."""
 
 Motion = tuple[Array, Array, Array]
 """Base positions (k, 3) [m], base quaternions (k, 4) and joint angles (k, N, 6) [rad]."""
 
 
-class Moment(NamedTuple):
+class Snapshot(NamedTuple):
     """An environment after an action, or after a reset."""
 
     state: State
@@ -39,33 +39,33 @@ class Moment(NamedTuple):
     """Goal position, shape (3,) [m]."""
     steps: int
     """Actions of the episode; none where it begins."""
-    words: str
+    caption: str
     """What was done last."""
-    simulated: Motion | None
+    simulated_motion: Motion | None
     """How the robot came here in the simulation; None where steps are not simulated."""
 
-    def standing(self, graph: StanceGraph) -> Configuration:
+    def configuration(self, graph: StanceGraph) -> Configuration:
         """Where the robot stands."""
-        if self.simulated is None:
+        if self.simulated_motion is None:
             return graph.configuration(self.state)
-        positions, quaternions, joints = self.simulated
+        positions, quaternions, joints = self.simulated_motion
         return positions[-1], quaternions[-1], joints[-1]
 
 
-def words(graph: StanceGraph, action: tuple[int, int], legal: bool, failed: bool) -> str:
+def action_caption(graph: StanceGraph, action: tuple[int, int], legal: bool, failed: bool) -> str:
     """What a limb did that was sent to a point."""
     limb, point = action
     outcome = "" if legal and not failed else ", the grasp failed" if legal else ", not possible"
     return f"limb {limb} to {graph.grasp_map.ids[point]}{outcome}"
 
 
-def at_rest(configuration: Configuration) -> Motion:
+def motion_at_rest(configuration: Configuration) -> Motion:
     """A motion that is one configuration."""
     position, quaternion, joints = configuration
     return position[None], quaternion[None], joints[None]
 
 
-def motion_of(executed: ExecutedStep | Failure) -> Motion | None:
+def recorded_motion(executed: ExecutedStep | Failure) -> Motion | None:
     """How the robot moved in the simulation; None if it could not begin."""
     recording = getattr(executed, "recording", None)
     if recording is None:
@@ -73,83 +73,85 @@ def motion_of(executed: ExecutedStep | Failure) -> Motion | None:
     return recording.base_positions, recording.base_quaternions, recording.joint_positions
 
 
-def moment_pictures(graph: StanceGraph, moments: Sequence[Moment]) -> list[list[Configuration]]:
-    """The configurations that pictures show for each moment.
+def snapshot_frames(graph: StanceGraph, snapshots: Sequence[Snapshot]) -> list[list[Configuration]]:
+    """The configurations that pictures show for each snapshot.
 
-    One for the first and where an episode begins; `STEP_PICTURES` for every other, as even as the
+    One for the first and where an episode begins; `FRAMES_PER_ACTION` for every other, as even as the
     robot's path is long, or as time goes by in a simulation. Branches of limbs are chosen for all
-    moments together. Where no step was taken, or none can be carried out, the robot stands.
+    snapshots together. Where no step was taken, or none can be carried out, the robot stands.
     """
     out: list[list[Configuration]] = []
-    for first, last in _episodes(moments):
-        part = moments[first:last]
-        if any(moment.simulated is not None for moment in part):
-            out += [_simulated(graph, moment, k == 0) for k, moment in enumerate(part)]
+    for first, last in _episode_ranges(snapshots):
+        part = snapshots[first:last]
+        if any(snapshot.simulated_motion is not None for snapshot in part):
+            out += [_simulated_frames(graph, snapshot, k == 0) for k, snapshot in enumerate(part)]
         else:
-            out += _walked(graph, [moment.state for moment in part])
+            out += _walk_frames(graph, [snapshot.state for snapshot in part])
     return out
 
 
-def _episodes(moments: Sequence[Moment]) -> list[tuple[int, int]]:
-    """First and last but one of the moments of each episode."""
-    firsts = [k for k, moment in enumerate(moments) if k == 0 or moment.steps == 0]
-    return list(zip(firsts, [*firsts[1:], len(moments)], strict=True))
+def _episode_ranges(snapshots: Sequence[Snapshot]) -> list[tuple[int, int]]:
+    """First and last but one of the snapshots of each episode."""
+    firsts = [k for k, snapshot in enumerate(snapshots) if k == 0 or snapshot.steps == 0]
+    return list(zip(firsts, [*firsts[1:], len(snapshots)], strict=True))
 
 
-def _simulated(graph: StanceGraph, moment: Moment, first: bool) -> list[Configuration]:
-    here = moment.standing(graph)
-    if first or moment.simulated is None:
-        return [here] * (1 if first else STEP_PICTURES)
-    count = len(moment.simulated[0])
-    chosen = np.linspace(0, count - 1, STEP_PICTURES + 1).round().astype(int)[1:]
-    return _taken(moment.simulated, chosen)
+def _simulated_frames(graph: StanceGraph, snapshot: Snapshot, first: bool) -> list[Configuration]:
+    here = snapshot.configuration(graph)
+    if first or snapshot.simulated_motion is None:
+        return [here] * (1 if first else FRAMES_PER_ACTION)
+    count = len(snapshot.simulated_motion[0])
+    chosen = np.linspace(0, count - 1, FRAMES_PER_ACTION + 1).round().astype(int)[1:]
+    return _configurations_at(snapshot.simulated_motion, chosen)
 
 
-def _walked(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
+def _walk_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
     """What is shown of a walk from state to state; where the stance stays, the robot stands."""
     kept = [k for k, s in enumerate(states) if k == 0 or s.stance != states[k - 1].stance]
     # A state that stays may have lost branches since: the last of each stance counts.
     ends = [*(k - 1 for k in kept[1:]), len(states) - 1]
-    moved = _moved(graph, [states[k] for k in ends])
+    moved = _moving_frames(graph, [states[k] for k in ends])
     out: list[list[Configuration]] = []
     for k, last, pictures in zip(kept, ends, moved, strict=True):
-        out += [pictures, *[[pictures[-1]] * STEP_PICTURES] * (last - k)]
+        out += [pictures, *[[pictures[-1]] * FRAMES_PER_ACTION] * (last - k)]
     return out
 
 
-def _moved(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
+def _moving_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
     """What is shown of a walk of which every state has another stance than the one before."""
     found = committed_motion(graph, states)
     if found.motion is None:
         cut = (found.failed or 0) + 1
-        before, after = _moved(graph, states[:cut]), _moved(graph, states[cut:])
-        return [*before, after[0] * STEP_PICTURES, *after[1:]]
+        before, after = _moving_frames(graph, states[:cut]), _moving_frames(graph, states[cut:])
+        return [*before, after[0] * FRAMES_PER_ACTION, *after[1:]]
     motion = found.motion
-    standing: Motion = motion.base_positions, motion.base_quaternions, motion.joint_positions
-    out = [_taken(standing, np.array([0]))]
+    postures: Motion = motion.base_positions, motion.base_quaternions, motion.joint_positions
+    out = [_configurations_at(postures, np.array([0]))]
     for k in range(len(states) - 1):
         try:
-            path = path_motion(RegraspPath(graph, regrasp_of(graph, motion, k)), SAMPLES)
+            path = path_motion(
+                RegraspPath(graph, regrasp_of(graph, motion, k)), SAMPLES_PER_SEGMENT
+            )
         except PlanError:
-            out.append(_taken(standing, np.array([k + 1])) * STEP_PICTURES)
+            out.append(_configurations_at(postures, np.array([k + 1])) * FRAMES_PER_ACTION)
             continue
         walked = path.base_positions, path.base_quaternions, path.joint_positions
-        out.append(_taken(walked, _evenly(walked)))
+        out.append(_configurations_at(walked, _evenly_spaced(walked)))
     return out
 
 
-def _evenly(motion: Motion) -> IntArray:
+def _evenly_spaced(motion: Motion) -> IntArray:
     """Samples of a motion that are equally far apart, the last one included."""
     positions, _, joints = motion
     bent = np.abs(np.diff(joints, axis=0)).sum(axis=(1, 2))
     moved = bent + np.linalg.norm(np.diff(positions, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(moved)])
-    wanted = np.linspace(0.0, length[-1], STEP_PICTURES + 1)[1:]
+    wanted = np.linspace(0.0, length[-1], FRAMES_PER_ACTION + 1)[1:]
     samples: IntArray = np.searchsorted(length, wanted - 1e-9).clip(0, len(length) - 1)
     samples[-1] = len(length) - 1
     return samples
 
 
-def _taken(motion: Motion, samples: IntArray) -> list[Configuration]:
+def _configurations_at(motion: Motion, samples: IntArray) -> list[Configuration]:
     positions, quaternions, joints = motion
     return [(positions[k], quaternions[k], joints[k]) for k in samples]
