@@ -1,4 +1,4 @@
-"""Kinds of the arguments of the environments."""
+"""Kinds of the arguments of the environments, by which they are checked."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from mlivr_gym.settings import SETTINGS
 from mlivr_gym.world.grasp_map import MAP
 
 AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
-"""What becomes of a copy whose episode has ended, by name."""
+"""Modes of the vector environment for copies whose episode has ended, by name."""
 
 
 def _read_autoreset_mode(value: object, place: FieldPath) -> AutoresetMode:
+    """Return a mode that is given as itself or by its name."""
     name = value.value if isinstance(value, AutoresetMode) else value
     return AUTORESET_MODES[Choice(tuple(AUTORESET_MODES)).read(name, place)]
 
 
 AUTORESET_MODE = Via(_read_autoreset_mode)
-"""One of `AUTORESET_MODES`, also by name."""
+"""Kind of an autoreset mode, given as itself or by its name."""
 
 EPISODE_STEPS = Whole(1, 2**62)
-"""Steps after which an episode is truncated."""
+"""Kind of the number of steps after which an episode is truncated."""
 
 ENV_ARGUMENTS: Kinds = {
     **SETTINGS.kinds,
@@ -54,4 +55,4 @@ ENV_ARGUMENTS: Kinds = {
     "seed": Maybe(SEED),
     "options": Maybe(RESET_OPTIONS),
 }
-"""Of `MlivrEnv` and of its `reset`."""
+"""Kinds of the arguments of `MlivrEnv` and of its `reset`."""

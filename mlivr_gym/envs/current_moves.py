@@ -1,4 +1,4 @@
-"""The moves of a world that may change: points are occupied, obstacles added and removed."""
+"""Possible steps in a world that may change: points are occupied, obstacles added and removed."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from mlivr_gym.stances.step_tables import step_tables
 
 
 class CurrentMoves:
-    """Moves of a stance graph, kept for as long as its world does not change.
+    """The possible steps of a stance graph, evaluated again when its world changes.
 
     Attributes
     ----------
     graph
         The stance graph.
-    tabled
-        Whether they are read from exact tables.
+    uses_tables
+        Whether the steps must come from exact tables.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Take exact tables where every step is known; of more limbs, the table of all nodes."""
+        """Start without steps; load the node table of a graph of three or more limbs."""
         self.graph, self.uses_tables = graph, False
         self._moves: Moves | None = None
         self._version = graph.version
@@ -30,7 +30,7 @@ class CurrentMoves:
             node_table(graph)
 
     def current(self) -> Moves:
-        """What answers for the world as it is now."""
+        """Return the moves of the present world, from exact tables if all steps are known."""
         if self._moves is None or self._version != self.graph.version:
             graph = self.graph
             known = isinstance(graph, PairGraph) and graph.complete
@@ -39,7 +39,7 @@ class CurrentMoves:
         return self._moves
 
     def use_tables(self) -> TableMoves:
-        """The same from exact tables, which are used from now on.
+        """Return the moves from exact tables, which are used from now on.
 
         Raises
         ------
@@ -54,6 +54,7 @@ class CurrentMoves:
         return moves
 
     def _table_moves(self) -> TableMoves:
+        """Return the moves from the exact tables of the present world."""
         tables = step_tables(self.graph)
         assert isinstance(self.graph, PairGraph)
         return TableMoves(self.graph, tables)

@@ -86,8 +86,8 @@ class MlivrEnv(StanceGraphEnv):
     | `branches` | `MultiBinary(16 N)` | branches and flips on which each limb may be | |
 
     ## Rewards
-    `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement [m],
-    and for an action that is masked out minus `max_step`, the largest displacement of any step. An
+    `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
+    [m], and for a masked-out action minus `max_step`, the largest displacement of any step. An
     object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus` is
     added when the goal is reached. Without shaping the return of an episode without masked-out
     actions is minus the cost of its plan, plus the bonus.

@@ -1,4 +1,8 @@
-"""What an environment shows: snapshots of an episode, and how the robot moves between them."""
+"""Snapshots of an environment, and the configurations that a film shows between them.
+
+A snapshot is taken after each action. `snapshot_frames` chooses the branches of the limbs for a
+whole episode and returns the configurations that `viewer` renders.
+"""
 
 from __future__ import annotations
 
@@ -21,31 +25,31 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.simulator import ExecutedStep
 
 FRAMES_PER_ACTION = 25
-"""Pictures of one action, hence a second of film."""
+"""Pictures of one action, which make one second of film."""
 
 SAMPLES_PER_SEGMENT = 100
-"""Configurations on each piece of a step, of which those for the pictures are chosen."""
+"""Configurations computed on each path segment of a step, from which those shown are chosen."""
 
 Motion = tuple[Array, Array, Array]
 """Base positions (k, 3) [m], base quaternions (k, 4) and joint angles (k, N, 6) [rad]."""
 
 
 class Snapshot(NamedTuple):
-    """An environment after an action, or after a reset."""
+    """What a picture shows of an environment after a reset or an action."""
 
     state: State
-    """Its state."""
+    """State of the robot."""
     goal: Array
     """Goal position, shape (3,) [m]."""
     steps: int
-    """Actions of the episode; none where it begins."""
+    """Number of actions since the reset; 0 after a reset."""
     caption: str
-    """What was done last."""
+    """Text about the last action."""
     simulated_motion: Motion | None
-    """How the robot came here in the simulation; None where steps are not simulated."""
+    """Motion of the last step in simulation; None if steps are not simulated."""
 
     def configuration(self, graph: StanceGraph) -> Configuration:
-        """Where the robot stands."""
+        """Return the configuration of the robot."""
         if self.simulated_motion is None:
             return graph.configuration(self.state)
         positions, quaternions, joints = self.simulated_motion
@@ -53,20 +57,20 @@ class Snapshot(NamedTuple):
 
 
 def action_caption(graph: StanceGraph, action: tuple[int, int], legal: bool, failed: bool) -> str:
-    """What a limb did that was sent to a point."""
+    """Return a text that says which limb moved to which point, and whether it could."""
     limb, point = action
     outcome = "" if legal and not failed else ", the grasp failed" if legal else ", not possible"
     return f"limb {limb} to {graph.grasp_map.ids[point]}{outcome}"
 
 
 def motion_at_rest(configuration: Configuration) -> Motion:
-    """A motion that is one configuration."""
+    """Return a motion that consists of one configuration."""
     position, quaternion, joints = configuration
     return position[None], quaternion[None], joints[None]
 
 
 def recorded_motion(executed: ExecutedStep | Failure) -> Motion | None:
-    """How the robot moved in the simulation; None if it could not begin."""
+    """Return the motion of a simulated step, or None if it could not start."""
     recording = getattr(executed, "recording", None)
     if recording is None:
         return None
@@ -74,11 +78,12 @@ def recorded_motion(executed: ExecutedStep | Failure) -> Motion | None:
 
 
 def snapshot_frames(graph: StanceGraph, snapshots: Sequence[Snapshot]) -> list[list[Configuration]]:
-    """The configurations that pictures show for each snapshot.
+    """Return the configurations that are shown for each snapshot.
 
-    One for the first and where an episode begins; `FRAMES_PER_ACTION` for every other, as even as the
-    robot's path is long, or as time goes by in a simulation. Branches of limbs are chosen for all
-    snapshots together. Where no step was taken, or none can be carried out, the robot stands.
+    The first snapshot of an episode has one, every other snapshot `FRAMES_PER_ACTION`, spaced
+    evenly along the robot's path or, in simulation, in time. Branches are chosen for all snapshots
+    of an episode at once. If no step was taken, or it cannot be carried out, the robot stands
+    still.
     """
     out: list[list[Configuration]] = []
     for first, last in _episode_ranges(snapshots):
@@ -91,12 +96,13 @@ def snapshot_frames(graph: StanceGraph, snapshots: Sequence[Snapshot]) -> list[l
 
 
 def _episode_ranges(snapshots: Sequence[Snapshot]) -> list[tuple[int, int]]:
-    """First and last but one of the snapshots of each episode."""
+    """Return the first snapshot of each episode, and the one after its last."""
     firsts = [k for k, snapshot in enumerate(snapshots) if k == 0 or snapshot.steps == 0]
     return list(zip(firsts, [*firsts[1:], len(snapshots)], strict=True))
 
 
 def _simulated_frames(graph: StanceGraph, snapshot: Snapshot, first: bool) -> list[Configuration]:
+    """Return the configurations shown for one snapshot of a simulated episode."""
     here = snapshot.configuration(graph)
     if first or snapshot.simulated_motion is None:
         return [here] * (1 if first else FRAMES_PER_ACTION)
@@ -106,9 +112,9 @@ def _simulated_frames(graph: StanceGraph, snapshot: Snapshot, first: bool) -> li
 
 
 def _walk_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
-    """What is shown of a walk from state to state; where the stance stays, the robot stands."""
+    """Return the configurations shown for a walk; the robot stands still where the stance stays."""
     kept = [k for k, s in enumerate(states) if k == 0 or s.stance != states[k - 1].stance]
-    # A state that stays may have lost branches since: the last of each stance counts.
+    # Branches may be lost while the stance stays, so the last state of each stance counts.
     ends = [*(k - 1 for k in kept[1:]), len(states) - 1]
     moved = _moving_frames(graph, [states[k] for k in ends])
     out: list[list[Configuration]] = []
@@ -118,7 +124,7 @@ def _walk_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Confi
 
 
 def _moving_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
-    """What is shown of a walk of which every state has another stance than the one before."""
+    """Return the configurations shown for a walk whose stance changes with every state."""
     found = committed_motion(graph, states)
     if found.motion is None:
         cut = (found.failed or 0) + 1
@@ -141,7 +147,7 @@ def _moving_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Con
 
 
 def _evenly_spaced(motion: Motion) -> IntArray:
-    """Samples of a motion that are equally far apart, the last one included."""
+    """Return samples of a motion at equal distances along it, the last one included."""
     positions, _, joints = motion
     bent = np.abs(np.diff(joints, axis=0)).sum(axis=(1, 2))
     moved = bent + np.linalg.norm(np.diff(positions, axis=0), axis=1)
@@ -153,5 +159,6 @@ def _evenly_spaced(motion: Motion) -> IntArray:
 
 
 def _configurations_at(motion: Motion, samples: IntArray) -> list[Configuration]:
+    """Return the configurations of a motion at some samples."""
     positions, quaternions, joints = motion
     return [(positions[k], quaternions[k], joints[k]) for k in samples]

@@ -1,4 +1,4 @@
-"""Draws an environment, as pictures or in a window."""
+"""Renderer of an environment: pictures, films and a window."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from mlivr_gym.pictures.route import Route
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 RENDER_FPS = {"rgb_array": 2, "rgb_array_list": RATE, "human": 2}
-"""Pictures a second by render mode: stills, or a film."""
+"""Pictures per second by render mode: stills, a film, or a window."""
 
 VIEW_MARGIN = 1.2
-"""What is seen of the cabin at least on either side of the robot and of the goal [m]."""
+"""Minimum length of cabin that is visible on either side of robot and goal [m]."""
 
 Picture = NDArray[np.uint8]
+"""Colours of a picture, shape (height, width, 3)."""
 
 
 class EnvViewer:
-    """Shows the robot in its scene, which is built anew only for other obstacles.
+    """Renders the robot in its scene, which is built again only if the obstacles change.
 
     Attributes
     ----------
@@ -38,14 +39,14 @@ class EnvViewer:
     """
 
     def __init__(self, graph: StanceGraph, size: tuple[int, int], goal_tolerance: float) -> None:
-        """Draw the map, robot and obstacles of `graph`; pictures have width and height `size`."""
+        """Prepare to draw map, robot and obstacles of `graph`; `size` is width and height [px]."""
         self.graph, self._size, self._goal_tolerance = graph, size, goal_tolerance
         self.scene: SceneRenderer | SceneWindow | None = None
         self._snapshots: list[Snapshot] = []
         self._returned_first = False
 
     def follow(self, snapshot: Snapshot, mode: str | None) -> None:
-        """Take note of an action or a reset, as far as a render mode shows it."""
+        """Show or store a snapshot after an action or a reset, if the render mode requires it."""
         if mode == "human":
             self.render(snapshot, mode)
         if mode == "rgb_array_list":
@@ -54,7 +55,7 @@ class EnvViewer:
             self._snapshots.append(snapshot)
 
     def render(self, snapshot: Snapshot, mode: str | None) -> Picture | list[Picture] | None:
-        """What `MlivrEnv.render` returns, of an environment as it is now."""
+        """Return what `MlivrEnv.render` returns for the present snapshot."""
         if mode is None:
             gymnasium.logger.warn(
                 "render() was called without a render_mode; give one to gymnasium.make"
@@ -70,14 +71,14 @@ class EnvViewer:
         return None
 
     def pictures(self, snapshots: Sequence[Snapshot]) -> list[Picture]:
-        """Pictures of an environment that moves from snapshot to snapshot, see `snapshot_frames`.
+        """Return the pictures of a sequence of snapshots, see `snapshot_frames`.
 
-        Each has shape (height, width, 3) and shows the goal and where the base has been.
+        Each has shape (height, width, 3) and shows the goal and the path of the base.
 
         Raises
         ------
         RenderError
-            If there is no GL library.
+            If no GL library works.
         """
         out: list[Picture] = []
         stances: list[Array] = []
@@ -104,7 +105,7 @@ class EnvViewer:
         line: Sequence[Array],
         stances: Sequence[Array],
     ) -> Picture:
-        """One picture, with words below it."""
+        """Return one picture with its caption."""
         graph, scene, (width, height) = self.graph, self._current_scene(), self._size
         lower = height - strip_height(height)
         if not isinstance(scene, SceneRenderer):
@@ -120,7 +121,7 @@ class EnvViewer:
         )
 
     def _camera(self, base: Array, goal: Array, aspect: float) -> Camera:
-        """From where robot and goal are seen, with the cabin from deck to overhead."""
+        """Return a camera that sees robot and goal, and the cabin from deck to overhead."""
         low, high = np.array(self.graph.grasp_map.cabin)
         ends = min(base[0], goal[0]) - VIEW_MARGIN, max(base[0], goal[0]) + VIEW_MARGIN
         middle = 0.5 * (low[1:] + high[1:])
@@ -143,7 +144,7 @@ class EnvViewer:
         scene.show(*configuration)
 
     def _current_scene(self) -> SceneRenderer | SceneWindow | None:
-        """The scene, if it has the present obstacles; another is closed."""
+        """Return the scene if it has the present obstacles; otherwise close it and return None."""
         if self.scene is not None and self.scene.obstacles != self.graph.obstacles:
             self.close()
         return self.scene
@@ -155,5 +156,5 @@ class EnvViewer:
             self.scene = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the window or GL context."""
+        """Return all attributes for pickling, without the window or GL context."""
         return self.__dict__ | {"scene": None}

@@ -49,4 +49,6 @@ def test_what_many_agents_see_is_what_the_graph_says_of_each(small_graph):
     np.testing.assert_array_equal(seen.base_in_world, graph.base_in_world[rows])
     np.testing.assert_array_equal(seen.w_m, graph.w_m[rows])
     np.testing.assert_array_equal(seen.w_b, graph.w_b[rows])
-    np.testing.assert_allclose(seen.goal_distance, np.linalg.norm(seen.base_in_world - goals, axis=1))
+    np.testing.assert_allclose(
+        seen.goal_distance, np.linalg.norm(seen.base_in_world - goals, axis=1)
+    )
