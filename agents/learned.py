@@ -90,8 +90,8 @@ class LearnedPolicy:
             scores = scores_and_value(self.policy, as_tensors(self.policy, seen))[0][0].numpy()
         if scores.shape != mask.shape:
             raise CheckpointError(
-                f"the policy has {len(scores)} actions and the environment {len(mask)}; use a policy "
-                "that was made for this environment"
+                f"the policy has {len(scores)} actions and the environment {len(mask)}; use a "
+                "policy that was made for this environment"
             )
         if env.steps == 0:
             self._visited.clear()
@@ -285,8 +285,8 @@ def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], pre
         made, needed = config[what], here[what]
         if made["fingerprint"] != needed["fingerprint"]:
             raise CheckpointError(
-                f"{prefix}: it was made for {what} {made['name']!r} ({made['fingerprint']}), not for "
-                f"{needed['name']!r} ({needed['fingerprint']})"
+                f"{prefix}: it was made for {what} {made['name']!r} ({made['fingerprint']}), not "
+                f"for {needed['name']!r} ({needed['fingerprint']})"
             )
 
 

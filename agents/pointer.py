@@ -149,7 +149,7 @@ class PointerNetwork(nn.Module):
         return self.forward(observation)[1]
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Return the scores of all actions, (k, N m), and the input of the value layer, (k, width)."""
+        """Return the scores of all actions, (k, N m), and the value layer's input, (k, width)."""
         observation = self.scaled(observation)
         summary, held = self.summarise(observation, self.codes(observation))
         of_state = torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
