@@ -134,7 +134,9 @@ def load_dataset(dataset_id: str) -> Any:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SettingError(f"cannot load data set {dataset_id!r}: {error}") from None
     found = dataset.storage.metadata.get(RULES_KEY)
-    check_rules(f"data set {dataset_id!r}", found, "write it anew with write_dataset", SettingError)
+    check_rules(
+        f"data set {dataset_id!r}", found, "write it again with write_dataset", SettingError
+    )
     return dataset
 
 

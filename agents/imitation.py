@@ -218,8 +218,8 @@ class Imitation:
         if not len(self._held_out):
             return goals
         away = np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1)
-        kept: Array = goals[away > MIN_GOAL_DISTANCE]
-        return kept
+        allowed: Array = goals[away > MIN_GOAL_DISTANCE]
+        return allowed
 
     def _label_states(
         self, walks: CopyStates, which: IntArray, layout: _Layout
@@ -337,9 +337,9 @@ class Imitation:
             self._optimizer.step()
             with torch.no_grad():
                 # A smaller decay at first, so that the initial weights are soon forgotten.
-                kept = min(settings.averaging, (1.0 + done) / (10.0 + done))
+                decay = min(settings.averaging, (1.0 + done) / (10.0 + done))
                 for average, parameter in zip(self._average, self.policy.parameters(), strict=True):
-                    average.lerp_(parameter, 1.0 - kept)
+                    average.lerp_(parameter, 1.0 - decay)
             if progress is not None:
                 progress(
                     done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()}

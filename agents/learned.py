@@ -247,7 +247,7 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         if _shapes(weights) != _shapes(policy.state_dict()):
             raise CheckpointError(
                 f"{prefix}: its weights have other shapes than the {config['network']} network of "
-                "this version has for this environment; train it anew"
+                "this version has for this environment; train it again"
             )
         _check_weights(weights, prefix)
         policy.load_state_dict(weights)
@@ -272,7 +272,7 @@ def _check_weights(weights: dict[str, Any], prefix: str) -> None:
         if len(wrong):
             raise CheckpointError(
                 f"{prefix}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
-                f"and at most {LARGEST_WEIGHT:g} in size: train it anew"
+                f"and at most {LARGEST_WEIGHT:g} in size: train it again"
             )
 
 
@@ -303,9 +303,9 @@ def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
     if data.get("format") != FORMAT:
         raise CheckpointError(
             f"it has format {shortened(data.get('format', 1))}, and this version reads format "
-            f"{FORMAT}, whose files carry a checksum: train it anew"
+            f"{FORMAT}, whose files carry a checksum: train it again"
         )
-    check_rules("it", data.get("rules"), "train it anew", CheckpointError)
+    check_rules("it", data.get("rules"), "train it again", CheckpointError)
     config = CHECKPOINT.read(data, FieldPath("", CheckpointError))
     network = config["network"]
     sizes = SIZES.read({network: config["sizes"]}, FieldPath("sizes", CheckpointError))
@@ -314,6 +314,6 @@ def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
         raise CheckpointError(
             f"its checksum is {shortened(data.get('checksum'))}, and that of the configuration "
             f"and the weights is {found!r}: a file was altered, or belongs to another; "
-            "copy or train both anew"
+            "copy or train both again"
         )
     return config | {"sizes": sizes[network]}

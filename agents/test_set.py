@@ -93,7 +93,7 @@ def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     file = asset_path("test_set.json") if path is None else Path(path)
 
     def build(data: dict[str, Any]) -> list[HeldOutWorld]:
-        check_rules("it", data.get("rules"), "draw it anew with freeze_test_set")
+        check_rules("it", data.get("rules"), "draw it again with freeze_test_set")
         return [
             HeldOutWorld(
                 **{**world, "tasks": tuple(EvaluationTask(**task) for task in world["tasks"])}

@@ -194,12 +194,12 @@ def _train(
     if interrupted:
         config["interrupted"] = True
     policy.set_training_mode(False)
-    kept = "nothing was written"
+    outcome = "nothing was written"
     if out is not None and (report.learned or not interrupted):
         save_policy(out, policy, config)
-        kept = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
+        outcome = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
     if interrupted:
-        raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {kept}")
+        raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {outcome}")
     return LearnedPolicy(policy, request.network, config)
 
 

@@ -148,7 +148,7 @@ class MlivrEnv(StanceGraphEnv):
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
     | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, see `Setup.of` |
     | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, see `Setup.of` |
-    | `disturbances` | None | `"none"`, `"all"`, see `Setup.of`; each episode draws anew |
+    | `disturbances` | None | `"none"`, `"all"`, see `Setup.of`; drawn for each episode |
     | `physics` | None | parameters of grasps and failures, see `Setup.of` |
     | `grasp_failure` | 0.0 | mean failure probability, or that of each point; kinematic only |
     | `grasp_failure_seed` | 0 | seed of the failure probabilities |

@@ -113,12 +113,12 @@ def _simulated_frames(graph: StanceGraph, snapshot: Snapshot, first: bool) -> li
 
 def _walk_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Configuration]]:
     """Return the configurations shown for a walk; the robot stands still where the stance stays."""
-    kept = [k for k, s in enumerate(states) if k == 0 or s.stance != states[k - 1].stance]
+    changes = [k for k, s in enumerate(states) if k == 0 or s.stance != states[k - 1].stance]
     # Branches may be lost while the stance stays, so the last state of each stance counts.
-    ends = [*(k - 1 for k in kept[1:]), len(states) - 1]
+    ends = [*(k - 1 for k in changes[1:]), len(states) - 1]
     moved = _moving_frames(graph, [states[k] for k in ends])
     out: list[list[Configuration]] = []
-    for k, last, pictures in zip(kept, ends, moved, strict=True):
+    for k, last, pictures in zip(changes, ends, moved, strict=True):
         out += [pictures, *[[pictures[-1]] * FRAMES_PER_ACTION] * (last - k)]
     return out
 
@@ -152,8 +152,8 @@ def _evenly_spaced(motion: Motion) -> IntArray:
     bent = np.abs(np.diff(joints, axis=0)).sum(axis=(1, 2))
     moved = bent + np.linalg.norm(np.diff(positions, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(moved)])
-    wanted = np.linspace(0.0, length[-1], FRAMES_PER_ACTION + 1)[1:]
-    samples: IntArray = np.searchsorted(length, wanted - 1e-9).clip(0, len(length) - 1)
+    distances = np.linspace(0.0, length[-1], FRAMES_PER_ACTION + 1)[1:]
+    samples: IntArray = np.searchsorted(length, distances - 1e-9).clip(0, len(length) - 1)
     samples[-1] = len(length) - 1
     return samples
 

@@ -391,5 +391,5 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "invalid_action": invalid,
             "grasp_failed": failed,
         }
-        told = np.ones((len(info), self.num_envs), dtype=np.bool_)
-        return info | {f"_{name}": row for name, row in zip(info, told, strict=True)}
+        known = np.ones((len(info), self.num_envs), dtype=np.bool_)
+        return info | {f"_{name}": row for name, row in zip(info, known, strict=True)}
