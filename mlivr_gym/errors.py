@@ -104,7 +104,7 @@ class TimingError(SettingError):
         self.shortest = shortest
         super().__init__(
             f"a step of {duration:g} s breaks the limit {binding}; "
-            f"the shortest that keeps the limits is {shortest:.3f} s"
+            f"the shortest duration that keeps all limits is {shortest:.3f} s"
         )
 
 

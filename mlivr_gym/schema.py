@@ -11,7 +11,7 @@ Examples
 >>> rail = Fields({"id": NAME, "ends": Numbers((2, 3), most=1000.0, unit="m")})
 >>> rail.read({"id": "R", "ends": [[0, 0, 0], "x"]}, FieldPath("", MapError))
 Traceback (most recent call last):
-mlivr_gym.errors.MapError: ends is [[0, 0, 0], 'x']; it must be numbers of shape (2, 3), all finite
+mlivr_gym.errors.MapError: ends is [[0, 0, 0], 'x']; it must be finite numbers of shape (2, 3)
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def numbers(
     MlivrError
         An error of the given type, which names the value.
     """
-    kind = "a number, and finite" if shape == () else f"numbers of shape {shape}, all finite"
+    kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
     try:
         array = np.array(value)
         # Integers of more than 64 bits give an array of objects.
@@ -75,9 +75,7 @@ def numbers(
         first = np.unravel_index(int(wrong.argmax()), shape)
         where += "".join(f"[{int(index)}]" for index in first)
         if not np.isfinite(found[first]):
-            raise error(
-                f"{where} is {shortened(array.item(first))}; it must be a number, and finite"
-            )
+            raise error(f"{where} is {shortened(array.item(first))}; it must be a finite number")
         hint = "lengths are in metres: is this in millimetres?"
         raise error(f"{where} is {found[first]:g}, larger than {most:g} m; {hint}")
     return found

@@ -92,9 +92,9 @@ class MlivrEnv(StanceGraphEnv):
     added when the goal is reached. Without shaping the return of an episode without masked-out
     actions is minus the cost of its plan, plus the bonus.
 
-    With `shaping=True` the reward has the potential-based term `discount * phi(after) -
-    phi(before)`, where `phi` is minus the distance to the goal [m], and 0 in the goal region. It
-    keeps the optimal policy of an agent with the same discount (Ng, Harada and Russell, 1999).
+    With `shaping=True` the potential-based term `discount * phi(after) - phi(before)` is added,
+    where `phi` is minus the distance to the goal [m], and 0 in the goal region. It keeps the
+    optimal policy of an agent with the same discount (Ng, Harada and Russell, 1999).
 
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of possible steps joins them, `"far"`
@@ -152,7 +152,7 @@ class MlivrEnv(StanceGraphEnv):
     | `physics` | None | parameters of grasps and failures, see `Setup.of` |
     | `grasp_failure` | 0.0 | mean failure probability, or that of each point; kinematic only |
     | `grasp_failure_seed` | 0 | seed of the failure probabilities |
-    | `precompute` | False | whether to call `table_moves` at once; two limbs, kinematic only |
+    | `precompute` | False | whether all steps are computed at once; two limbs, kinematic only |
     | `render_mode` | None | `"rgb_array"`, `"rgb_array_list"` (a film), or `"human"` (a window) |
     | `width`, `height` | 640, 360 | size of pictures [px] |
 
