@@ -1,7 +1,7 @@
-"""Policies that act in the environment, and one evaluation for them all.
+"""Policies that act in the environment, and one evaluation for all of them.
 
-What learns needs PyTorch and is imported from its own module: `mlivr_gym.agents.learned`,
-`mlivr_gym.agents.training`.
+The learned policies and their training need PyTorch; they are imported from
+`mlivr_gym.agents.learned` and `mlivr_gym.agents.training`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Planner episodes as a Minari data set, with action masks in the observations."""
+"""Data sets of expert episodes in the format of Minari, with action masks in the observations."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.extras import need
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
-NEEDED = ("minari", "h5py", "jax")
-"""Packages of the extra [data]: Minari, its file format, and what joins its episodes."""
+REQUIRED_PACKAGES = ("minari", "h5py", "jax")
+"""Packages of the extra [data]: Minari, its file format, and what it stacks episodes with."""
 
-EXAMPLE = "mlivr/jem/astar-v0"
-"""Id of a data set as it should be."""
+EXAMPLE_ID = "mlivr/jem/astar-v0"
+"""Id of a data set, as an example in messages."""
 
-RULES = "graph_rules"
-"""Name in the metadata of the number of the stance graph's rules."""
+RULES_KEY = "graph_rules"
+"""Metadata key of the number of the stance graph's rules."""
 
 DESCRIPTION = (
     "Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks."
 )
-"""What the metadata say of every data set."""
+"""Description in the metadata of every data set."""
 
 
 def write_dataset(
@@ -43,7 +43,7 @@ def write_dataset(
 ) -> Any:
     """Write episodes of the optimal expert; episode k starts from `reset(seed=seed + k)`.
 
-    The data set rebuilds its environment: `load_dataset(id).recover_environment()`.
+    The data set can rebuild its environment: `load_dataset(id).recover_environment()`.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def write_dataset(
     env_arguments
         Arguments of `MlivrEnv`.
     progress
-        Called with the number of episodes done.
+        Function that is called with the number of finished episodes.
 
     Returns
     -------
@@ -66,36 +66,36 @@ def write_dataset(
     Raises
     ------
     SettingError
-        If there is no episode, the id is no id of Minari or taken, or the extra
-        [data] is not installed; all before the first episode.
+        If `episodes` is below 1, the id is not valid for Minari or exists already, or the extra
+        [data] is not installed; all this is checked before the first episode.
     """
-    need(*NEEDED, extra="data")
+    need(*REQUIRED_PACKAGES, extra="data")
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
-    collector, expert = _collector(dataset_id, env_arguments or {}), ExpertPolicy()
+    collector, expert = _make_collector(dataset_id, env_arguments or {}), ExpertPolicy()
     for k in range(episodes):
         _collect_episode(collector, expert, seed + k)
         if progress is not None:
             progress(k + 1)
     with warnings.catch_warnings():
-        # Author and link are the user's to add; Minari leaves temporary folders to the collector.
-        for told in (".*is set to None", "Implicitly cleaning up"):
-            warnings.filterwarnings("ignore", message=told)
+        # Authors and links are the user's to add; the temporary folder belongs to the collector.
+        for message in (".*is set to None", "Implicitly cleaning up"):
+            warnings.filterwarnings("ignore", message=message)
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
             algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
             description=DESCRIPTION,
             requirements=[f"mlivr-gym=={__version__}"],
         )
-        dataset.storage.update_metadata({RULES: GRAPH_RULES})
+        dataset.storage.update_metadata({RULES_KEY: GRAPH_RULES})
         collector.close()
         del collector
     return dataset
 
 
-def _collector(dataset_id: str, env_arguments: dict[str, Any]) -> Any:
-    """A `minari.DataCollector` around a new environment with action masks in its observations."""
+def _make_collector(dataset_id: str, env_arguments: dict[str, Any]) -> Any:
+    """Return a `minari.DataCollector` around a new environment that observes action masks."""
     import minari
 
     masked = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **env_arguments))
@@ -118,28 +118,30 @@ def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
 
 
 def load_dataset(dataset_id: str) -> Any:
-    """A data set of `write_dataset`, a `minari.MinariDataset`.
+    """Return a data set that `write_dataset` wrote, a `minari.MinariDataset`.
 
     Raises
     ------
     SettingError
-        If there is none of this id, its walks were made under other rules of the
-        stance graph, or the extra [data] is not installed.
+        If no data set has this id, its episodes were made by other rules of the stance graph, or
+        the extra [data] is not installed.
     """
-    need(*NEEDED, extra="data")
+    need(*REQUIRED_PACKAGES, extra="data")
     import minari
 
     try:
         dataset = minari.load_dataset(dataset_id)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SettingError(f"cannot load data set {dataset_id!r}: {error}") from None
-    found = dataset.storage.metadata.get(RULES)
-    check_rules(f"data set {dataset_id!r}", found, "write it anew with write_dataset", SettingError)
+    found = dataset.storage.metadata.get(RULES_KEY)
+    check_rules(
+        f"data set {dataset_id!r}", found, "write it again with write_dataset", SettingError
+    )
     return dataset
 
 
 def _check_id(dataset_id: str) -> None:
-    """Refuse an id that Minari would refuse, or that is taken, when everything is collected."""
+    """Check that an id is valid for Minari and not in use, before any episode is collected."""
     from minari.dataset.minari_dataset import parse_dataset_id
     from minari.storage.datasets_root_dir import get_dataset_path
 
@@ -149,7 +151,7 @@ def _check_id(dataset_id: str) -> None:
         fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
     if fault:
         raise SettingError(
-            f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE!r}"
+            f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE_ID!r}"
         )
     try:
         get_dataset_path(dataset_id).lstat()
@@ -158,5 +160,6 @@ def _check_id(dataset_id: str) -> None:
     except OSError as error:
         raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
     raise SettingError(
-        f"there is a data set {dataset_id!r} already; delete it with minari.delete_dataset"
+        f"data set {dataset_id!r} exists already; choose another id, or delete it with "
+        "minari.delete_dataset"
     )

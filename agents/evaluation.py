@@ -1,4 +1,4 @@
-"""One measure for everything that acts: planners, baselines and learned policies alike."""
+"""Evaluation of planners, baselines and learned policies by the same episodes and figures."""
 
 from __future__ import annotations
 
@@ -18,38 +18,36 @@ from mlivr_gym.transitions.state import State
 
 
 class EvaluationTask(NamedTuple):
-    """Where an episode starts and where it shall lead."""
+    """Start and goal of an episode."""
 
     start: tuple[str, ...]
-    """Point id of each limb."""
+    """Id of the point that each limb holds."""
     goal: tuple[float, ...]
     """Goal position of the base [m]."""
     occupied: tuple[str, ...] = ()
-    """Points that may not be grasped."""
+    """Ids of points that no limb may grasp."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What happened in k episodes.
+    """Results of k episodes.
 
     Attributes
     ----------
     success
         Whether the goal was reached, shape (k,).
     steps
-        Steps taken, shape (k,).
+        Number of steps, shape (k,).
     base_translation
         Sum of base displacements [m], shape (k,).
     first_decision
-        Time from the reset to the first action, world and policy together [s],
-        shape (k,).
+        Time from the reset to the first action, of environment and policy [s], shape (k,).
     decision
         Mean time of the policy alone for an action [s], shape (k,).
     failed_grasps
-        Attempts that failed, shape (k,).
+        Number of attempts to grasp that failed, shape (k,).
     executed
-        1 where the walk could be executed, 0 where it could not, NaN where it was not
-        tried, shape (k,).
+        1 if the walk could be executed, 0 if not, NaN if it was not tested, shape (k,).
     """
 
     success: BoolArray
@@ -62,7 +60,7 @@ class Evaluation:
 
     @property
     def success_rate(self) -> float:
-        """Share of episodes that reached the goal."""
+        """Share of the episodes that reached the goal."""
         return float(self.success.mean())
 
 
@@ -76,13 +74,13 @@ def evaluate(
     progress: Callable[[int], None] | None = None,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None = None,
 ) -> Evaluation:
-    """Run a policy; episode k starts from `reset(seed=seed + k)`.
+    """Run a policy and return its results; episode k starts from `reset(seed=seed + k)`.
 
     Parameters
     ----------
     env
-        The environment, unwrapped. Tasks occupy points of its graph; in the end those are
-        occupied that were before.
+        The environment, unwrapped. Tasks may occupy points of its graph; afterwards the same points
+        are occupied as before.
     policy
         The policy.
     episodes
@@ -90,19 +88,33 @@ def evaluate(
     seed
         Seed of the first episode.
     max_steps
-        Steps after which an episode counts as failed. One whose policy takes an action
-        that is not possible counts as failed at once (the policy would only repeat it), and so
-        does one in which a simulated step fails.
+        Number of steps after which an episode counts as failed. An episode also fails when the
+        policy takes an impossible action, which it would only repeat, or when a simulated step
+        fails.
     progress
-        Called with the number of episodes done.
+        Function that is called with the number of finished episodes.
     execute
-        Executes a walk, for example in MuJoCo; given the environment and the states of
-        each successful episode, tells whether it could be executed, None if it was not tried.
+        Function that executes a walk, for example in MuJoCo. It takes the environment and the
+        states of a successful episode, and returns whether the walk could be executed, or None if
+        not tested.
+
+    Returns
+    -------
+    Evaluation
+        The results.
 
     Raises
     ------
     SettingError
         If there is no episode.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> from mlivr_gym.agents import ExpertPolicy
+    >>> env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0").unwrapped
+    >>> evaluate(env, ExpertPolicy(), episodes=2).success_rate
+    1.0
     """
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
@@ -111,22 +123,22 @@ def evaluate(
     before = env.graph.ids(sorted(env.graph.occupied))
     for k, task in enumerate(tasks):
         if task is not None:
-            _occupy(env, task.occupied)
-        rows.append(_episode(env, policy, task, seed + k, max_steps, execute))
+            _set_occupied_points(env, task.occupied)
+        rows.append(_run_episode(env, policy, task, seed + k, max_steps, execute))
         if progress is not None:
             progress(k + 1)
-    _occupy(env, before)
+    _set_occupied_points(env, before)
     return Evaluation(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _occupy(env: MlivrEnv, points: Sequence[str]) -> None:
-    """Have exactly these points occupied."""
+def _set_occupied_points(env: MlivrEnv, points: Sequence[str]) -> None:
+    """Make exactly these points occupied."""
     if {env.graph.grasp_map.index(point) for point in points} != env.graph.occupied:
         env.graph.vacate()
         env.graph.occupy(points)
 
 
-def _episode(
+def _run_episode(
     env: MlivrEnv,
     policy: Policy,
     task: EvaluationTask | None,
@@ -134,7 +146,7 @@ def _episode(
     max_steps: int,
     execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
 ) -> tuple[float, ...]:
-    """One row of `Evaluation`; the arguments are those of `evaluate`."""
+    """Run one episode; return its results in the order of `Evaluation`."""
     began = time.perf_counter()
     options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
@@ -162,14 +174,14 @@ def _episode(
 def bootstrap(
     values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0
 ) -> tuple[float, float]:
-    """95 % percentile bootstrap interval of a statistic of independent values; NaN without values.
+    """Return the 95 % percentile bootstrap interval of a statistic, or NaN without values.
 
     Parameters
     ----------
     values
-        The values, shape (k,).
+        Independent values, shape (k,).
     statistic
-        What is computed from k values.
+        Function of k values.
     seed
         Seed of the resampling.
     """

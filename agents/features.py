@@ -1,4 +1,8 @@
-"""What the point-wise policy sees: points, limbs and goal in the robot's frame."""
+"""Features of the pointer policy: points, limbs and goal in the frame of the robot's base.
+
+They depend neither on the number and order of the points nor on where in the module the robot is.
+`env_features` computes them for any environment, `TableFeatures` for many states from exact tables.
+"""
 
 from __future__ import annotations
 
@@ -20,26 +24,26 @@ from mlivr_gym.stances.table_steps import Ahead, legal_positions, onward_of_acti
 from mlivr_gym.transitions.state import State, Successors
 
 Features = dict[str, NDArray[np.float32]]
-"""Observations of the point-wise policy by name, as `point_features` returns them."""
+"""Observations of the pointer policy by name, as `point_features` returns them."""
 
 DEPTH = 4
-"""Steps that the reach of a point looks ahead."""
+"""Number of steps that the reach of a point looks ahead."""
 
-POINT, LIMB, GOAL = 8, 8 + 4 * DEPTH, 5
-"""Numbers that describe a point, a point as seen by one limb, and the goal."""
+POINT_FEATURES, LIMB_FEATURES, GOAL_FEATURES = 8, 8 + 4 * DEPTH, 5
+"""Number of features of a point, of a point for one limb, and of the goal."""
 
 REACH, ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
-"""Where the reach of a point and its arrivals stand among those of a point as seen by one limb."""
+"""Indices of the reach and of the arrivals among the features of a point for one limb."""
 
 ONWARD_REACH = slice(ARRIVALS.stop, ARRIVALS.stop + DEPTH + 1)
-ONWARD_ARRIVALS = slice(ONWARD_REACH.stop, LIMB)
-"""Where those stand that an action has if a step that is possible after it comes next."""
+ONWARD_ARRIVALS = slice(ONWARD_REACH.stop, LIMB_FEATURES)
+"""Indices of the reach and arrivals of an action, through the steps that are possible after it."""
 
-FAR = 10.0
-"""Reach of points that no stance has [m]."""
+MAX_REACH = 10.0
+"""Reach of a point with which no stance can be held [m]."""
 
 
-class Points(NamedTuple):
+class MapPoints(NamedTuple):
     """The m points of a map."""
 
     positions: Array
@@ -47,85 +51,97 @@ class Points(NamedTuple):
     normals: Array
     """Surface normals, shape (m, 3)."""
     free: BoolArray
-    """Which points may be grasped, shape (m,), or (k, m) where it differs between k states."""
+    """Whether each point may be grasped, shape (m,), or (k, m) if it differs between k states."""
     risk: Array
-    """Probability that an attempt at each point fails, shape (m,)."""
+    """Probability that an attempt to grasp each point fails, shape (m,)."""
 
 
-class Situations(NamedTuple):
-    """Where the robot with N limbs is in k states, and what its actions do."""
+class StateBatch(NamedTuple):
+    """States of a robot with N limbs, k of them, and the results of their actions."""
 
     base: Array
-    """Base positions [m], shape (k, 3)."""
+    """Positions of the base [m], shape (k, 3)."""
     rotation: Array
-    """Base rotations, shape (k, 3, 3)."""
+    """Rotations of the base, shape (k, 3, 3)."""
     stance: IntArray
-    """Point indices, shape (k, N)."""
+    """Indices of the points held, shape (k, N)."""
     legal: BoolArray
-    """Which actions are possible, shape (k, N, m)."""
+    """Whether each action is possible, shape (k, N, m)."""
     after: Array
-    """Base position after each possible action [m], shape (k, N, m, 3); else anything."""
+    """Position of the base after each possible action [m], shape (k, N, m, 3); else undefined."""
     releasable_after: BoolArray
-    """Whether a limb that holds could let go after each possible action, shape (k, N, m)."""
+    """Whether a support limb can be released after each possible action, shape (k, N, m)."""
     onward: Array
-    """Reach and arrivals through the steps possible after each, shape (k, N, m, 2 DEPTH + 2)."""
+    """Reach and arrivals of each possible action, see `onward_of`, shape (k, N, m, 2 DEPTH + 2)."""
 
 
-class Aims(NamedTuple):
-    """Where k states shall lead."""
+class GoalBatch(NamedTuple):
+    """Goals of k states."""
 
     goal: Array
     """Goal positions [m], shape (k, 3)."""
     tolerance: float
     """Radius of the goal region [m]."""
     reach: Array
-    """What `reach_of_points` returns, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH) for all."""
+    """Result of `reach_of_points`, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH)."""
 
 
-def point_features(points: Points, states: Situations, aims: Aims) -> Features:
-    """Features of k states with N limbs on m points, all in the robot's frame.
+def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> Features:
+    """Return the features of k states with N limbs on m points, all in the frame of the base.
+
+    Parameters
+    ----------
+    points
+        The points.
+    states
+        The states and their actions.
+    goals
+        The goals.
 
     Returns
     -------
     Features
-        `points` (k, m, 8): position, normal, whether free, risk. `limbs` (k, N, m, 8 + 4 DEPTH):
-        whether the limb holds the point, whether it may move there, the base's displacement if it
-        does, whether a limb that holds could let go then, reach and arrivals of the point, and
-        those of the action through the steps possible after it; arrivals as the logarithm to the
-        base 2 of one more. `goal` (k, 5): where the goal lies, its distance, and the tolerance.
+        `points` (k, m, 8): position, normal, whether the point is free, risk. `limbs` (k, N, m, 8 +
+        4 DEPTH): whether the limb holds the point, whether it can move there, the displacement of
+        the base if it does, whether a support limb can be released then, reach and arrivals of the
+        point, and reach and arrivals of the action; arrivals a are given as `log2(1 + a)`. `goal`
+        (k, 5): position, distance, and goal tolerance.
     """
     base, rotation, legal = states.base, states.rotation, states.legal
     k, limbs = states.stance.shape
     m = len(points.positions)
-    looks = np.empty((k, m, POINT), dtype=np.float32)
-    looks[:, :, :3] = np.matmul(points.positions[None] - base[:, None], rotation)
-    looks[:, :, 3:6] = np.matmul(points.normals[None], rotation)
-    looks[:, :, 6], looks[:, :, 7] = points.free, points.risk
-    seen = np.zeros((k, limbs, m, LIMB), dtype=np.float32)
-    seen[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
-    seen[..., 1] = legal
+    point_part = np.empty((k, m, POINT_FEATURES), dtype=np.float32)
+    point_part[:, :, :3] = np.matmul(points.positions[None] - base[:, None], rotation)
+    point_part[:, :, 3:6] = np.matmul(points.normals[None], rotation)
+    point_part[:, :, 6], point_part[:, :, 7] = points.free, points.risk
+    limb_part = np.zeros((k, limbs, m, LIMB_FEATURES), dtype=np.float32)
+    limb_part[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
+    limb_part[..., 1] = legal
     state, limb, point = np.nonzero(legal)
     moved = states.after[state, limb, point] - base[state]
-    seen[..., 5], seen[..., REACH] = legal & states.releasable_after, aims.reach[..., :DEPTH]
-    seen[..., ARRIVALS] = np.log2(1.0 + aims.reach[..., DEPTH:])
+    limb_part[..., 5], limb_part[..., REACH] = (
+        legal & states.releasable_after,
+        goals.reach[..., :DEPTH],
+    )
+    limb_part[..., ARRIVALS] = np.log2(1.0 + goals.reach[..., DEPTH:])
     onward = states.onward[state, limb, point]
-    seen[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
-    seen[state, limb, point, ONWARD_ARRIVALS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
-    seen[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
-    toward = np.einsum("ij,ijk->ik", aims.goal - base, rotation)
-    distance = np.linalg.norm(toward, axis=1, keepdims=True)
-    ahead = np.concatenate([toward, distance, np.full_like(distance, aims.tolerance)], axis=1)
-    return {"points": looks, "limbs": seen, "goal": ahead.astype(np.float32)}
+    limb_part[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
+    limb_part[state, limb, point, ONWARD_ARRIVALS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
+    limb_part[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
+    to_goal = np.einsum("ij,ijk->ik", goals.goal - base, rotation)
+    distance = np.linalg.norm(to_goal, axis=1, keepdims=True)
+    goal_part = np.concatenate([to_goal, distance, np.full_like(distance, goals.tolerance)], axis=1)
+    return {"points": point_part, "limbs": limb_part, "goal": goal_part.astype(np.float32)}
 
 
 def reach_of_points(
     graph: StanceGraph, goal: Array, tolerance: float, held: BoolArray | None = None
 ) -> Array:
-    """How near to the goal the steps after a grasp can lead, and in how many sequences they arrive.
+    """Return how close to the goal the base can come after a grasp of each point, and how often.
 
-    It is told for 1 to `DEPTH` steps, over all stances that can be held, whether steps lead there
-    or not, the limbs moving in turns. For more than two limbs the stances are not known
-    beforehand: the distance is then that of the point itself, and the arrivals are none.
+    The stances that follow 1 to `DEPTH` steps after the grasp are considered, with the limbs moving
+    in turn, whether or not steps lead there. With more than two limbs the stances are not known in
+    advance: the distance is that of the point, and the arrivals are 0.
 
     Parameters
     ----------
@@ -136,24 +152,24 @@ def reach_of_points(
     tolerance
         Radius of the goal region [m].
     held
-        Which stances can be held, shape (n,); by default those that the graph says.
+        Whether each stance can be held, shape (n,); by default as in the graph.
 
     Returns
     -------
     Array
-        Shape (N, m, 2 DEPTH): the least distance of the base [m], at most `FAR`, and the number
-        of sequences of stances that end in the goal region.
+        Shape (N, m, 2 DEPTH): minimum distance of the base from the goal [m], at most `MAX_REACH`,
+        and number of sequences of stances that end in the goal region.
     """
     if not isinstance(graph, PairGraph):
-        away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), FAR)
+        away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), MAX_REACH)
         none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
         none[..., :DEPTH] = away[None, :, None]
         return none
     held = (graph.mask != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
-    distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), FAR)
+    distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_REACH)
     lost = ~held[graph.rows]
-    out, count = np.full((2, len(graph.grasp_map), DEPTH), FAR), (distance <= tolerance) * 1.0
+    out, count = np.full((2, len(graph.grasp_map), DEPTH), MAX_REACH), (distance <= tolerance) * 1.0
     arrivals = np.zeros(out.shape)
     for depth in range(DEPTH):
         for limb in range(2):
@@ -161,7 +177,7 @@ def reach_of_points(
                 other = graph.points[graph.rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
                 count[limb] = arrivals[1 - limb, other, depth - 1]
-            distance[limb, lost[limb]], count[limb, lost[limb]] = FAR, 0.0
+            distance[limb, lost[limb]], count[limb, lost[limb]] = MAX_REACH, 0.0
             known = np.flatnonzero(graph.degree[limb])
             first = graph.row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
@@ -170,7 +186,7 @@ def reach_of_points(
 
 
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
-    """Features of states of an environment, by default of the present one: a batch of one."""
+    """Return the features of states of an environment, by default of its present state."""
     graph = env.graph
     states = [env.state] if states is None else states
     k, limbs, m = len(states), graph.limbs, len(graph.grasp_map)
@@ -190,17 +206,19 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
     return point_features(
-        Points(graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability),
-        Situations(base, rotation, stance, legal, after, releasable_after, onward),
-        Aims(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach[None]),
+        MapPoints(
+            graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability
+        ),
+        StateBatch(base, rotation, stance, legal, after, releasable_after, onward),
+        GoalBatch(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach[None]),
     )
 
 
 def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
-    """Reach and arrivals of each step through the steps that are possible after it.
+    """Return reach and arrivals of each step, through the steps that are possible after it.
 
-    With more than two limbs, where to work out all steps of a state takes long, the distance is
-    that of the base after the step itself, and the arrivals are none.
+    With more than two limbs, where computing all steps of a state takes long, the distance is that
+    of the base after the step itself, and the arrivals are 0.
 
     Parameters
     ----------
@@ -211,19 +229,19 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
     steps
         The k steps that leave it.
     reach
-        What `reach_of_points` returns, shape (N, m, 2 DEPTH).
+        Result of `reach_of_points`, shape (N, m, 2 DEPTH).
 
     Returns
     -------
     Array
-        Shape (k, 2 DEPTH + 2): the least distance of the base to the goal after 1 to DEPTH + 1 more
-        steps [m], and the number of sequences that end in the goal region.
+        Shape (k, 2 DEPTH + 2): minimum distance of the base from the goal after 1 to DEPTH + 1
+        further steps [m], and number of sequences of stances that end in the goal region.
     """
     out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
-    out[:, : DEPTH + 1] = FAR
+    out[:, : DEPTH + 1] = MAX_REACH
     if env.graph.limbs > 2:
         away = np.linalg.norm(steps.base_in_world - env.goal, axis=1)
-        out[:, : DEPTH + 1] = np.minimum(away, FAR)[:, None]
+        out[:, : DEPTH + 1] = np.minimum(away, MAX_REACH)[:, None]
         return out
     for k in range(len(out)):
         after = env.moves.successors(steps.after(state, k))
@@ -231,7 +249,7 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
             continue
         away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
         following = reach[after.limb, after.point]
-        out[k, 0] = min(away.min(), FAR)
+        out[k, 0] = min(away.min(), MAX_REACH)
         out[k, 1 : DEPTH + 1] = following[:, :DEPTH].min(axis=0)
         out[k, DEPTH + 1] = np.count_nonzero(away <= env.goal_tolerance)
         out[k, DEPTH + 2 :] = following[:, DEPTH:].sum(axis=0)
@@ -239,10 +257,10 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
 
 
 class TableFeatures:
-    """Features of many states of one map from exact tables."""
+    """Computes the features of many states of one map from exact tables."""
 
     def __init__(self, env: MlivrEnv) -> None:
-        """Of an environment with two limbs."""
+        """Take the map, the base rotations and the risks of an environment with two limbs."""
         self.grasp_map, self.rotation = (
             env.graph.grasp_map,
             env.table_moves().graph.base_axes_in_world,
@@ -258,22 +276,22 @@ class TableFeatures:
         reach: Array,
         free: BoolArray | None = None,
     ) -> Features:
-        """Features of k states.
+        """Return the features of k states.
 
         Parameters
         ----------
         tables
-            The steps, of all points.
+            Tables of all steps, for all points of the map.
         stances
             Stance indices, shape (k,).
         masks
-            Branches each limb may be on, shape (k, 2).
+            Branch masks of both limbs, shape (k, 2).
         goals
             Goal positions [m], shape (k, 3).
         reach
-            What `reach_of_points` returns for each state, shape (k, 2, m, 2 DEPTH).
+            Result of `reach_of_points` for each state, shape (k, 2, m, 2 DEPTH).
         free
-            Which points may be grasped, shape (m,) or (k, m); by default all.
+            Whether each point may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
@@ -282,10 +300,10 @@ class TableFeatures:
         free = np.broadcast_to(np.True_ if free is None else free, (k, m))
         legal &= free[:, None]
         onward = np.zeros((k, 2, m, 2 * DEPTH + 2))
-        onward[..., : DEPTH + 1] = FAR
+        onward[..., : DEPTH + 1] = MAX_REACH
         ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
         onward_of_actions(stances, masks, tables, ahead, onward)
-        states = Situations(
+        states = StateBatch(
             tables.base_in_world[stances],
             self.rotation[stances],
             tables.points[stances].astype(np.int64),
@@ -295,16 +313,16 @@ class TableFeatures:
             onward,
         )
         return point_features(
-            Points(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),
+            MapPoints(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),
             states,
-            Aims(goals, self.tolerance, reach),
+            GoalBatch(goals, self.tolerance, reach),
         )
 
 
 class PointObservation(
     gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
-    """Observations for the point-wise policy: `point_features` of the present state."""
+    """Wrapper whose observations are the features of the pointer policy, `point_features`."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`."""
@@ -315,21 +333,25 @@ class PointObservation(
         self.observation_space = point_space(inner)
 
     def observation(self, observation: Observation) -> Features:
-        """The features, without a batch axis."""
+        """Return the features of the present state, without a batch axis."""
         inner = self.env.unwrapped
         assert isinstance(inner, MlivrEnv)
         return {name: array[0] for name, array in env_features(inner).items()}
 
     def action_masks(self) -> BoolArray:
-        """Which actions are possible, for sb3-contrib."""
+        """Return which actions are possible, shape (N m,), as `MaskablePPO` requires."""
         mask: BoolArray = self.env.get_wrapper_attr("action_masks")()
         return mask
 
 
 def point_space(env: MlivrEnv) -> spaces.Dict:
-    """Space of `point_features` for an environment."""
+    """Return the space of `point_features` for an environment."""
     m, limbs = len(env.graph.grasp_map), env.graph.limbs
-    shapes = {"points": (m, POINT), "limbs": (limbs, m, LIMB), "goal": (GOAL,)}
+    shapes = {
+        "points": (m, POINT_FEATURES),
+        "limbs": (limbs, m, LIMB_FEATURES),
+        "goal": (GOAL_FEATURES,),
+    }
     return spaces.Dict(
         {name: spaces.Box(-100.0, 100.0, shape, np.float32) for name, shape in shapes.items()}
     )

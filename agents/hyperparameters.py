@@ -1,6 +1,6 @@
-"""Hyperparameters: data, checked before anything is trained.
+"""Hyperparameters of the training methods, checked before anything is trained.
 
-Those that ship with the package lie in `envs_assets/training.json`.
+Those that ship with the package are in `envs_assets/training.json`.
 """
 
 from __future__ import annotations
@@ -15,46 +15,44 @@ from mlivr_gym.files import load
 from mlivr_gym.schema import FieldPath, Fields, Flag, Kind, Listed, Maybe, Struct, Tuples, Whole
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
-"""Names of the training methods; `finetune` is PPO in small steps from a checkpoint."""
+"""Names of the training methods; `finetune` is PPO with small steps from a checkpoint."""
 
 
 @dataclass(frozen=True)
 class ImitationSettings:
-    """How a policy imitates the planner.
+    """Hyperparameters of imitation learning.
 
     Attributes
     ----------
     rounds
-        Times that data are gathered and learnt from; in the first the expert walks, in the
-        others the policy (behaviour cloning: the expert in all).
+        Number of rounds; in each one data are gathered and then learned from.
     dagger
-        Whether the policy walks after the first round.
+        Whether the policy walks after the first round (DAgger); the expert walks in the first
+        round, and in all of them for behaviour cloning.
     layouts
-        Layouts of the points in a round.
+        Number of layouts of the points in a round.
     goals
-        Goals on each layout.
+        Number of goals on each layout.
     walks
-        Walks to each goal.
+        Number of walks to each goal.
     longest
-        Most steps of a walk.
+        Maximum number of steps of a walk.
     most_removed
-        Largest share of the points taken out of a layout; every third layout has all
-        of them.
+        Maximum share of the points that a layout lacks; every third layout has all points.
     noise
         Share of random possible actions on walks.
     updates
-        Gradient steps in a round.
+        Number of gradient steps in a round.
     batch
-        States in a gradient step.
+        Number of states in a gradient step.
     learning_rate
-        Largest rate of Adam; it falls to a tenth by a cosine.
+        Initial learning rate of Adam, which a cosine lowers to a tenth.
     averaging
-        Share that the average of the weights, which is kept in the end, keeps of itself
-        in a gradient step.
+        Decay of the exponential moving average of the weights, which is the final policy.
     value_weight
-        Weight of the error of the value in the loss.
+        Weight of the value error in the loss.
     discount
-        Discount of that value.
+        Discount of the value.
     """
 
     rounds: int = 8
@@ -73,18 +71,20 @@ class ImitationSettings:
     discount: float = 0.99
 
     def __post_init__(self) -> None:
-        """Check every figure."""
+        """Check all values."""
         IMITATION.check(self, FieldPath("imitation", SettingError))
 
 
 COUNT = Whole(1, 1 << 40)
-"""Steps, states or epochs."""
+"""Kind of a number of steps, states or epochs."""
 
 WIDTH = Whole(1, 1 << 14)
-"""Units of a layer."""
+"""Kind of the number of units of a layer."""
 
 SHARE = Tuples((), 0.0, 1.0)
+"""Kind of a number from 0 to 1."""
 WEIGHT = Tuples((), 0.0)
+"""Kind of a number that is at least 0."""
 
 IMITATION = Struct(
     ImitationSettings,
@@ -97,7 +97,7 @@ IMITATION = Struct(
         "dagger": Flag(),
     },
 )
-"""Fields of `ImitationSettings`."""
+"""Kind of each field of `ImitationSettings`."""
 
 SIZES = Fields(
     {},
@@ -106,7 +106,7 @@ SIZES = Fields(
         "mlp": Fields({}, {"net_arch": Listed(WIDTH, most=32)}),
     },
 )
-"""Sizes of each network."""
+"""Kind of the sizes of each network."""
 
 PPO = Fields(
     {},
@@ -126,34 +126,34 @@ PPO = Fields(
         "target_kl": Maybe(WEIGHT),
     },
 )
-"""What `MaskablePPO` of sb3-contrib takes."""
+"""Kind of each argument of `MaskablePPO` of sb3-contrib."""
 
-PARTS: dict[str, Kind[Any]] = {
+METHOD_FIELDS: dict[str, Kind[Any]] = {
     "imitation": IMITATION.fields,
     "copies": Whole(1, 4096),
     "timesteps": COUNT,
     "ppo": PPO,
 }
-"""What a method does: imitation, PPO in copies of the environment, or one after the other."""
+"""Kinds of the parts of a method: imitation, PPO in copies of the environment, or both in order."""
 
 
 def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
-    """Hyperparameters of one method, with the sizes of the networks.
+    """Return the hyperparameters of one method and the sizes of the networks, after checking them.
 
     Parameters
     ----------
     settings
-        `imitation`, or `copies`, `timesteps` and `ppo`, or both; and `networks`.
+        `imitation`, or `copies`, `timesteps` and `ppo`, or all of these; and `networks`.
     path
-        What they are called in a message.
+        Name of the settings in messages.
 
     Raises
     ------
     SettingError
-        naming a field that is missing, unknown or faulty.
+        If a field is missing, unknown or invalid; the message names it.
     """
     place = FieldPath(path, SettingError)
-    found = Fields({"networks": SIZES}, PARTS).read(settings, place)
+    found = Fields({"networks": SIZES}, METHOD_FIELDS).read(settings, place)
     if not {"imitation", "ppo"} & found.keys():
         raise place.fault("has neither imitation nor ppo, so that nothing would be learned")
     for name in ("ppo", "copies", "timesteps"):
@@ -163,18 +163,25 @@ def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
 
 
 def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
-    """Hyperparameters of a method from a JSON file, by default the one that ships with the package.
+    """Return the hyperparameters of a method from a JSON file, by default from the package.
+
+    Parameters
+    ----------
+    method
+        One of `METHODS`.
+    path
+        The JSON file; by default the one that ships with the package.
 
     Raises
     ------
     SettingError
-        If the file cannot be read, lacks the method, or a field is faulty.
+        If the file cannot be read, lacks the method, or has an invalid field.
     """
     choice("method", method, METHODS)
     file = asset_path("training.json") if path is None else path
 
     def build(data: dict[str, Any]) -> dict[str, Any]:
-        every: dict[str, Kind[Any]] = dict.fromkeys(METHODS, Fields({}, PARTS))
+        every: dict[str, Kind[Any]] = dict.fromkeys(METHODS, Fields({}, METHOD_FIELDS))
         found = Fields({method: every.pop(method), "networks": SIZES}, every).read(
             data, FieldPath("", SettingError)
         )

@@ -1,10 +1,9 @@
-"""Imitation of the planner: behaviour cloning and DAgger on sets of optimal actions.
+"""Imitation of the planner: behaviour cloning and DAgger (Ross et al., 2011) on sets of actions.
 
-DAgger is the method of Ross et al. (2011). The expert is a table of the cost-to-go of every state
-to a goal, from one backward search. It knows the cost of all actions, not of one only, and optimal
-actions come in ties: the loss is minus the logarithm of the summed probability of the optimal set.
-Points are taken out at random, layout by layout, so that the policy learns maps that it will never
-see.
+The expert is a table of the cost-to-go from every state to a goal, which one backward search
+computes. It has the cost of all actions. Several actions are often optimal, so the loss is minus
+the logarithm of the summed probability of all optimal actions. Points are removed at random, layout
+by layout, so that the policy learns to act on maps that it has not seen.
 """
 
 from __future__ import annotations
@@ -23,61 +22,61 @@ from mlivr_gym.agents.hyperparameters import ImitationSettings
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
+from mlivr_gym.envs.batch import CopyStates, StepParameters, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import ObservationArrays, PlaceTable
+from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.planners.table_values import TableValues, stances_at
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
-SAME_GOAL = 0.01
-"""Goals nearer than this to one that is held out are not learnt from [m]."""
+MIN_GOAL_DISTANCE = 0.01
+"""Minimum distance of a training goal from every held-out goal [m]."""
 
 
 class Samples(NamedTuple):
-    """States that were visited, with what is best there."""
+    """States that were visited on walks, with their optimal actions and costs."""
 
     stances: NDArray[Any]
     """Stance indices, shape (k,)."""
     masks: NDArray[Any]
-    """Branches each limb may be on, shape (k, 2)."""
+    """Branch masks of both limbs, shape (k, 2)."""
     goals: NDArray[Any]
     """Goal positions [m], shape (k, 3)."""
     which: NDArray[Any]
-    """Index of the goal's reach among those that `Imitation` keeps, shape (k,)."""
+    """Index of the goal among those for which `Imitation` stores the reach, shape (k,)."""
     free: NDArray[Any]
-    """Which points may be grasped, packed bits, shape (k, ceil(m / 8))."""
+    """Whether each point may be grasped, as packed bits, shape (k, ceil(m / 8))."""
     optimal: NDArray[Any]
-    """Which actions are optimal, packed bits, shape (k, ceil(2 m / 8))."""
+    """Whether each action is optimal, as packed bits, shape (k, ceil(2 m / 8))."""
     cost: NDArray[Any]
-    """Least cost to the goal, shape (k,)."""
+    """Cost-to-go, shape (k,)."""
 
 
 class _Layout(NamedTuple):
-    """A choice of the points of the map, with goals on it."""
+    """A subset of the points of the map, with goals on it."""
 
     free: BoolArray
-    """Which points there are, shape (m,)."""
+    """Whether each point belongs to the layout, shape (m,)."""
     goals: Array
     """Goal positions [m], shape (g, 3)."""
     values: TableValues
-    """Cost-to-go of these goals."""
+    """Cost-to-go to these goals."""
     first: int
-    """Index of the first of these goals among all goals so far."""
+    """Index of the first of these goals among the goals of all layouts."""
 
 
 def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
-    """Minus the mean logarithm of the summed probability of the optimal actions.
+    """Return minus the mean logarithm of the summed probability of the optimal actions.
 
     Parameters
     ----------
     scores
-        Scores of the actions, shape (k, a).
+        Scores (logits) of the actions, shape (k, a).
     legal
-        Which are possible, shape (k, a).
+        Whether each action is possible, shape (k, a).
     optimal
-        Which of these are optimal, at least one in each row, shape (k, a).
+        Whether each action is optimal, at least one in each row, shape (k, a).
     """
     best = scores.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
     every = scores.masked_fill(~legal, -torch.inf).logsumexp(dim=1)
@@ -85,16 +84,16 @@ def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
 
 
 class Imitation:
-    """Teaches a policy what the planner would do.
+    """Training of a policy to imitate the planner.
 
     Attributes
     ----------
     policy
-        A policy of sb3-contrib.
+        Policy of sb3-contrib that is trained.
     settings
-        How.
+        Hyperparameters.
     success
-        Share of the last round's walks by the policy that reached their goal.
+        Share of the policy's walks in the last round that reached their goal.
     """
 
     def __init__(
@@ -106,26 +105,26 @@ class Imitation:
         seed: int,
         held_out: Array | None = None,
     ) -> None:
-        """Work the environment's steps out, or read them from the cache.
+        """Compute all steps of the environment, or read them from the cache.
 
         Parameters
         ----------
         env
-            The environment, two limbs.
+            The environment, with two limbs.
         policy
-            The policy, changed in place.
+            The policy, which is changed in place.
         plain
-            Whether the policy sees the observations of the environment itself.
+            Whether the policy takes the observations of the environment itself.
         settings
-            How to imitate.
+            Hyperparameters.
         seed
             Seed of layouts, goals, walks and batches.
         held_out
-            Goals that must not be learnt from [m], shape (g, 3).
+            Goals that must not be learned from [m], shape (g, 3).
         """
         self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
         self.moves = env.table_moves()
-        self._places = PlaceTable.of(self.moves.graph)
+        self._observation_table = ObservationTable.of(self.moves.graph)
         self.features = TableFeatures(env)
         self.rng = np.random.default_rng(seed)
         self.m = len(env.graph.grasp_map)
@@ -138,12 +137,13 @@ class Imitation:
         self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
 
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
-        """Gather and learn for all rounds.
+        """Gather data and learn from them, in all rounds.
 
         Parameters
         ----------
         progress
-            Called with the gradient steps done, those in all, and figures.
+            Function that is called with the number of gradient steps done, their total number, and
+            figures by name.
         """
         for k in range(self.settings.rounds):
             began = time.perf_counter()
@@ -166,7 +166,7 @@ class Imitation:
                 parameter.copy_(average)
 
     def _layout(self, number: int) -> BoolArray:
-        """Which points there are, shape (m,)."""
+        """Return whether each point belongs to a layout, shape (m,), by the layout's number."""
         free = np.ones(self.m, dtype=np.bool_)
         if number % 3:
             share = self.rng.uniform(0.0, self.settings.most_removed)
@@ -174,62 +174,62 @@ class Imitation:
         return free
 
     def gather(self, free: BoolArray, expert: bool) -> tuple[Samples, float]:
-        """States of walks on one layout, and the share of walks that reach their goal."""
+        """Return the states of walks on one layout, and the share of walks that arrive."""
         tables = without_points(self.moves.tables, ~free)
         goals = self._draw_goals(tables)
         if not len(goals):
-            return _nothing(self.m), 1.0
+            return _no_samples(self.m), 1.0
         env = self.env
         cost, risk = cost_of(env), env.failure_probability
         values = TableValues(tables, stances_at(tables, goals, env.goal_tolerance), cost, risk)
-        which, stances = self._starts(values)
+        which, stances = self._draw_starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._reach)))
         held = (tables.masks != 0).all(axis=1)
         graph, tolerance = self.moves.graph, env.goal_tolerance
         reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
         self._reach.append(np.array(reach, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        walks = Robots(stances, tables.masks[stances].astype(np.int64), streams)
-        rows, count = [_nothing(self.m)], len(stances)
+        walks = CopyStates(stances, tables.masks[stances].astype(np.int64), streams)
+        rows, count = [_no_samples(self.m)], len(stances)
         for _ in range(self.settings.longest):
             if not len(walks.stances):
                 break
-            here, legal, optimal = self._label(walks, which, layout)
+            here, legal, optimal = self._label_states(walks, which, layout)
             rows.append(here)
-            self._step(walks, legal, optimal if expert else self._chosen(here), tables)
+            self._step(walks, legal, optimal if expert else self._policy_actions(here), tables)
             going = ~values.goals[which, walks.stances]
-            walks, which = Robots._make(part[going] for part in walks), which[going]
+            walks, which = CopyStates._make(part[going] for part in walks), which[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
         known, walking = np.isfinite(samples.cost), len(which)
         return Samples(*(column[known] for column in samples)), 1.0 - walking / max(count, 1)
 
     def _draw_goals(self, tables: StepTables) -> Array:
-        """Goals on a layout that can be reached and are not held out [m], shape (g, 3)."""
+        """Return goals that can be reached on a layout and are not held out [m], shape (g, 3)."""
         env, count = self.env, self.settings.goals
         goals = np.zeros((count, 3))
         stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
         every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
         tasks = env.tasks if isinstance(env.tasks, WalkTasks) else WalkTasks()
-        draws = Draws.of(grasp_map, env.goal_tolerance, tasks)
-        robots = Robots(stances, masks, self._streams)
-        missing = draw_tasks(every, ~every, draws, tables, robots, goals)
+        distribution = TaskDistribution.of(grasp_map, env.goal_tolerance, tasks)
+        copies = CopyStates(stances, masks, self._streams)
+        missing = draw_tasks(every, ~every, distribution, tables, copies, goals)
         if missing >= 0:
             return np.zeros((0, 3))
         if not len(self._held_out):
             return goals
         away = np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1)
-        kept: Array = goals[away > SAME_GOAL]
-        return kept
+        allowed: Array = goals[away > MIN_GOAL_DISTANCE]
+        return allowed
 
-    def _label(
-        self, walks: Robots, which: IntArray, layout: _Layout
+    def _label_states(
+        self, walks: CopyStates, which: IntArray, layout: _Layout
     ) -> tuple[Samples, BoolArray, BoolArray]:
-        """The states of k walks with what is best there.
+        """Return the states of k walks, labelled with their optimal actions and costs.
 
         Returns
         -------
         tuple[Samples, BoolArray, BoolArray]
-            The samples, which actions are possible and which are optimal, both of shape (k, 2 m).
+            The samples, and whether each action is possible and optimal, both of shape (k, 2 m).
         """
         costs = layout.values.of_actions(walks.stances, walks.masks, which, 2 * self.m)
         least = costs.min(axis=1)
@@ -247,19 +247,22 @@ class Imitation:
         return samples, legal, optimal
 
     def _step(
-        self, walks: Robots, legal: BoolArray, preferred: BoolArray, tables: StepTables
+        self, walks: CopyStates, legal: BoolArray, preferred: BoolArray, tables: StepTables
     ) -> None:
-        """Take a step on each walk, in place, by chance any possible one."""
+        """Take a preferred action on each walk, or with probability `noise` any possible one."""
         rng, count = self.rng, len(walks.stances)
         noisy = rng.random(count) < self.settings.noise
         likely = np.where(noisy[:, None], legal, preferred)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
         moved, outcome = np.zeros(count), np.zeros(count, dtype=np.int64)
-        skip, chances = np.zeros(count, np.bool_), Chances(self.env.failure_probability, 0.0)
-        advance(actions, skip, chances, tables, walks, moved, outcome)
+        skip, parameters = (
+            np.zeros(count, np.bool_),
+            StepParameters(self.env.failure_probability, 0.0),
+        )
+        advance(actions, skip, parameters, tables, walks, moved, outcome)
 
-    def _starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
-        """Goals and stances where walks begin; the goal can be reached, and is not yet."""
+    def _draw_starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
+        """Return goals and start stances of walks; each goal can be reached, and is not yet."""
         which, stances = [], []
         for g in range(len(values.goals)):
             cost = values.of_stances(g)
@@ -271,8 +274,8 @@ class Imitation:
         nothing = [np.zeros(0, dtype=np.int64)]
         return np.concatenate(which or nothing), np.concatenate(stances or nothing).astype(np.int64)
 
-    def _chosen(self, samples: Samples) -> BoolArray:
-        """The best action of each state in the policy's eyes, shape (k, 2 m)."""
+    def _policy_actions(self, samples: Samples) -> BoolArray:
+        """Return the action with the best score of the policy in each state, shape (k, 2 m)."""
         chosen = np.zeros((len(samples.stances), 2 * self.m), dtype=np.bool_)
         for at in range(0, len(chosen), 512):
             part = Samples(*(column[at : at + 512] for column in samples))
@@ -284,7 +287,7 @@ class Imitation:
         return chosen
 
     def observe(self, samples: Samples) -> tuple[dict[str, Tensor], Tensor]:
-        """Observations as the policy sees them, and which actions are possible, shape (k, 2 m)."""
+        """Return the observations of the policy, and which actions are possible, shape (k, 2 m)."""
         free = np.unpackbits(samples.free, axis=1, count=self.m).view(np.bool_)
         if len(self._reach) > 1:
             self._reach = [np.concatenate(self._reach)]
@@ -295,7 +298,7 @@ class Imitation:
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
             looks = ObservationArrays.of(
-                self._places, samples.stances, samples.masks, samples.goals
+                self._observation_table, samples.stances, samples.masks, samples.goals
             )
             return as_tensors(self.policy, looks.observation()), legal
         return as_tensors(self.policy, seen), legal
@@ -306,7 +309,7 @@ class Imitation:
         figures: dict[str, float],
         progress: Callable[[int, int, dict[str, float]], None] | None,
     ) -> None:
-        """The gradient steps of a round, on all data so far; `number` counts the rounds from 0."""
+        """Take the gradient steps of round `number` (from 0) on all data gathered so far."""
         settings = self.settings
         data = Samples(*(np.concatenate(column) for column in zip(*self.data, strict=True)))
         self.data = [data]
@@ -325,7 +328,7 @@ class Imitation:
             loss = optimal_set_loss(scores, legal, optimal)
             cost = torch.as_tensor(batch.cost)
             if isinstance(self.env.reward.reward, StepReward):
-                # The return of an agent that discounts.
+                # the discounted sum of the rewards of this many steps
                 cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
             error = (value + cost).square().mean()
             self._optimizer.zero_grad()
@@ -333,18 +336,18 @@ class Imitation:
             torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
             self._optimizer.step()
             with torch.no_grad():
-                # The first weights are soon forgotten.
-                kept = min(settings.averaging, (1.0 + done) / (10.0 + done))
+                # A smaller decay at first, so that the initial weights are soon forgotten.
+                decay = min(settings.averaging, (1.0 + done) / (10.0 + done))
                 for average, parameter in zip(self._average, self.policy.parameters(), strict=True):
-                    average.lerp_(parameter, 1.0 - kept)
+                    average.lerp_(parameter, 1.0 - decay)
             if progress is not None:
                 progress(
                     done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()}
                 )
 
 
-def _nothing(m: int) -> Samples:
-    """No states, on a map of m points."""
+def _no_samples(m: int) -> Samples:
+    """Return samples without states, for a map of m points."""
     whole = np.zeros(0, dtype=np.int64)
     free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
     masks, goals = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3))

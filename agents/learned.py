@@ -1,4 +1,4 @@
-"""Learned policies at work, and their files: weights beside the configuration of the training."""
+"""Learned policies, beam search with them, and checkpoints: weights and training configuration."""
 
 from __future__ import annotations
 
@@ -29,15 +29,18 @@ PRETRAINED = "pointer"
 
 
 FORMAT = 2
-"""Version of the checkpoint's format; files of the first carry neither version nor checksum."""
+"""Version of the checkpoint format; files of version 1 have neither version nor checksum."""
 
 LARGEST_WEIGHT = 1e3
-"""Largest size of a weight. Through six layers of 256 such weights, from features of at most 100,
-nothing exceeds 3e34, so every score is finite; above it single precision may overflow. Those that
-ship are at most 1.3."""
+"""Largest magnitude of a weight.
+
+Through six layers of 256 such weights, from features of at most 100, no number exceeds 3e34, so
+every score is finite; larger weights may overflow single precision. Those that ship are at most
+1.3.
+"""
 
 MADE_FOR = Fields({"name": NAME, "fingerprint": NAME})
-"""A map, a robot or an observation."""
+"""Kind of the name and fingerprint of a map, a robot or an observation."""
 
 CHECKPOINT = Fields(
     {
@@ -47,7 +50,7 @@ CHECKPOINT = Fields(
     },
     others=True,
 )
-"""What loading needs of a checkpoint's configuration; the rest tells of the training."""
+"""Kind of the configuration; further fields describe the training and are not needed here."""
 
 
 class CheckpointError(MlivrError):
@@ -55,28 +58,29 @@ class CheckpointError(MlivrError):
 
 
 class LearnedPolicy:
-    """Takes the action with the best score among those that lead to a stance not yet visited.
+    """Policy that takes the action with the best score among those that lead to a new stance.
 
-    Visited are the stances of this episode; where all have been visited it takes the best of all.
-    Without this rule a deterministic policy that steps back once steps back and forth for ever.
+    New are stances that this episode has not visited; if there are none, the best of all possible
+    actions is taken. Without this rule a deterministic policy that once steps back and forth never
+    stops.
 
     Attributes
     ----------
     policy
-        The policy of sb3-contrib.
+        Policy of sb3-contrib.
     network
         `"pointer"` or `"mlp"`.
     config
-        What it was trained with.
+        Configuration of its training.
     """
 
     def __init__(self, policy: Any, network: str, config: dict[str, Any] | None = None) -> None:
-        """Use a policy."""
+        """Wrap a policy of sb3-contrib."""
         self.policy, self.network, self.config = policy, network, config or {}
         self._visited: set[tuple[int, ...]] = set()
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """The action to take."""
+        """Return the action to take; see `Policy.act`."""
         seen = (
             env_features(env)
             if self.network == "pointer"
@@ -86,7 +90,8 @@ class LearnedPolicy:
             scores = scores_and_value(self.policy, as_tensors(self.policy, seen))[0][0].numpy()
         if scores.shape != mask.shape:
             raise CheckpointError(
-                f"the policy has {len(scores)} actions, the environment {len(mask)}"
+                f"the policy has {len(scores)} actions and the environment {len(mask)}; use a "
+                "policy that was made for this environment"
             )
         if env.steps == 0:
             self._visited.clear()
@@ -102,10 +107,11 @@ class LearnedPolicy:
 def beam_walk(
     policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60
 ) -> list[int] | None:
-    """Actions from the present state to the goal, by a beam search that a pointer policy guides.
+    """Return actions from the present state to the goal by a beam search, or None if it finds none.
 
-    Each of the `width` most probable walks goes on by its most probable actions, and the first that
-    arrives is taken. Walks never return to a stance that any of them has visited.
+    Each of the `width` most probable walks, by the probabilities of a pointer policy, is extended
+    by its most probable actions. The first walk that reaches the goal is returned. No walk leads to
+    a stance that any of them has visited.
 
     Parameters
     ----------
@@ -114,14 +120,9 @@ def beam_walk(
     env
         The environment.
     width
-        Walks kept.
+        Number of walks in the beam.
     longest
-        Most steps.
-
-    Returns
-    -------
-    list[int] | None
-        The actions, None if no walk to the goal is found.
+        Maximum number of steps.
     """
     m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
     beam: list[tuple[float, State, list[int]]] = [(0.0, env.state, [])]
@@ -155,30 +156,39 @@ def beam_walk(
 
 
 def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
-    """Follows the walks of `beam_walk`.
+    """Return a policy that follows the walks of `beam_walk`.
+
+    Parameters
+    ----------
+    policy
+        A pointer policy.
+    width
+        Number of walks in the beam.
 
     Raises
     ------
     SettingError
-        If the policy is no pointer policy.
+        If the policy is not a pointer policy.
     """
     if policy.network != "pointer":
-        raise SettingError(f"a beam needs a pointer policy; this one is {policy.network!r}")
+        raise SettingError(
+            f"beam search needs a pointer policy; this policy has network {policy.network!r}"
+        )
     return PlanPolicy(lambda env: beam_walk(policy, env, width))
 
 
 def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
-    """Write `PATH.pt` with the weights and `PATH.json` with the configuration.
+    """Write the weights to `PATH.pt` and the configuration to `PATH.json`.
 
     Parameters
     ----------
     path
         Path without suffix.
     policy
-        The policy.
+        The policy of sb3-contrib.
     config
-        Everything it was trained with; `network`, `sizes` and what `made_for` tells are
-        needed to load it. Format, number of the graph's rules and checksum are added.
+        Configuration of the training. Loading needs `network`, `sizes` and the result of
+        `made_for`; format, number of the graph's rules and checksum are added here.
     """
     buffer = io.BytesIO()
     torch.save(policy.state_dict(), buffer)
@@ -190,9 +200,9 @@ def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
 
 
 def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
-    """What a network is made for: name and fingerprint of `map`, `robot` and `observation`.
+    """Return name and fingerprint of the map, the robot and the observation that a network is for.
 
-    The fingerprint of an observation is the names of its parts and their last dimensions.
+    The fingerprint of an observation consists of the names of its parts and their last dimensions.
     """
     pointer, graph = network == "pointer", env.graph
     space = point_space(env) if pointer else observation_space(graph)
@@ -205,25 +215,24 @@ def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
 
 
 def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
-    """Read a policy for an environment.
+    """Return the policy of a checkpoint, ready to act in an environment.
 
     Parameters
     ----------
     path
         Path without suffix, or `"pretrained"` for the checkpoint that ships with the package.
     env
-        The environment; the pointer policy fits every map and robot, the MLP those alone that
-        it was trained on.
+        The environment. A pointer policy fits every map and robot, an MLP only those of its
+        training.
 
     Raises
     ------
     CheckpointError
-        If the files cannot be read or were altered, a weight is not finite or too
-        large, the network was made for something else than the environment, or it was trained
-        under other rules of the stance graph.
+        If a file cannot be read or was altered, a weight is not finite or too large, the network
+        does not fit the environment, or it was trained by other rules of the stance graph.
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
-    told = f"cannot use checkpoint {str(path)!r}"
+    prefix = f"cannot use checkpoint {str(path)!r}"
     try:
         stored, read = file.with_suffix(".pt"), []
 
@@ -232,71 +241,71 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
             return _configuration(data, read[0])
 
         config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, build)
-        _check_made_for(config, made_for(env, config["network"]), told)
+        _check_made_for(config, made_for(env, config["network"]), prefix)
         weights = torch.load(io.BytesIO(read[0]), map_location="cpu", weights_only=True)
         policy = make_policy(env, config["network"], config["sizes"])
         if _shapes(weights) != _shapes(policy.state_dict()):
             raise CheckpointError(
-                f"{told}: its weights are of other shapes than the {config['network']} network of "
-                "this version has for this environment; train it anew"
+                f"{prefix}: its weights have other shapes than the {config['network']} network of "
+                "this version has for this environment; train it again"
             )
-        _check_weights(weights, told)
+        _check_weights(weights, prefix)
         policy.load_state_dict(weights)
     except CheckpointError:
         raise
-    except Exception as error:  # torch raises many kinds
+    except Exception as error:  # torch raises many types of errors
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise CheckpointError(f"{told}: {reason}") from None
+        raise CheckpointError(f"{prefix}: {reason}") from None
     policy.set_training_mode(False)
     return LearnedPolicy(policy, config["network"], config)
 
 
 def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Shape of each tensor of a network by name."""
+    """Return the shape of each tensor of a network by name."""
     return {name: tuple(tensor.shape) for name, tensor in weights.items()}
 
 
-def _check_weights(weights: dict[str, Any], told: str) -> None:
-    """Refuse weights with which no score could be trusted."""
+def _check_weights(weights: dict[str, Any], prefix: str) -> None:
+    """Check that all weights are finite and not too large, so that every score is finite."""
     for name, tensor in weights.items():
-        wrong = tensor[~(tensor.abs() <= LARGEST_WEIGHT)]  # NaN is not below it either
+        wrong = tensor[~(tensor.abs() <= LARGEST_WEIGHT)]  # NaN does not satisfy it either
         if len(wrong):
             raise CheckpointError(
-                f"{told}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
-                f"and at most {LARGEST_WEIGHT:g} in size: train it anew"
+                f"{prefix}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
+                f"and at most {LARGEST_WEIGHT:g} in size: train it again"
             )
 
 
-def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], told: str) -> None:
-    """Refuse a network that was made for another map, robot or observation.
+def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], prefix: str) -> None:
+    """Check that a network was made for this map, robot and observation.
 
-    That of a pointer policy is the same whatever the map and the robot.
+    A pointer policy only needs the same observation, since it acts on every map and robot.
     """
     for what in ("observation",) if config["network"] == "pointer" else here:
         made, needed = config[what], here[what]
         if made["fingerprint"] != needed["fingerprint"]:
             raise CheckpointError(
-                f"{told}: it was made for {what} {made['name']!r} ({made['fingerprint']}), not for "
-                f"{needed['name']!r} ({needed['fingerprint']})"
+                f"{prefix}: it was made for {what} {made['name']!r} ({made['fingerprint']}), not "
+                f"for {needed['name']!r} ({needed['fingerprint']})"
             )
 
 
 def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
-    """The configuration of a checkpoint, what loading needs of it checked.
+    """Return the configuration of a checkpoint after checking the fields that loading needs.
 
     Parameters
     ----------
     data
-        What its JSON file holds.
+        Content of the JSON file.
     weights
-        What the file of its weights holds.
+        Content of the file of weights.
     """
     if data.get("format") != FORMAT:
         raise CheckpointError(
             f"it has format {shortened(data.get('format', 1))}, and this version reads format "
-            f"{FORMAT}, whose files carry a checksum: train it anew"
+            f"{FORMAT}, whose files carry a checksum: train it again"
         )
-    check_rules("it", data.get("rules"), "train it anew", CheckpointError)
+    check_rules("it", data.get("rules"), "train it again", CheckpointError)
     config = CHECKPOINT.read(data, FieldPath("", CheckpointError))
     network = config["network"]
     sizes = SIZES.read({network: config["sizes"]}, FieldPath("sizes", CheckpointError))
@@ -305,6 +314,6 @@ def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
         raise CheckpointError(
             f"its checksum is {shortened(data.get('checksum'))}, and that of the configuration "
             f"and the weights is {found!r}: a file was altered, or belongs to another; "
-            "copy or train both anew"
+            "copy or train both again"
         )
     return config | {"sizes": sizes[network]}

@@ -1,4 +1,4 @@
-"""The two policies of sb3-contrib that are trained here, and what learning needs of them."""
+"""Policies of sb3-contrib by name, and the calls of them that learning needs."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import choice
 
 NETWORKS = ("pointer", "mlp")
-"""`PointerPolicy`, or a multilayer perceptron on the observation of the environment itself."""
+"""Names of the networks: `PointerPolicy`, or a multilayer perceptron on the plain observation."""
 
 
 def policy_class(network: str) -> type[Any]:
-    """The class of a policy by name."""
+    """Return the class of a policy by the name of its network."""
     choice("network", network, NETWORKS)
     return PointerPolicy if network == "pointer" else MaskableMultiInputActorCriticPolicy
 
@@ -28,7 +28,7 @@ def policy_class(network: str) -> type[Any]:
 def make_policy(
     env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4
 ) -> Any:
-    """A new policy for an environment.
+    """Return a new policy for an environment.
 
     Parameters
     ----------
@@ -39,14 +39,14 @@ def make_policy(
     sizes
         Further arguments of the policy's class.
     learning_rate
-        Rate of the policy's optimiser.
+        Learning rate of the policy's optimiser.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
     return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
 
 
 def as_tensors(policy: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]:
-    """A batch of observations as tensors on the policy's device."""
+    """Return a batch of observations as tensors on the policy's device."""
     return {
         name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device)
         for name, array in observation.items()
@@ -54,7 +54,7 @@ def as_tensors(policy: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]
 
 
 def scores_and_value(policy: Any, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-    """Scores of all actions before masking, shape (k, a), and values, shape (k,)."""
+    """Return the scores of all actions before masking, shape (k, a), and the values, shape (k,)."""
     features = policy.extract_features(observation)
     actor, critic = policy.mlp_extractor(features)
     return policy.action_net(actor), policy.value_net(critic)[:, 0]

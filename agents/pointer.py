@@ -1,9 +1,8 @@
-"""The point-wise policy: one network for every point and limb, whatever their number and order.
+"""The pointer policy: one network for every point and limb, whatever their number and order.
 
-A DeepSets encoder (Zaheer et al., 2017) sums up the points that may be grasped; a pointer head
-(Vinyals et al., 2015) then scores each possible action from the point it leads to, the displacement
-of the base, the goal, the points held and that summary. Nothing depends on the number or the order
-of the points.
+A DeepSets encoder (Zaheer et al., 2017) summarises the points that may be grasped. A pointer head
+(Vinyals et al., 2015) then scores each possible action from the point to which it leads, the
+displacement of the base, the goal, the points held and that summary.
 """
 
 from __future__ import annotations
@@ -20,34 +19,34 @@ from torch import Tensor, nn
 from mlivr_gym.agents.features import (
     ARRIVALS,
     DEPTH,
-    GOAL,
+    GOAL_FEATURES,
     ONWARD_ARRIVALS,
     ONWARD_REACH,
-    POINT,
+    POINT_FEATURES,
     REACH,
 )
 
 IMPOSSIBLE = -1e8
-"""Score of actions that are not possible."""
+"""Score of an action that is not possible."""
 
 LENGTH = 3.0
-"""Unit of lengths inside the network [m], so that all that it adds up is of about the same size."""
+"""Unit of lengths inside the network [m], so that all its inputs are of similar size."""
 
 ARRIVAL = 8.0
 """Unit of the arrivals inside the network."""
 
 SHARPNESS = 0.005 / LENGTH
-"""Width of the step from 0 to 1 at the goal tolerance in what tells that an action arrives."""
+"""Width of the sigmoid that approximates whether a distance is within the goal tolerance."""
 
 AHEAD = 0.8 / LENGTH
-"""Distance of the second centre of the summary towards the goal."""
+"""Distance of the second centre of the summary from the base, towards the goal."""
 
 SPREAD = 1.4 / LENGTH
-"""Standard deviation of the weights of points about each centre of the summary."""
+"""Standard deviation of the weights of points around each centre of the summary."""
 
 
 def mlp(sizes: list[int]) -> nn.Sequential:
-    """Linear layers with ReLU in between."""
+    """Return linear layers of the given sizes with ReLU between them."""
     layers: list[nn.Module] = []
     for before, after in pairwise(sizes):
         layers += [nn.Linear(before, after), nn.ReLU()]
@@ -55,7 +54,7 @@ def mlp(sizes: list[int]) -> nn.Sequential:
 
 
 class PointerNetwork(nn.Module):
-    """Scores of all actions, and a summary of the state for the value."""
+    """Network that scores all actions, and summarises the state for the value."""
 
     def __init__(self, width: int = 96, summary: int = 32) -> None:
         """Build the layers.
@@ -65,16 +64,18 @@ class PointerNetwork(nn.Module):
         width
             Width of the pointer head.
         summary
-            Width of the summary of the points.
+            Width of the code of a point.
         """
         super().__init__()
         self.latent_dim_vf = width
-        self.encode = mlp([POINT + 1 + GOAL + 1 + 2 * DEPTH, summary, summary])
-        self.of_limb = nn.Linear(GOAL + 2 * (POINT + 3 * DEPTH) + 4 * summary, width)
-        self.of_action = nn.Linear(POINT + 9 + 3 * DEPTH, width)
+        self.encode = mlp([POINT_FEATURES + 1 + GOAL_FEATURES + 1 + 2 * DEPTH, summary, summary])
+        self.of_limb = nn.Linear(
+            GOAL_FEATURES + 2 * (POINT_FEATURES + 3 * DEPTH) + 4 * summary, width
+        )
+        self.of_action = nn.Linear(POINT_FEATURES + 9 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
-        self.assess = mlp([4 * summary + GOAL + POINT + 3 * DEPTH, width, width])
-        # Untrained, the scores are all but equal: a new policy explores evenly.
+        self.assess = mlp([4 * summary + GOAL_FEATURES + POINT_FEATURES + 3 * DEPTH, width, width])
+        # Before training the scores are almost equal, so that a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
@@ -82,7 +83,7 @@ class PointerNetwork(nn.Module):
 
     @staticmethod
     def scaled(observation: dict[str, Tensor]) -> dict[str, Tensor]:
-        """An observation in the units of the network."""
+        """Return an observation in the units of the network."""
         points, limbs = observation["points"].clone(), observation["limbs"].clone()
         points[..., :3] /= LENGTH
         for lengths in (slice(2, 5), REACH, ONWARD_REACH):
@@ -92,7 +93,7 @@ class PointerNetwork(nn.Module):
         return {"points": points, "limbs": limbs, "goal": observation["goal"] / LENGTH}
 
     def codes(self, observation: dict[str, Tensor]) -> Tensor:
-        """Codes of the points, nothing for those that may not be grasped, shape (k, m, summary)."""
+        """Return the codes of the points, shape (k, m, summary); 0 for points that are not free."""
         points, goal = observation["points"], observation["goal"]
         held = observation["limbs"][..., 0].sum(dim=1)[..., None]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
@@ -105,16 +106,17 @@ class PointerNetwork(nn.Module):
         return code * points[..., 6:7]
 
     def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
-        """Summary of the points, and the points that the limbs hold.
+        """Return a summary of all points, and the features of the points that the limbs hold.
 
-        The points count by their distance from the base, and once more by their distance from a
+        Points are weighted by their distance from the base, and again by their distance from a
         place `AHEAD` towards the goal.
 
         Returns
         -------
         tuple[Tensor, Tensor]
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            its reach, its arrivals and whether the reach arrives, shape (k, N, 8 + 3 DEPTH).
+            its reach, its arrivals and whether the reach is within the tolerance, shape (k, N, 8 +
+            3 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -135,26 +137,26 @@ class PointerNetwork(nn.Module):
 
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
-        """Close to 1 where a distance to the goal is within the tolerance, close to 0 elsewhere."""
+        """Return about 1 where a distance to the goal is within the tolerance, else about 0."""
         return torch.sigmoid((goal[..., 4:5] - distance) / SHARPNESS)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
-        """Score of each action, shape (k, N m)."""
+        """Return the score of each action, shape (k, N m)."""
         return self.forward(observation)[0]
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
-        """What the value is read from, shape (k, width)."""
+        """Return the input of the value layer, shape (k, width)."""
         return self.forward(observation)[1]
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Score of each action, shape (k, N m), and what the value is read from, (k, width)."""
+        """Return the scores of all actions, (k, N m), and the value layer's input, (k, width)."""
         observation = self.scaled(observation)
         summary, held = self.summarise(observation, self.codes(observation))
         of_state = torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
         return self._scores(observation, summary, held), torch.relu(self.assess(of_state))
 
     def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
-        """Score of each action from what `summarise` returns, shape (k, N m)."""
+        """Return the score of each action, shape (k, N m), from the results of `summarise`."""
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
         others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
@@ -174,33 +176,38 @@ class PointerNetwork(nn.Module):
         return scores.flatten(1)
 
 
-class _AsItIs(BaseFeaturesExtractor):
-    """Hands the observation on unchanged."""
+class _IdentityExtractor(BaseFeaturesExtractor):
+    """Features extractor that returns the observation unchanged."""
 
     def __init__(self, observation_space: spaces.Space[Any]) -> None:
+        """Take the observation space; the number of features is not used."""
         super().__init__(observation_space, features_dim=1)
 
     def forward(self, observation: dict[str, Tensor]) -> dict[str, Tensor]:
+        """Return the observation unchanged."""
         return observation
 
 
 class PointerPolicy(MaskableActorCriticPolicy):
-    """`PointerNetwork` as a policy of sb3-contrib's `MaskablePPO`, on `PointObservation`."""
+    """`PointerNetwork` as a policy for `MaskablePPO` of sb3-contrib, on `PointObservation`."""
 
     def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
-        """Take the network's widths beside the arguments of `MaskableActorCriticPolicy`."""
+        """Take the widths of the network and the arguments of `MaskableActorCriticPolicy`."""
         self.width, self.summary = width, summary
         super().__init__(
-            *args, **(kwargs | {"features_extractor_class": _AsItIs, "ortho_init": False})
+            *args,
+            **(kwargs | {"features_extractor_class": _IdentityExtractor, "ortho_init": False}),
         )
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
+        """Return the arguments with which the policy can be built again."""
         return super()._get_constructor_parameters() | {
             "width": self.width,
             "summary": self.summary,
         }
 
     def _build(self, lr_schedule: Any) -> None:
+        """Build the network, the value layer and the optimiser."""
         self.mlp_extractor: Any = PointerNetwork(self.width, self.summary)
         self.action_net = nn.Identity()
         self.value_net = nn.Linear(self.width, 1)

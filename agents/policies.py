@@ -11,7 +11,7 @@ from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.rewards import BaseReward, StepReward
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
@@ -23,50 +23,75 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 
 class Policy(Protocol):
-    """Chooses actions in a `MlivrEnv`."""
+    """Interface of a policy, which chooses actions in a `MlivrEnv`."""
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """The action to take; `mask` tells which are possible, shape (N m,)."""
+        """Return the action to take.
+
+        Parameters
+        ----------
+        env
+            The environment, unwrapped.
+        observation
+            Its present observation.
+        mask
+            Whether each action is possible, shape (N m,).
+        """
         ...
 
 
 class RandomPolicy:
-    """Draws from the possible actions."""
+    """Policy that draws uniformly from the possible actions."""
 
     def __init__(self, seed: int = 0) -> None:
-        """Seed the draws."""
+        """Start the random numbers from a seed."""
         self._rng = np.random.default_rng(seed)
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """A possible action, each as likely as the others."""
+        """Return a random possible action; see `Policy.act`."""
         return int(self._rng.choice(np.flatnonzero(mask)))
 
 
 class ExpertPolicy:
-    """Takes the first step of an optimal plan, by the exact cost-to-go of the goal.
+    """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
-    For two limbs only.
+    It is for two limbs, and for the rewards `"steps"` and `"base"`.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0").unwrapped
+    >>> observation, info = env.reset(seed=0)
+    >>> action = ExpertPolicy().act(env, observation, env.action_masks())
+    >>> bool(env.action_masks()[action])
+    True
     """
 
     def __init__(self, expect_failures: bool = True) -> None:
-        """Start without tables; each is worked out when its goal first comes up.
+        """Start without tables; that of a goal is computed when the goal first occurs.
 
         Parameters
         ----------
         expect_failures
-            Whether costs are expected costs where grasps may fail; otherwise every
-            grasp counts as sure.
+            Whether costs are expected costs where grasps may fail; if not, every grasp is assumed
+            to succeed.
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
         self._goal: tuple[bytes, float] = b"", 0.0
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """An optimal action for the environment's reward; the first of equal ones."""
+        """Return an optimal action for the reward of the environment, the first one if several are.
+
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs, or the reward is an object of the user.
+        """
         graph = env.graph
         if not isinstance(graph, PairGraph):
             raise SettingError(
-                f"the expert policy needs two limbs; robot {graph.robot.name!r} has more"
+                f"the expert policy needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
             )
         moves = env.table_moves()
         goal = (env.goal.tobytes(), env.goal_tolerance)
@@ -77,7 +102,7 @@ class ExpertPolicy:
             goals = stances_at(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)
         if env.state.pose is not None:
-            # No stance of the table; a first grasp that fails is not expected.
+            # The table lacks this state; failures of its first grasp are not considered.
             steps = moves.successors(env.state)
             exact = CostToGo(graph, Goal(env.goal, env.goal_tolerance, cost_of(env)))
             best = exact.best(env.state, steps)
@@ -86,35 +111,43 @@ class ExpertPolicy:
         costs = self._values.of_actions(
             s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask)
         )[0]
-        # Where nothing leads to the goal any possible action will do.
+        # If no action leads to the goal, any possible one is taken.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
 
 
 def cost_of(env: MlivrEnv) -> Cost:
-    """The cost whose negative is the reward of an environment, shaping and bonus aside.
+    """Return the cost whose negative is the reward of an environment, without shaping and bonus.
 
     Raises
     ------
     SettingError
-        If the reward is an object of a user, whose cost is not known.
+        If the reward is an object of the user, whose cost is not known.
     """
     reward = env.reward.reward
     if isinstance(reward, StepReward | BaseReward):
         return Cost.named("steps" if isinstance(reward, StepReward) else "base")
-    raise SettingError(f"the expert knows the rewards 'steps' and 'base', not {reward!r}")
+    raise SettingError(
+        f"the expert needs the reward 'steps' or 'base'; this environment has {shortened(reward)}"
+    )
 
 
 class PlanPolicy:
-    """Follows the plan of a method, and plans again where the state is not the plan's.
+    """Policy that follows plans, and plans again when the state is not the one expected.
 
     Attributes
     ----------
     plans
-        Plans made so far.
+        Number of plans made so far.
     """
 
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
-        """Follow what `find` returns: the actions from the present state to the goal, or None."""
+        """Take the planning method.
+
+        Parameters
+        ----------
+        find
+            Function that returns the actions from the present state to the goal, or None.
+        """
         self._find = find
         self._actions: list[int] = []
         self._expected: tuple[int, ...] | None = None
@@ -122,7 +155,7 @@ class PlanPolicy:
         self.plans = 0
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """The next action of the plan; one that is not possible where there is no plan."""
+        """Return the next action of the plan, or an impossible action if no plan is found."""
         if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
             self._goal, self.plans = env.goal.tobytes(), self.plans + 1
@@ -137,20 +170,21 @@ class PlanPolicy:
 def planner_policy(
     cost: str = "steps", method: str = "astar", planner: Planner | None = None, **options: Any
 ) -> PlanPolicy:
-    """Follows plans of `Planner`, by default made on the stance graph of the environment.
+    """Return a policy that follows plans of a `Planner`.
 
-    A query starts from the state: after a grasp that failed the limb that held may be on some of
-    its branches only. Plans of another graph of the same map, such as one without manipulability,
-    start from its stance and are followed whether they are possible or not.
+    By default the planner plans on the stance graph of the environment, from the present state:
+    after a failed grasp a limb may be on only some of its branches. A planner for another graph of
+    the same map, for example without manipulability, plans from the present stance, and its plans
+    are followed whether they are possible or not.
 
     Parameters
     ----------
     cost
-        Cost of the plans.
+        Cost of the plans, for example `"steps"` or `"base"`.
     method
         Search method.
     planner
-        Plans on another graph.
+        Planner for another graph.
     **options
         Further arguments of `Planner.plan`.
     """
@@ -180,7 +214,17 @@ def planner_policy(
 
 
 def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
-    """Follows walks of `planners.baselines`."""
+    """Return a policy that follows the walks of a method of `planners.baselines`.
+
+    Parameters
+    ----------
+    method
+        Name of the method.
+    budget
+        Computing budget of the method, see `find_walk`.
+    seed
+        Seed of the method's random numbers.
+    """
 
     def find(env: MlivrEnv) -> list[int] | None:
         where = env.moves, env.state, env.goal, env.goal_tolerance
@@ -192,5 +236,5 @@ def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
 
 
 def _actions(env: MlivrEnv, moves: Iterable[tuple[int, int]]) -> list[int]:
-    """Actions of moves, each a limb and the index of a point."""
+    """Return the action numbers of moves, each given by a limb and the index of a point."""
     return [limb * len(env.graph.grasp_map) + point for limb, point in moves]

@@ -1,4 +1,4 @@
-"""The native vector environment as a stable-baselines3 `VecEnv`, with action masks."""
+"""The vector environment as a `VecEnv` of stable-baselines3, with action masks."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, choice
 
 OBSERVATIONS = ("points", "plain")
-"""`point_features`, or the observation of the environment itself."""
+"""Names of the observations: `point_features`, or those of the environment itself."""
 
 
 class TableVecEnv(VecEnv):
     """Copies of a two-limb environment for stable-baselines3.
 
-    With occupied points in the environment's graph its tables lack them.
+    Points that are occupied in the environment's graph do not occur in its tables.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class TableVecEnv(VecEnv):
         observation: str = "points",
         max_episode_steps: int = 100,
     ) -> None:
-        """Copy an environment.
+        """Make copies of an environment.
 
         Parameters
         ----------
@@ -45,7 +45,7 @@ class TableVecEnv(VecEnv):
         observation
             One of `OBSERVATIONS`.
         max_episode_steps
-            Steps after which an episode is truncated.
+            Number of steps after which an episode is truncated.
         """
         self.plain = choice("observation", observation, OBSERVATIONS) == "plain"
         self.copies = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
@@ -57,8 +57,8 @@ class TableVecEnv(VecEnv):
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
-    def _see(self, plain: Observation) -> dict[str, NDArray[Any]]:
-        """Observations of all copies as the policy sees them."""
+    def _observe(self, plain: Observation) -> dict[str, NDArray[Any]]:
+        """Return the observations of all copies for the policy."""
         if self.plain:
             return dict[str, Any](**plain)
         copies = self.copies
@@ -72,27 +72,27 @@ class TableVecEnv(VecEnv):
         return dict(self.features(*where, self._reach, free))
 
     def reset(self) -> dict[str, NDArray[Any]]:
-        """Start all copies anew."""
+        """Reset all copies and return their observations."""
         seed = self._seeds[0]
         plain, self._info = self.copies.reset(seed=None if seed is None else int(seed))
         self._reset_seeds()
         self._reset_options()
         self._return[:] = 0.0
-        return self._see(plain)
+        return self._observe(plain)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(
         self,
     ) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
-        """Take the actions; copies whose episode has ended start anew at once."""
+        """Take the stored actions; copies whose episode has ended are reset at once."""
         plain, reward, terminated, truncated, self._info = self.copies.step(self._actions)
         done = terminated | truncated
         self._return += reward
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        seen = self._see(plain)
+        seen = self._observe(plain)
         if done.any():
             for k in np.flatnonzero(done):
                 episode = {"r": float(self._return[k]), "l": int(self._info["steps"][k]), "t": 0.0}
@@ -104,11 +104,11 @@ class TableVecEnv(VecEnv):
                 }
             self._return[done] = 0.0
             plain, self._info = self.copies.reset(options={"reset_mask": done})
-            seen = self._see(plain)
+            seen = self._observe(plain)
         return seen, reward.astype(np.float32), done, infos
 
     def action_masks(self) -> BoolArray:
-        """Which actions are possible, shape (k, N m).
+        """Return which actions are possible, shape (k, N m).
 
         Raises
         ------
@@ -123,25 +123,25 @@ class TableVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Only `action_masks` can be called on copies."""
+        """Return the action masks of copies; no other method can be called on copies."""
         choice("method", method_name, ["action_masks"])
         masks = self.action_masks()
         return [masks[k] for k in self._get_indices(indices)]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the environment for each copy."""
+        """Return an attribute of the environment, once for each copy."""
         owner = self if attr_name == "action_masks" else self.copies.env
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Not possible: the copies share one world."""
+        """Raise an error, since the copies share one world."""
         raise SettingError(
             f"attribute {attr_name!r} cannot be set: the copies share one world, `copies.env`"
         )
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """No copy is wrapped."""
+        """Return False for each copy, since none is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing, since there is nothing to release."""

@@ -1,4 +1,4 @@
-"""The frozen test set: start and goal pairs in four splits, never used in training."""
+"""The frozen test set: starts and goals in four splits, which are never used in training."""
 
 from __future__ import annotations
 
@@ -24,12 +24,16 @@ from mlivr_gym.world.grasp_map import GraspMap, jem_map
 from mlivr_gym.world.map_entries import SPACING
 
 SPLITS = ("same", "half", "dense", "occupied")
-"""The map of the training, half of its points, points every 0.1 m, and a fifth of them occupied."""
+"""Names of the splits.
 
-FAR = 2.0
-"""Least distance between the bases at start and goal [m]: an easy walk tells little."""
+They are the map of the training, half of its points, points every 0.1 m, and the same map with a
+fifth of the points occupied.
+"""
 
-OCCUPIED = 0.2
+MIN_START_GOAL_DISTANCE = 2.0
+"""Minimum distance between the bases at start and goal [m], since short walks are easy."""
+
+OCCUPIED_SHARE = 0.2
 """Share of the points that are occupied in the last split."""
 
 
@@ -40,7 +44,7 @@ TASK = Fields(
         "occupied": Listed(NAME, most=MOST_POINTS),
     }
 )
-"""A task of a test set."""
+"""Kind of a task of a test set."""
 
 WORLD = Fields(
     {
@@ -50,7 +54,7 @@ WORLD = Fields(
         "tasks": Listed(TASK),
     }
 )
-"""Tasks on one map."""
+"""Kind of the tasks on one map."""
 
 TEST_SET = Fields(
     {
@@ -59,38 +63,37 @@ TEST_SET = Fields(
         "worlds": Listed(WORLD),
     }
 )
-"""A file of a test set."""
+"""Kind of a file with a test set."""
 
 
 class HeldOutWorld(NamedTuple):
-    """Tasks on one map."""
+    """A map of the test set, with its tasks."""
 
     split: str
     spacing: float
     """Spacing of the points [m]."""
     sparse_seed: int | None
-    """Seed of `GraspMap.sparse`, if half of the points are taken out."""
+    """Seed of `GraspMap.sparse` if half of the points are removed, otherwise None."""
     tasks: tuple[EvaluationTask, ...]
 
     def map(self) -> GraspMap:
-        """The map."""
+        """Return the map."""
         whole = jem_map(self.spacing)
         return whole if self.sparse_seed is None else whole.sparse(self.sparse_seed)
 
 
 def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
-    """The worlds of the test set that ships with the package, or of another file.
+    """Return the maps and tasks of the test set that ships with the package, or of another file.
 
     Raises
     ------
     MlivrError
-        If the file cannot be read, or its tasks were drawn under other rules of the
-        stance graph.
+        If the file cannot be read, or its tasks were drawn by other rules of the stance graph.
     """
     file = asset_path("test_set.json") if path is None else Path(path)
 
     def build(data: dict[str, Any]) -> list[HeldOutWorld]:
-        check_rules("it", data.get("rules"), "draw it anew with freeze_test_set")
+        check_rules("it", data.get("rules"), "draw it again with freeze_test_set")
         return [
             HeldOutWorld(
                 **{**world, "tasks": tuple(EvaluationTask(**task) for task in world["tasks"])}
@@ -102,28 +105,30 @@ def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
 
 
 def held_out_goals() -> Array:
-    """Goals of the shipped test set [m], shape (g, 3): training leaves them out."""
+    """Return the goals of the shipped test set [m], shape (g, 3), which no training may use."""
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
 
 def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[HeldOutWorld]:
-    """Draw a test set and write it.
+    """Draw a test set, write it to a file, and return it.
 
     Parameters
     ----------
     path
-        Where to write it.
+        The file.
     seed
         Seed of all draws.
     sizes
         Number of tasks in each split.
     """
     rng = np.random.default_rng(seed)
-    worlds = [_draw(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]
+    worlds = [_draw_tasks(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]
     for k in range(4):
-        worlds.append(_draw(HeldOutWorld("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
-    worlds.append(_draw(HeldOutWorld("dense", 0.1, None, ()), sizes["dense"], rng))
-    worlds.append(_draw(HeldOutWorld("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10))
+        worlds.append(_draw_tasks(HeldOutWorld("half", 0.2, seed + k, ()), sizes["half"] // 4, rng))
+    worlds.append(_draw_tasks(HeldOutWorld("dense", 0.1, None, ()), sizes["dense"], rng))
+    worlds.append(
+        _draw_tasks(HeldOutWorld("occupied", 0.2, None, ()), sizes["occupied"], rng, groups=10)
+    )
     data: dict[str, Any] = {"seed": seed, "rules": GRAPH_RULES, "worlds": []}
     for world in worlds:
         tasks = [task._asdict() for task in world.tasks]
@@ -132,17 +137,17 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
     return worlds
 
 
-def _draw(
+def _draw_tasks(
     world: HeldOutWorld, count: int, rng: np.random.Generator, groups: int = 0
 ) -> HeldOutWorld:
-    """Fill a world with tasks; with `groups`, other points are occupied in each group of tasks."""
+    """Return a world with tasks; with `groups`, each group of tasks has its own occupied points."""
     env = MlivrEnv(map=world.map())
     tasks: list[EvaluationTask] = []
     for group in range(max(groups, 1)):
         occupied: tuple[str, ...] = ()
         if groups:
             m = len(env.graph.grasp_map)
-            chosen = rng.permutation(m)[: int(OCCUPIED * m)]
+            chosen = rng.permutation(m)[: int(OCCUPIED_SHARE * m)]
             occupied = env.graph.ids(sorted(chosen.tolist()))
             env.graph.vacate()
             env.graph.occupy(occupied)
@@ -154,10 +159,14 @@ def _draw(
                 env.graph.posture(state.stance).base_position[0] for state in (first, last)
             )
             low, high = env.graph.grasp_map.cabin
-            if np.linalg.norm(goal - origin) < FAR or (goal < low).any() or (goal > high).any():
+            if (
+                np.linalg.norm(goal - origin) < MIN_START_GOAL_DISTANCE
+                or (goal < low).any()
+                or (goal > high).any()
+            ):
                 continue
-            asked = first.stance, goal.tolist(), "steps"
-            if planner.plan(*asked, goal_tolerance=env.goal_tolerance):
+            query = first.stance, goal.tolist(), "steps"
+            if planner.plan(*query, goal_tolerance=env.goal_tolerance):
                 tasks.append(
                     EvaluationTask(env.graph.ids(first.stance), tuple(goal.tolist()), occupied)
                 )

@@ -1,4 +1,4 @@
-"""Training of the policies: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint."""
+"""Training of policies: behaviour cloning, DAgger, masked PPO, and PPO from a checkpoint."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError, choice
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
-"""Called with the phase, the steps done, the steps in all and figures."""
+"""Function called with the phase, the steps done, their total number, and figures by name."""
 
 
 def train(
@@ -55,45 +55,55 @@ def train(
     network
         `"pointer"` or `"mlp"`.
     seed
-        Seed of everything.
+        Seed of all random numbers.
     env
         The environment, unwrapped; by default one is made.
     env_arguments
-        Arguments of `MlivrEnv`, which go into the configuration; the environment is
-        made from them if none is given.
+        Arguments of `MlivrEnv`, which are stored in the configuration; the environment is made from
+        them if none is given.
     settings
-        What `hyperparameters` returns; by default those of the package.
+        Result of `hyperparameters`; by default those of the package.
     init
-        Checkpoint without suffix to start from; `"finetune"` needs one.
+        Checkpoint to start from, without suffix; `"finetune"` needs one.
     out
-        Where to write the checkpoint, without suffix.
+        Path of the checkpoint to write, without suffix.
     command
-        The command to repeat it, for the configuration.
+        Command that repeats the training, for the configuration.
     progress
-        Called with the phase, the steps done, the steps in all and figures.
+        Function that is called with the phase, the steps done, their total number, and figures by
+        name.
     logs
         Folder for TensorBoard logs; needs the package `tensorboard`.
+
+    Returns
+    -------
+    LearnedPolicy
+        The trained policy.
 
     Raises
     ------
     MlivrError
         If an argument cannot be used; the message names it.
     KeyboardInterrupt
-        If it is interrupted; `out` then holds what was learned so far.
+        If the training is interrupted; `out` then contains the policy learned so far.
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else checked_settings(settings)
     if method == "finetune" and init is None:
-        raise SettingError("method 'finetune' needs a checkpoint to start from")
-    request = _Request(method, network, seed, dict(env_arguments or {}), settings, init, command)
+        raise SettingError(
+            "method 'finetune' needs a checkpoint to start from; give its path as init"
+        )
+    request = _TrainingRequest(
+        method, network, seed, dict(env_arguments or {}), settings, init, command
+    )
     env = request.make_env() if env is None else env
     env.table_moves()
-    return _train(request, env, _Report(progress, logs), out)
+    return _train(request, env, _TrainingReport(progress, logs), out)
 
 
 @dataclass(frozen=True)
-class _Request:
-    """What shall be trained and how: the arguments of `train`."""
+class _TrainingRequest:
+    """The arguments of `train` that define the result."""
 
     method: str
     network: str
@@ -109,11 +119,11 @@ class _Request:
         return dict(self.settings["networks"].get(self.network, {}))
 
     def make_env(self) -> MlivrEnv:
-        """The environment, with the steps of its whole map worked out."""
+        """Return the environment with all steps of its map computed."""
         return MlivrEnv(**(self.env_arguments | {"precompute": True}))
 
     def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
-        """What a checkpoint says of its training."""
+        """Return the configuration that a checkpoint stores."""
         return {
             "network": self.network,
             "sizes": self.sizes,
@@ -133,8 +143,8 @@ class _Request:
         }
 
 
-class _Report:
-    """Tells the caller and TensorBoard how a training goes.
+class _TrainingReport:
+    """Reports the progress of a training to the caller and to TensorBoard.
 
     Attributes
     ----------
@@ -143,29 +153,29 @@ class _Report:
     """
 
     def __init__(self, progress: Progress | None, logs: str | Path | None) -> None:
-        """Tell whom there is: a function, or a folder for TensorBoard logs."""
-        self._progress, self._writer = progress, _writer(logs)
+        """Report to a function, to a folder of TensorBoard logs, or to both."""
+        self._progress, self._tensorboard_writer = progress, _tensorboard_writer(logs)
         self.learned = False
 
     def __call__(self, phase: str, done: int, total: int, figures: dict[str, float]) -> None:
-        """Tell the figures of a phase of the training."""
+        """Report the figures of a phase of the training."""
         self.learned = True
-        if self._writer is not None:
+        if self._tensorboard_writer is not None:
             for name, value in figures.items():
-                self._writer.add_scalar(f"{phase}/{name}", value, done)
+                self._tensorboard_writer.add_scalar(f"{phase}/{name}", value, done)
         if self._progress is not None:
             self._progress(phase, done, total, figures)
 
     def close(self) -> None:
         """Finish the logs."""
-        if self._writer is not None:
-            self._writer.close()
+        if self._tensorboard_writer is not None:
+            self._tensorboard_writer.close()
 
 
 def _train(
-    request: _Request, env: MlivrEnv, report: _Report, out: str | Path | None
+    request: _TrainingRequest, env: MlivrEnv, report: _TrainingReport, out: str | Path | None
 ) -> LearnedPolicy:
-    """Train, and write the checkpoint also where it is interrupted after something was learned."""
+    """Train, and write the checkpoint; on an interruption too, if anything was learned."""
     began = time.perf_counter()
     torch.manual_seed(request.seed)
     policy = make_policy(env, request.network, request.sizes)
@@ -174,9 +184,9 @@ def _train(
     interrupted = False
     try:
         if "imitation" in request.settings:
-            _imitate(request, env, policy, report)
+            _run_imitation(request, env, policy, report)
         if "ppo" in request.settings:
-            _improve(request, env, policy, report)
+            _run_ppo(request, env, policy, report)
     except KeyboardInterrupt:
         interrupted = True
     report.close()
@@ -184,25 +194,29 @@ def _train(
     if interrupted:
         config["interrupted"] = True
     policy.set_training_mode(False)
-    kept = "nothing was written"
+    outcome = "nothing was written"
     if out is not None and (report.learned or not interrupted):
         save_policy(out, policy, config)
-        kept = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
+        outcome = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
     if interrupted:
-        raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {kept}")
+        raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {outcome}")
     return LearnedPolicy(policy, request.network, config)
 
 
-def _imitate(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> None:
-    """Imitation of the planner by a policy, which is changed; also if it is interrupted."""
+def _run_imitation(
+    request: _TrainingRequest, env: MlivrEnv, policy: Any, report: _TrainingReport
+) -> None:
+    """Train a policy in place by imitation of the planner."""
     settings = ImitationSettings(**request.settings["imitation"])
     plain = request.network == "mlp"
     imitation = Imitation(env, policy, plain, settings, request.seed, held_out_goals())
     imitation.run(partial(report, "imitation"))
 
 
-def _improve(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> None:
-    """PPO from a policy's weights, which are changed; also if it is interrupted."""
+def _run_ppo(
+    request: _TrainingRequest, env: MlivrEnv, policy: Any, report: _TrainingReport
+) -> None:
+    """Train a policy in place by PPO; its weights are updated on an interruption too."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
@@ -233,12 +247,14 @@ def _improve(request: _Request, env: MlivrEnv, policy: Any, report: _Report) -> 
         policy.load_state_dict(model.policy.state_dict())
 
 
-def _writer(logs: str | Path | None) -> Any:
-    """A writer of TensorBoard logs, None without a folder for them."""
+def _tensorboard_writer(logs: str | Path | None) -> Any:
+    """Return a writer of TensorBoard logs, or None without a folder for them."""
     if logs is None:
         return None
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
-        raise SettingError("TensorBoard logs need the package 'tensorboard'") from None
+        raise SettingError(
+            "TensorBoard logs need the package 'tensorboard': pip install tensorboard"
+        ) from None
     return SummaryWriter(str(logs))

@@ -1,4 +1,8 @@
-"""Planning and learning for robots that climb hand over hand inside space stations."""
+"""Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
+
+Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
+`MLIVR3-JEM-v0` and `MLIVR4-JEM-v0`.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -35,11 +39,11 @@ __all__ = [
 ]
 
 _COMPILED = {"State": "mlivr_gym.transitions.state", "stance_graph": "mlivr_gym.stances.build"}
-"""Modules that import Numba, by what they give to users."""
+"""Public names whose modules import Numba, with those modules."""
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is compiled when it is first used: Numba alone takes half of a second."""
+    """Import a public name on its first use if its module needs Numba, which loads slowly."""
     if name not in _COMPILED:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     found = globals()[name] = getattr(import_module(_COMPILED[name]), name)

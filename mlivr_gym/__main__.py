@@ -1,4 +1,4 @@
-"""`python -m mlivr_gym` is the command `mlivr-gym`."""
+"""`python -m mlivr_gym` runs the command `mlivr-gym`."""
 
 import sys
 

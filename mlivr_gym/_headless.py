@@ -1,6 +1,6 @@
-"""Without a screen only EGL can render.
+"""Selection of EGL, the only GL library that renders on Linux without a screen.
 
-MuJoCo chooses its GL library when it is imported, so this is set before anything imports it.
+MuJoCo chooses its GL library when it is imported, so this module is imported before it.
 """
 
 from __future__ import annotations

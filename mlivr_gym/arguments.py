@@ -1,15 +1,19 @@
-"""What callers give to public functions: each argument is read by its kind before anything is done.
+"""Checks of the arguments of public functions, made before anything is computed.
 
-`checked` stands above a function and takes a table of kinds by name, which the functions of a
-chapter share. An argument without a kind is an error when the module is imported.
+The decorator `checked` takes a schema `Kind` for each argument by name; the functions of a package
+share one such table. An argument without a kind is an error when the module is imported. The kinds
+for data are in `schema`; this module adds those that only arguments need, such as objects of a
+class and file names.
 
-Example:
-    >>> @checked({"cost": Choice(("base", "steps")), "limit": Whole(1, 10)})
-    ... def search(cost: str, *, limit: int = 10) -> int:
-    ...     return limit
-    >>> search("time")
-    Traceback (most recent call last):
-    mlivr_gym.errors.SettingError: cost is 'time'; valid choices are 'base', 'steps'
+Examples
+--------
+>>> from mlivr_gym.schema import Choice
+>>> @checked({"cost": Choice(("base", "steps")), "limit": Whole(1, 10)})
+... def search(cost: str, *, limit: int = 10) -> int:
+...     return limit
+>>> search("time")
+Traceback (most recent call last):
+mlivr_gym.errors.SettingError: cost is 'time'; valid choices are 'base', 'steps'
 """
 
 from __future__ import annotations
@@ -31,27 +35,27 @@ Kinds = Mapping[str, Kind[Any]]
 """Kind of each argument by name."""
 
 SEED = Whole(0, 2**64 - 1)
-"""A seed of random numbers."""
+"""Kind of a seed of random numbers."""
 
 ANY_NUMBER = Tuples()
-"""A finite number."""
+"""Kind of any finite number."""
 
 NOT_NEGATIVE = Tuples((), 0.0)
-"""A finite number from 0 on."""
+"""Kind of a finite number that is at least 0."""
 
 
 def checked(
     kinds: Kinds, error: type[MlivrError] = SettingError
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Have the arguments of a function read before it is called; it is given what they make of it.
+    """Return a decorator that checks and converts the arguments of a function before each call.
 
     Parameters
     ----------
     kinds
-        Kind of each argument by name; there may be more than the function has. Defaults
-        are not read.
+        Kind of each argument by name. The table may have names that the function does not take;
+        default values are not checked.
     error
-        Type of the error.
+        Type of the error that an invalid argument raises.
     """
 
     def above(function: Callable[P, T]) -> Callable[P, T]:
@@ -77,14 +81,14 @@ def checked(
 
 
 class Of:
-    """An object of one of some classes."""
+    """Kind of an object that is an instance of one of some classes."""
 
     def __init__(self, *classes: type) -> None:
-        """Take objects of these classes."""
+        """Accept instances of these classes."""
         self.classes = classes
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """The object."""
+        """Return the object itself."""
         if not isinstance(value, self.classes):
             names = " or ".join(f"a {one.__name__}" for one in self.classes)
             raise place.refused(value, names)
@@ -92,20 +96,23 @@ class Of:
 
 
 class Called:
-    """Something that can be called, and is no class."""
+    """Kind of a function or another callable object; a class is refused."""
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """The function."""
+        """Return the callable itself."""
         if not callable(value) or isinstance(value, type):
             raise place.refused(value, "a function")
         return value
 
 
 class FileName:
-    """The path of a file; a number would be a file that is open already."""
+    """Kind of a file path.
+
+    A whole number is refused, since `open` would take it for the descriptor of an open file.
+    """
 
     def read(self, value: object, place: FieldPath) -> str:
-        """The path."""
+        """Return the path as text."""
         path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
         if not isinstance(path, str):
             raise place.refused(value, "the path of a file")
@@ -114,22 +121,36 @@ class FileName:
 
 @dataclass(frozen=True)
 class Via(Generic[T]):
-    """What a function makes of a value and its place."""
+    """Kind whose values are read by a function.
+
+    Attributes
+    ----------
+    make
+        Function that converts a value and its `FieldPath`, or raises an error.
+    """
 
     make: Callable[[Any, FieldPath], T]
 
     def read(self, value: object, place: FieldPath) -> T:
-        """What it makes."""
+        """Return what the function makes of the value."""
         return self.make(value, place)
 
 
 @dataclass(frozen=True)
 class Raising(Generic[T]):
-    """Another kind, with an error of its own."""
+    """Another kind that raises a different type of error.
+
+    Attributes
+    ----------
+    error
+        Type of the error.
+    kind
+        The kind that reads the value.
+    """
 
     error: type[MlivrError]
     kind: Kind[T]
 
     def read(self, value: object, place: FieldPath) -> T:
-        """What the other kind makes of it."""
+        """Return the value as the wrapped kind reads it."""
         return self.kind.read(value, FieldPath(place.path, self.error))

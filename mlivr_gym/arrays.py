@@ -1,13 +1,13 @@
-"""The kinds of arrays that signatures name; docstrings give their shapes and units."""
+"""Type aliases of the arrays in signatures; docstrings give shapes and units."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Real numbers."""
+"""Array of real numbers in double precision."""
 
 IntArray = NDArray[np.int64]
-"""Indices, counts and masks."""
+"""Array of 64-bit integers: indices, counts or masks."""
 
 BoolArray = NDArray[np.bool_]
-"""Truth values."""
+"""Array of truth values."""

@@ -1,7 +1,7 @@
-"""Errors that the package raises on purpose.
+"""Errors that the package raises when a caller gives something that cannot be used.
 
-Every one derives from `MlivrError`, so that a caller (the command line is one)
-can tell a bad input from a fault of the program.
+They all derive from `MlivrError`, so that a caller, for example the command line, can distinguish
+invalid input from a fault of the program.
 """
 
 from __future__ import annotations
@@ -11,45 +11,45 @@ import reprlib
 from collections.abc import Iterable
 
 LONGEST_SHOWN = 400
-"""Most characters of a value in a message."""
+"""Maximum number of characters of a value in a message."""
 
 LONGEST_PATH = 1024
-"""Most characters of a path in a message."""
+"""Maximum number of characters of a path in a message."""
 
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 80
 
 
 def shortened(value: object) -> str:
-    """A value for a message: short, printable and in one line, whatever it is."""
+    """Return a value as short, printable text on one line, for an error message."""
     try:
         text = one_line(re.sub(r"\s*\n\s*", " ", _BRIEF.repr(value)))
         return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
-    except (ValueError, RecursionError):  # whole numbers of thousands of digits, deep nesting
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or deep nesting
         return f"a {type(value).__name__} too long to show"
 
 
 def path_shown(path: object) -> str:
-    """A path for a message, whole if a file may be called so."""
+    """Return a path for an error message, in full if it is short enough to be that of a file."""
     text = str(path)
     return repr(text) if len(text) <= LONGEST_PATH else shortened(text)
 
 
 def one_line(message: str) -> str:
-    """A message as one line that every terminal can show."""
+    """Return a message with every unprintable character escaped, so that it fits on one line."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 
 class MlivrError(ValueError):
-    """Base class: something the caller gave cannot be used."""
+    """Base class of all errors of the package: an input cannot be used."""
 
 
 class MapError(MlivrError):
-    """A map file or map object is faulty."""
+    """A map file or a map object is faulty."""
 
 
 class RobotError(MlivrError):
-    """A robot description is faulty or cannot be used on the map."""
+    """A robot description is faulty, or the robot cannot be used on the map."""
 
 
 class ShapeError(MlivrError):
@@ -57,7 +57,7 @@ class ShapeError(MlivrError):
 
 
 class SettingError(MlivrError):
-    """A parameter is outside its valid range or choices."""
+    """A parameter is outside its valid range or is not one of its valid choices."""
 
 
 class GoalError(MlivrError):
@@ -69,24 +69,24 @@ class StanceError(MlivrError):
 
 
 class PlanError(MlivrError):
-    """A plan cannot be found, loaded or used on this map."""
+    """A plan cannot be found, cannot be loaded, or cannot be used on this map."""
 
 
 class NoPlanError(PlanError):
-    """There is no plan, the start cannot be held, or the limit of the search was reached."""
+    """No plan exists, the start cannot be held, or the search reached its limit."""
 
 
 class SimulationError(MlivrError):
-    """A simulation cannot be run as asked."""
+    """A simulation cannot be run as requested."""
 
 
 class TimingError(SettingError):
-    """A step cannot be carried out in the time that is given.
+    """A step cannot be carried out in the given time.
 
     Attributes
     ----------
     shortest
-        The shortest duration that would do [s].
+        Shortest duration that keeps all limits [s].
     """
 
     def __init__(self, duration: float, binding: str, shortest: float) -> None:
@@ -95,16 +95,16 @@ class TimingError(SettingError):
         Parameters
         ----------
         duration
-            The step's duration that was asked for [s].
+            Requested duration of the step [s].
         binding
-            The limit that is broken, and where.
+            The limit that is violated, and where.
         shortest
-            The shortest duration that would do [s].
+            Shortest duration that keeps all limits [s].
         """
         self.shortest = shortest
         super().__init__(
             f"a step of {duration:g} s breaks the limit {binding}; "
-            f"the shortest that keeps the limits is {shortest:.3f} s"
+            f"the shortest duration that keeps all limits is {shortest:.3f} s"
         )
 
 
@@ -117,10 +117,10 @@ class RenderError(MlivrError):
 
 
 class UnknownPointError(StanceError):
-    """A point id is not on the map."""
+    """No graspable point of the map has the given id."""
 
     def __init__(self, point_id: object, valid: Iterable[str]) -> None:
-        """Build the message from the id and a sample of the valid ones."""
+        """Build the message from the unknown id and a sample of the valid ones."""
         ids = list(valid)
         sample = ", ".join(ids[:4])
         super().__init__(
@@ -130,12 +130,12 @@ class UnknownPointError(StanceError):
 
 
 def choice(name: str, value: object, valid: Iterable[str]) -> str:
-    """Return `value` if it is one of `valid`.
+    """Return `value` if it is one of the valid choices.
 
     Raises
     ------
     SettingError
-        naming the value and the valid choices.
+        If it is not; the message names the value and the valid choices.
     """
     options = list(valid)
     if value not in options:

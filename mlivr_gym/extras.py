@@ -1,4 +1,4 @@
-"""Packages of the extras, which the core of the package does without."""
+"""Checks that optional packages are installed, which only the extras of this package need."""
 
 from __future__ import annotations
 
@@ -8,7 +8,15 @@ from mlivr_gym.errors import SettingError
 
 
 def missing(*packages: str, extra: str) -> str:
-    """What to install of an extra of this package, one sentence; empty if all of it is there."""
+    """Return one sentence about the first package that is missing, or empty text if none is.
+
+    Parameters
+    ----------
+    *packages
+        Names of the packages.
+    extra
+        Extra of `mlivr-gym` that installs them.
+    """
     for name in packages:
         if importlib.util.find_spec(name) is None:
             return f"this needs the package {name!r}: pip install 'mlivr-gym[{extra}]'"
@@ -16,12 +24,19 @@ def missing(*packages: str, extra: str) -> str:
 
 
 def need(*packages: str, extra: str) -> None:
-    """Refuse where packages of an extra are not installed.
+    """Check that the packages of an extra are installed.
+
+    Parameters
+    ----------
+    *packages
+        Names of the packages.
+    extra
+        Extra of `mlivr-gym` that installs them.
 
     Raises
     ------
     SettingError
-        naming the first of them.
+        If a package is missing; the message names the first one and how to install it.
     """
-    if told := missing(*packages, extra=extra):
-        raise SettingError(told)
+    if message := missing(*packages, extra=extra):
+        raise SettingError(message)

@@ -1,4 +1,7 @@
-"""Files are written whole or not at all, and JSON is read in one manner."""
+"""Reading JSON files with all their faults reported, and writing files atomically.
+
+Every file of the package is written whole or not at all.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ from mlivr_gym.schema import FieldPath
 T = TypeVar("T")
 
 LARGEST_FILE = 1 << 25
-"""Most bytes of a JSON file: a map of 100,000 points takes half of it."""
+"""Maximum size of a JSON file [bytes]; a map of 100,000 points takes half of it."""
 
 TOO_MANY_DIGITS = 309
-"""Digits of the smallest whole number that is larger than any float."""
+"""Number of digits of the smallest integer that is larger than any float."""
 
 
 class FileError(MlivrError):
@@ -30,6 +33,13 @@ class FileError(MlivrError):
 
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file by renaming a finished temporary one, so that no half-written file is ever seen.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Text, which is written in UTF-8, or bytes.
 
     Raises
     ------
@@ -46,7 +56,7 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, target)
-    except (OSError, ValueError) as error:  # such as a null character in the name
+    except (OSError, ValueError) as error:  # for example a null character in the name
         if name is not None:
             Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
@@ -54,31 +64,31 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
 
 
 def checksum(data: Any, content: bytes = b"") -> str:
-    """Hash of plain data and of bytes beside them, which tells whether anything was altered.
+    """Return the SHA-256 hash of JSON data and of further bytes, which shows any alteration.
 
-    Spaces and the order of fields do not count.
+    Spaces and the order of fields do not change it.
     """
     text = json.dumps(data, sort_keys=True)
     return hashlib.sha256(text.encode() + b"\0" + content).hexdigest()
 
 
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:
-    """The object that a JSON file holds, every number in it finite.
+    """Return the object that a JSON file holds; every number in it is finite.
 
     Parameters
     ----------
     path
         The file, in UTF-8.
     kind
-        What it should be, for the message: `"map"`.
+        What the file holds, for the message, for example `"map"`.
     error
         Type of the error.
 
     Raises
     ------
     MlivrError
-        of the type `error`, naming the file, if it cannot be read, is too large or
-        nested too deeply, is no JSON, or holds something other than an object.
+        An error of the given type, which names the file, if the file cannot be read, is too large
+        or nested too deeply, is not JSON, or does not hold an object.
     """
     path = FileName().read(path, FieldPath("path", error))
     try:
@@ -113,23 +123,23 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
 def load(
     path: str | Path, kind: str, error: type[MlivrError], build: Callable[[dict[str, Any]], T]
 ) -> T:
-    """What is built from the object that a JSON file holds.
+    """Read a JSON file and return what `build` makes of its object.
 
     Parameters
     ----------
     path
         The file.
     kind
-        What it should be, for the message: `"map"`.
+        What the file holds, for the message, for example `"map"`.
     error
         Type of the error.
     build
-        Makes it of the object.
+        Function that converts the object.
 
     Raises
     ------
     MlivrError
-        of the type `error`, naming the file, if it cannot be read or used.
+        An error of the given type, which names the file, if the file cannot be read or used.
     """
     data = read_json(path, kind, error)
     try:
@@ -139,6 +149,7 @@ def load(
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the fields of a JSON object, none of which may occur twice."""
     found = dict(pairs)
     if len(found) < len(pairs):
         names = [name for name, _ in pairs]
@@ -148,6 +159,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _finite(digits: str) -> float:
+    """Return a number of a JSON file, which must be finite."""
     value = float(digits)
     if not math.isfinite(value):
         raise ValueError(f"its number {digits[:40]} is not finite")
@@ -155,6 +167,7 @@ def _finite(digits: str) -> float:
 
 
 def _whole(digits: str) -> int:
+    """Return an integer of a JSON file, which must not have too many digits."""
     if len(digits.lstrip("-")) >= TOO_MANY_DIGITS:
         raise ValueError(f"its number {digits[:40]}... has {len(digits)} digits")
     return int(digits)

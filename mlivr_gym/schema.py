@@ -1,16 +1,17 @@
-"""Schemas: which fields data from outside have, and of what kind each of them is.
+"""Schemas of data from files and callers: which fields they have, and of what kind each one is.
 
-Everything that is read from a file or given as plain data goes through one: maps, robots, boxes,
-plans, settings, hyperparameters. A schema is a `Kind`; kinds of objects and lists are made of other
-kinds. `read` walks the data and either returns what the program works with or raises one error,
-which names the place (`points[3].normal[0]`), the value found there and what it must be.
+Everything that is read from a file or given as plain data goes through a schema: maps, robots,
+boxes, plans, settings and hyperparameters. A schema is a `Kind`; kinds of objects and lists are
+composed of other kinds. `read` either returns the converted data or raises one error, which names
+the place (`points[3].normal[0]`), the value found there and what would be valid.
 
-Example:
-    >>> from mlivr_gym.errors import MapError
-    >>> rail = Fields({"id": NAME, "ends": Numbers((2, 3), most=1000.0, unit="m")})
-    >>> rail.read({"id": "R", "ends": [[0, 0, 0], [1, 0, "x"]]}, Place("", MapError))
-    Traceback (most recent call last):
-    mlivr_gym.errors.MapError: ends is [[0, 0, 0], [1, 0, 'x']]; it must be numbers of shape (2, 3)
+Examples
+--------
+>>> from mlivr_gym.errors import MapError
+>>> rail = Fields({"id": NAME, "ends": Numbers((2, 3), most=1000.0, unit="m")})
+>>> rail.read({"id": "R", "ends": [[0, 0, 0], "x"]}, FieldPath("", MapError))
+Traceback (most recent call last):
+mlivr_gym.errors.MapError: ends is [[0, 0, 0], 'x']; it must be finite numbers of shape (2, 3)
 """
 
 from __future__ import annotations
@@ -32,33 +33,33 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
 ROTATION_TOLERANCE = 1e-5
-"""Largest deviation of a rotation matrix times its transpose from the unit matrix."""
+"""Largest deviation of a rotation matrix times its transpose from the identity, in any entry."""
 
 
 class FieldPath(NamedTuple):
-    """Where a value stands, for the message, and the type of the error."""
+    """Place of a value in the data, such as `points[3].normal`, and the type of errors about it."""
 
     path: str
     error: type[MlivrError]
 
     def field(self, name: str) -> FieldPath:
-        """The place of a field of the object that stands here."""
+        """Return the path of a field of the object at this place."""
         return FieldPath(f"{self.path}.{name}" if self.path else name, self.error)
 
     def entry(self, number: int) -> FieldPath:
-        """The place of an entry of the list that stands here."""
+        """Return the path of an entry of the list at this place."""
         return FieldPath(f"{self.path}[{number}]", self.error)
 
-    def fault(self, told: str) -> MlivrError:
-        """The error that says something of what stands here."""
-        return self.error(f"{self.path or 'the data'} {told}")
+    def fault(self, message: str) -> MlivrError:
+        """Return an error whose message is this place followed by `message`."""
+        return self.error(f"{self.path or 'the data'} {message}")
 
     def refused(self, value: object, kind: str) -> MlivrError:
-        """The error that shows the value and says what it must be."""
+        """Return an error that shows the value and says what it must be."""
         return self.fault(f"is {shortened(value)}; it must be {kind}")
 
     def build(self, make: Callable[..., T], *args: Any, **options: Any) -> T:
-        """What a constructor makes of checked values; its error is told with the place."""
+        """Call a constructor with checked values; its errors get this place and type."""
         try:
             return make(*args, **options)
         except MlivrError as fault:
@@ -66,30 +67,23 @@ class FieldPath(NamedTuple):
 
 
 class Kind(Protocol[T_co]):
-    """A kind of value."""
+    """A kind of value, which checks a value and converts it."""
 
     def read(self, value: object, place: FieldPath) -> T_co:
-        """What the program works with.
-
-        Parameters
-        ----------
-        value
-            What was given.
-        place
-            Where it stands.
+        """Return the converted value.
 
         Raises
         ------
         MlivrError
-            of the type of the place, if it is not of this kind.
+            An error of the type of `place`, if the value is not of this kind.
         """
 
 
 class Anything:
-    """A remark in a file, which nobody reads."""
+    """Any value, for example a remark in a file, which the program does not use."""
 
     def read(self, value: object, place: FieldPath) -> object:
-        """The value as it is."""
+        """Return the value unchanged."""
         return value
 
 
@@ -100,13 +94,13 @@ class Text:
     Attributes
     ----------
     least
-        Fewest characters.
+        Minimum number of characters.
     """
 
     least: int = 1
 
     def read(self, value: object, place: FieldPath) -> str:
-        """The text; half of a surrogate pair, for example, could not be written."""
+        """Return the text; a lone surrogate, for example, is refused: no file could hold it."""
         if (
             not isinstance(value, str)
             or not self.least <= len(value) <= LONGEST_TEXT
@@ -118,10 +112,10 @@ class Text:
 
 
 class Flag:
-    """True or false."""
+    """Either True or False; numbers are refused."""
 
     def read(self, value: object, place: FieldPath) -> bool:
-        """The switch."""
+        """Return the truth value as a bool."""
         if not isinstance(value, (bool, np.bool_)):
             raise place.refused(value, "true or false")
         return bool(value)
@@ -134,22 +128,24 @@ class Choice:
     options: tuple[str, ...]
 
     def read(self, value: object, place: FieldPath) -> str:
-        """The name."""
+        """Return the name; the error of another one suggests the most similar valid name."""
         if not isinstance(value, str) or value not in self.options:
-            told = f"is {shortened(value)}; valid choices are {', '.join(map(repr, self.options))}"
-            raise place.fault(told + meant(value, self.options))
+            message = (
+                f"is {shortened(value)}; valid choices are {', '.join(map(repr, self.options))}"
+            )
+            raise place.fault(message + meant(value, self.options))
         return str(value)
 
 
 @dataclass(frozen=True)
 class Whole:
-    """A whole number from `least` to `most`."""
+    """An integer from `least` to `most`; a bool or a float is refused."""
 
     least: int
     most: int
 
     def read(self, value: object, place: FieldPath) -> int:
-        """The number."""
+        """Return the integer as an int."""
         if (
             isinstance(value, bool)
             or not isinstance(value, (int, np.integer))
@@ -161,20 +157,20 @@ class Whole:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Finite numbers in lists of a shape.
+    """Finite numbers in an array or in nested lists of a given shape.
 
     Attributes
     ----------
     shape
-        The shape; a first entry of None leaves the number of rows open.
+        The shape; None as its first entry leaves the number of rows open.
     least
-        Least value of each.
+        Minimum of each number.
     most
-        Largest value of each.
+        Maximum of each number.
     unit
-        The unit; lengths [m] above `most` are told to be in metres.
+        The unit. Of lengths [m] above `most` the message asks whether they are in millimetres.
     rows
-        Fewest and most rows, where their number is open.
+        Minimum and maximum number of rows where the shape leaves it open.
     """
 
     shape: tuple[int | None, ...] = ()
@@ -184,7 +180,7 @@ class Numbers:
     rows: tuple[int, int] = (1, MOST_PARTS)
 
     def read(self, value: object, place: FieldPath) -> Array:
-        """The numbers as an array of floats."""
+        """Return the numbers as an array of floats."""
         count = len(_list(value, place, *self.rows)) if None in self.shape else 0
         shape = tuple(count if size is None else size for size in self.shape)
         if 0 in shape:
@@ -200,7 +196,7 @@ class Numbers:
         return found
 
     def _range(self) -> str:
-        """The range in words."""
+        """Return the valid range in words."""
         unit = f" {self.unit}" if self.unit else ""
         if self.most == np.inf:
             return f"at least {self.least:g}{unit}"
@@ -209,18 +205,18 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Tuples(Numbers):
-    """The same as nested tuples, a single number as a float."""
+    """Finite numbers as nested tuples, or a single number as a float."""
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """The numbers."""
+        """Return the numbers as nested tuples, or as a float if the shape is ()."""
         return _frozen(super().read(value, place).tolist())
 
 
 class Rotation:
-    """A right-handed rotation matrix, as rows."""
+    """A right-handed rotation matrix, given by its rows."""
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """The rows, three tuples of three."""
+        """Return the matrix as three tuples of three numbers."""
         found = numbers(value, (3, 3), place.path, place.error)
         if not are_rotations(found).all():
             raise place.fault("must be a right-handed rotation matrix")
@@ -228,13 +224,7 @@ class Rotation:
 
 
 def are_rotations(turns: Array) -> BoolArray:
-    """Which of some matrices are right-handed rotations.
-
-    Parameters
-    ----------
-    turns
-        The matrices, shape (..., 3, 3).
-    """
+    """Return which of some matrices of shape (..., 3, 3) are right-handed rotations."""
     turned = np.clip(turns, -2.0, 2.0)  # squares of huge numbers would overflow
     error = np.abs(np.swapaxes(turned, -1, -2) @ turned - np.eye(3)).max(axis=(-2, -1))
     right: BoolArray = (error <= ROTATION_TOLERANCE) & (np.linalg.det(turned) > 0.0)
@@ -243,41 +233,41 @@ def are_rotations(turns: Array) -> BoolArray:
 
 @dataclass(frozen=True)
 class Maybe(Generic[T]):
-    """Another kind, or none."""
+    """Either None or a value of another kind."""
 
     kind: Kind[T]
 
     def read(self, value: object, place: FieldPath) -> T | None:
-        """What the other kind makes of it, or None."""
+        """Return None, or the value as the other kind reads it."""
         return None if value is None else self.kind.read(value, place)
 
 
 @dataclass(frozen=True)
 class Listed(Generic[T]):
-    """A list of another kind, of `least` to `most` entries."""
+    """A list whose entries are of another kind, with `least` to `most` entries."""
 
     kind: Kind[T]
     least: int = 0
     most: int = MOST_PARTS
 
     def read(self, value: object, place: FieldPath) -> tuple[T, ...]:
-        """What the other kind makes of each entry."""
+        """Return the entries as the other kind reads them."""
         listed = _list(value, place, self.least, self.most)
         return tuple(self.kind.read(entry, place.entry(k)) for k, entry in enumerate(listed))
 
 
 @dataclass(frozen=True)
 class Fields:
-    """An object with fields.
+    """An object with named fields.
 
     Attributes
     ----------
     required
-        Kind of each field that must be there.
+        Kind of each field that must be given.
     optional
-        Kind of each that may be there.
+        Kind of each field that may be given.
     others
-        Whether it may have more, of any kind.
+        Whether further fields are allowed, of any kind.
     """
 
     required: Mapping[str, Kind[Any]]
@@ -286,18 +276,19 @@ class Fields:
 
     @cached_property
     def _kinds(self) -> dict[str, Kind[Any]]:
+        """Kind of each field by name."""
         return {**self.required, **self.optional}
 
     def read(self, value: object, place: FieldPath) -> dict[str, Any]:
-        """What the kinds make of the fields that are there."""
+        """Return the fields that are given, each as its kind reads it."""
         known = ", ".join(self._kinds)
         if not isinstance(value, dict):
             raise place.refused(value, f"an object with {known}")
         for name in value:
             if name not in self._kinds and not self.others:
                 hint = meant(name, self._kinds)
-                told = f"has an unknown field {shortened(name)}; valid fields are {known}{hint}"
-                raise place.fault(told)
+                message = f"has an unknown field {shortened(name)}; valid fields are {known}{hint}"
+                raise place.fault(message)
         found = {
             name: self._kinds[name].read(entry, place.field(name)) if name in self._kinds else entry
             for name, entry in value.items()
@@ -319,7 +310,7 @@ class Struct(Generic[T]):
     kinds
         Kind of each field.
     complete
-        Whether fields that have a default must be there too.
+        Whether fields that have a default value must be given too.
     """
 
     made: type[T]
@@ -328,7 +319,7 @@ class Struct(Generic[T]):
 
     @cached_property
     def fields(self) -> Fields:
-        """The fields of plain data."""
+        """Kinds of the fields in plain data."""
         missing: dict[str, Kind[Any]] = {}
         optional: dict[str, Kind[Any]] = {}
         for entry in dataclasses.fields(self.made):  # type: ignore[arg-type]
@@ -339,34 +330,36 @@ class Struct(Generic[T]):
         return Fields(missing, optional)
 
     def read(self, value: object, place: FieldPath) -> T:
-        """The record of plain data, or a record as it is."""
+        """Return an instance of the dataclass from plain data, or the instance that is given."""
         if isinstance(value, self.made):
             return value
         return place.build(self.made, **self.fields.read(value, place))
 
     def given(self, value: object, place: FieldPath, known: Mapping[str, T] | None = None) -> T:
-        """The record as it is, of plain data, by name, or, of None, with all its defaults.
+        """Return a record that is given as itself, as plain data, by its name, or by None.
+
+        None stands for the record with all its default values.
 
         Parameters
         ----------
         value
-            What was given.
+            The given value.
         place
-            Where it stands.
+            Its place.
         known
-            Records that have names.
+            Records that can be given by name.
         """
         if isinstance(value, str) and known is not None:
             return known[Choice(tuple(known)).read(value, place)]
         return self.read({} if value is None else value, place)
 
     def check(self, record: T, place: FieldPath) -> None:
-        """Check the fields of a record that is being made, and keep what their kinds make of them.
+        """Check and convert the fields of a frozen record; its `__post_init__` calls this.
 
         Raises
         ------
         MlivrError
-            of the type of the place, naming the field.
+            An error of the type of `place`, which names the field.
         """
         for name, kind in self.kinds.items():
             found = kind.read(getattr(record, name), place.field(name))
@@ -374,11 +367,11 @@ class Struct(Generic[T]):
 
 
 NAME = Text()
-"""A name: printable text, not empty."""
+"""Kind of a name: printable text that is not empty."""
 
 
 def meant(value: object, valid: Iterable[str]) -> str:
-    """What may have been meant by a name that is not valid, as the end of a message."""
+    """Return the end of a message that suggests the valid name most similar to an invalid one."""
     nearest = (
         difflib.get_close_matches(value[:LONGEST_TEXT], valid, 1) if isinstance(value, str) else []
     )
@@ -386,6 +379,7 @@ def meant(value: object, valid: Iterable[str]) -> str:
 
 
 def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
+    """Return a list, a tuple or an array with axes, if its length is valid."""
     if not isinstance(value, (list, tuple)) and not (isinstance(value, np.ndarray) and value.ndim):
         raise place.refused(value, "a list")
     if not least <= len(value) <= most:
@@ -395,5 +389,5 @@ def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
 
 
 def _frozen(value: Any) -> Any:
-    """Nested lists as nested tuples."""
+    """Return nested lists as nested tuples."""
     return tuple(map(_frozen, value)) if isinstance(value, list) else value

@@ -1,4 +1,4 @@
-"""Thresholds and switches of the stance graph."""
+"""Thresholds of manipulability and clearance, and switches of the checks of a stance graph."""
 
 from __future__ import annotations
 
@@ -9,29 +9,30 @@ from mlivr_gym.schema import FieldPath, Flag, Maybe, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT
 
 GRAPH_RULES = 3
-"""Number of the rules by which postures and steps are chosen; 1 was version 0.1.0.
+"""Version of the rules by which postures and steps are chosen; version 0.1.0 had rules 1.
 
-Raised whenever the same map and robot give other postures or steps: plans, checkpoints, data sets,
-test sets and tables of other rules do not fit and are refused.
+The number is raised whenever the same map and robot give other postures or steps. Plans,
+checkpoints, data sets, test sets and tables of other rules are refused.
 """
 
 LIMB_THRESHOLD = 0.1
-"""The paper's least limb manipulability."""
+"""Threshold of the limb manipulability w_m, from the paper."""
 
 BASE_THRESHOLD = 0.001
-"""The paper's least base manipulability, for two limbs."""
+"""Threshold of the base manipulability w_b for two limbs, from the paper."""
 
 PATH_FLOOR = 0.03
-"""Least limb manipulability of a holding limb between two stances."""
+"""Minimum limb manipulability of a support limb between two stances."""
 
 CLEARANCE = 0.02
-"""Least distance between shapes [m]."""
+"""Minimum distance between two shapes [m]."""
 
 
 def base_threshold(limbs: int) -> float:
-    """Default threshold of `w_b`.
+    """Return the default threshold of w_b for a number of limbs N, `0.001 (2/N)^3`.
 
-    `||qdot||` is shared among more joints as N grows, so it falls as `N^-3`.
+    The norm of the joint rates is shared among more joints as N grows, so w_b of equally good
+    postures falls as `N^-3`.
     """
     return BASE_THRESHOLD * (2.0 / limbs) ** 3
 
@@ -39,23 +40,23 @@ def base_threshold(limbs: int) -> float:
 def check_rules(
     what: str, found: object, remedy: str, error: type[MlivrError] = MlivrError
 ) -> None:
-    """Refuse what was made by other rules of the stance graph.
+    """Check that something was made by the present rules of the stance graph.
 
     Parameters
     ----------
     what
-        What it is, the first words of the message.
+        What was made, the first words of the message.
     found
-        The number it carries; None if it carries none, as in version 0.1.0.
+        The number of rules that it carries; None if it carries none, as in version 0.1.0.
     remedy
-        What to do, the last words of the message.
+        What the user should do, the last words of the message.
     error
-        Class of the error.
+        Type of the error.
 
     Raises
     ------
     MlivrError
-        One of class `error`, if the number is not `GRAPH_RULES`.
+        An error of the given type, if the number is not `GRAPH_RULES`.
     """
     found = 1 if found is None else found
     if found != GRAPH_RULES:
@@ -67,29 +68,28 @@ def check_rules(
 
 @dataclass(frozen=True)
 class Settings:
-    """What makes a stance a node and a step an edge.
+    """Conditions under which a stance is a node and a step is an edge of the stance graph.
 
     Attributes
     ----------
     manipulability
-        Whether stances must meet both thresholds. Without them two things still
-        leave stances out: where steps are checked `path_floor`, and everywhere the robot's
-        `span` (`PairGraph.no_departure`, `PairGraph.beyond_span`).
+        Whether stances must meet both thresholds of manipulability. Without them, stances are still
+        excluded by `path_floor` if steps are checked, and always by the span of the robot
+        (`PairGraph.no_departure`, `PairGraph.beyond_span`).
     transitions
-        Whether a step must be shown to be possible without the holding limbs letting
-        go.
+        Whether a step is an edge only if the support limbs are shown to hold all along it.
     limb_threshold
-        Least `w_m` of each limb.
+        Threshold of w_m of each limb.
     base_threshold
-        Least `w_b`; by default `0.001 (2/N)^3`.
+        Threshold of w_b; by default `0.001 (2/N)^3`.
     path_floor
-        Least `w_m` of a holding limb between stances, and of a limb that departs from
-        one; it holds whether there are thresholds or not, since the proof that a limb stays on
-        its branch needs it.
+        Minimum w_m of a support limb between stances, and of a limb that departs from a point. It
+        applies with and without thresholds, since the proof that a limb stays on its branch needs
+        it.
     collisions
-        Whether stances and steps must touch nothing.
+        Whether stances and steps must keep the clearance.
     clearance
-        Least distance between any two shapes that are checked [m].
+        Minimum distance between any two shapes that are compared [m].
     """
 
     manipulability: bool = True
@@ -101,13 +101,13 @@ class Settings:
     clearance: float = CLEARANCE
 
     def __post_init__(self) -> None:
-        """Check switches and thresholds."""
+        """Check and convert all fields."""
         SETTINGS.check(self, FieldPath("", SettingError))
 
     def thresholds(self, limbs: int) -> tuple[float, float]:
-        """Least `w_m` and `w_b` that a stance of `limbs` limbs must reach.
+        """Return the thresholds of w_m and w_b for a stance of `limbs` limbs.
 
-        Zeros without manipulability.
+        Both are zero if `manipulability` is False.
         """
         if not self.manipulability:
             return 0.0, 0.0
@@ -116,7 +116,7 @@ class Settings:
 
 
 THRESHOLD = Tuples((), 0.0)
-"""A manipulability."""
+"""Kind of a threshold of manipulability."""
 
 SETTINGS = Struct(
     Settings,
@@ -130,4 +130,4 @@ SETTINGS = Struct(
         "clearance": Tuples((), 0.0, LONGEST_ROBOT, "m"),
     },
 )
-"""Fields of `Settings`."""
+"""Kind of each field of `Settings`."""

@@ -20,7 +20,7 @@ def test_what_is_no_number_is_refused_by_name(value):
 def test_the_number_that_is_wrong_is_named():
     with pytest.raises(MlivrError, match=r"^rows\[1\]\[0\] is 5000, larger than 1000 m"):
         numbers([[1, 2], [5000, 3]], (2, 2), "rows", MlivrError, LONGEST)
-    with pytest.raises(MlivrError, match=r"^rows\[1\]\[1\] is nan; it must be a number, and fin"):
+    with pytest.raises(MlivrError, match=r"^rows\[1\]\[1\] is nan; it must be a finite number"):
         numbers([[1, 2], [5, float("nan")]], (2, 2), "rows", MlivrError, LONGEST)
 
 

@@ -1,1 +1,1 @@
-"""How kernels are compiled, cached and run in threads."""
+"""Compilation of kernels with Numba, their caches on disk and in the package, and their threads."""

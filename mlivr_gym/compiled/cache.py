@@ -1,4 +1,4 @@
-"""Where answers and machine code are kept between runs, keyed by the sources they depend on."""
+"""Folders in which tables and machine code are cached, keyed by the sources that they depend on."""
 
 from __future__ import annotations
 
@@ -11,46 +11,47 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 CACHE_VARIABLE = "MLIVR_GYM_CACHE"
-"""Environment variable that names another cache folder; empty: no tables are kept."""
+"""Environment variable that names another cache folder; if it is empty, no tables are cached."""
 
 PACKAGE = Path(__file__).parent.parent
-"""The package whose imports are followed."""
+"""The package, among whose files imports are followed."""
 
 IMPORT = re.compile(
     r"^(?:from|import) mlivr_gym((?:\.\w+)+)(?: import (\([^)]*\)|.+))?", re.MULTILINE
 )
-"""An import from the package as a file is loaded: the module, and what is taken from it."""
+"""An import from the package at module level: the module, and the names imported from it."""
 
 
 def cache_folder() -> Path | None:
-    """Where tables are kept, or None if they are not: see `CACHE_VARIABLE`."""
+    """Return the folder of cached tables, or None if none are cached; see `CACHE_VARIABLE`."""
     given = os.environ.get(CACHE_VARIABLE)
     return _default_folder() if given is None else Path(given) if given else None
 
 
 def kernel_folder(source: str) -> Path:
-    """Where machine code of the kernels in a source file is kept.
+    """Return the folder in which machine code of the kernels in a source file is cached.
 
-    There is one folder for each state of that file and of those that it imports. It lies where step
-    tables are kept, or in the user's cache folder if they are not.
+    There is one folder for each state of that file and of the files that it imports. It lies in the
+    folder in which tables are cached, or in the user's cache folder if they are not.
     """
     return kernel_root() / source_digest(Path(source))
 
 
 def kernel_root() -> Path:
-    """The folder in which those folders lie."""
+    """Return the folder that contains all folders of machine code."""
     return (cache_folder() or _default_folder()) / "kernels"
 
 
 def _default_folder() -> Path:
+    """Return the user's cache folder for this package."""
     return user_cache_path("mlivr-gym", appauthor=False)
 
 
 @cache
 def source_digest(source: Path) -> str:
-    """Digest of the contents of a source file and of all files of this package that it imports.
+    """Return a digest of a source file and of all files of this package that it imports.
 
-    Where the files lie plays no part.
+    It depends on the contents of the files, not on where they lie.
     """
     contents = sorted(map(_content, _sources(source)))
     return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
@@ -58,12 +59,12 @@ def source_digest(source: Path) -> str:
 
 @cache
 def _content(source: Path) -> bytes:
-    """Digest of the content of one file."""
+    """Return the digest of the content of one file."""
     return hashlib.sha256(source.read_bytes()).digest()
 
 
 def _sources(source: Path) -> set[Path]:
-    """The file and all files of this package that it imports, directly or not."""
+    """Return the file and all files of this package that it imports, directly or indirectly."""
     found, pending = {source}, [source]
     while pending:
         fresh = _imported(pending.pop()) - found
@@ -74,7 +75,7 @@ def _sources(source: Path) -> set[Path]:
 
 @cache
 def _imported(source: Path) -> frozenset[Path]:
-    """Files of this package that a file imports as it is loaded."""
+    """Return the files of this package that a file imports at module level."""
     found: set[Path] = set()
     for module, names in IMPORT.findall(source.read_text(encoding="utf-8")):
         path = PACKAGE.joinpath(*module[1:].split("."))

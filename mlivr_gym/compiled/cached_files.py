@@ -1,6 +1,7 @@
-"""What the package keeps in its cache folder: listed, cleared, and limited in size.
+"""Files of the package in its cache folder: listed, removed, and limited in total size.
 
-Only what the package writes is looked at, by its name: the folder may be one that has other files.
+Only files whose names are those of this package are considered, since the folder may contain
+others.
 """
 
 from __future__ import annotations
@@ -21,45 +22,46 @@ TABLES = {
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }
-"""Names of what is kept of graphs, by what it is."""
+"""Patterns of the names of cached tables, by their description."""
 
 UNFINISHED = r"\.{}\.\w+"
-"""How `files.write_whole` calls what is not yet written."""
+"""Pattern of the temporary name that `files.write_whole` gives to a file until it is complete."""
 
 MACHINE_CODE = "machine code"
+"""Description of a folder of machine code."""
 
 
 class CachedFile(NamedTuple):
-    """A file or folder that is kept."""
+    """A cached file or folder."""
 
     path: Path
     what: str
     size: int
-    """[bytes]"""
+    """Size [bytes]."""
     used: float
-    """When it was used last [s since the epoch], as far as the system of files tells."""
+    """Time of its last use [s since the epoch], as precise as the file system records it."""
 
 
 def cached_files() -> list[CachedFile]:
-    """All that is kept, in the order of names."""
+    """Return all cached files and folders of the package: tables, then machine code."""
     folder = cache_folder()
-    tables = [] if folder is None else [(path, _what(path.name)) for path in _inside(folder)]
+    tables = [] if folder is None else [(path, _description(path.name)) for path in _inside(folder)]
     code = [path for path in _inside(kernel_root()) if re.fullmatch("[0-9a-f]{16}", path.name)]
     return [
-        _kept(path, what)
+        _cached_file(path, what)
         for path, what in [*tables, *((path, MACHINE_CODE) for path in code)]
         if what
     ]
 
 
 def mark_used(path: Path) -> None:
-    """Note that something kept is used now."""
-    with suppress(OSError):  # of a folder that may only be read
+    """Record that a cached file is used now."""
+    with suppress(OSError):  # a folder without permission to write
         os.utime(path)
 
 
 def least_recently_used(files: Sequence[CachedFile], most: int) -> list[CachedFile]:
-    """Those that were not used for longest, without which the others have `most` bytes or less."""
+    """Return the least recently used files, whose removal leaves at most `most` bytes."""
     gone, size = [], sum(one.size for one in files)
     for one in sorted(files, key=lambda one: one.used):
         if size <= most:
@@ -70,9 +72,10 @@ def least_recently_used(files: Sequence[CachedFile], most: int) -> list[CachedFi
 
 
 def remove(files: Sequence[CachedFile]) -> list[OSError]:
-    """Remove some of what is kept; returns why some cannot be.
+    """Remove cached files; return the errors of those that could not be removed.
 
-    What another process removes at the same time is gone all the same; one that reads it goes on.
+    A file that another process removes at the same time is no error; a process that is reading a
+    removed file can go on.
     """
     faults = []
     for one in files:
@@ -88,8 +91,8 @@ def remove(files: Sequence[CachedFile]) -> list[OSError]:
     return faults
 
 
-def _what(name: str) -> str:
-    """What something is by its name; empty for what is not of the package."""
+def _description(name: str) -> str:
+    """Return the description of a file by its name, empty if it is not of this package."""
     for what, one in TABLES.items():
         if re.fullmatch(one, name) or re.fullmatch(UNFINISHED.format(one), name):
             return what
@@ -97,11 +100,12 @@ def _what(name: str) -> str:
 
 
 def _inside(folder: Path) -> list[Path]:
+    """Return the entries of a folder in the order of their names, none if it does not exist."""
     return sorted(folder.iterdir()) if folder.is_dir() else []
 
 
-def _kept(path: Path, what: str) -> CachedFile:
-    """One thing with its size and use; of a folder that of its files."""
+def _cached_file(path: Path, what: str) -> CachedFile:
+    """Return a file with its size and last use, or a folder with those of all files in it."""
     size, last = 0, 0.0
     inside = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
     for file in inside if path.is_dir() else [path]:

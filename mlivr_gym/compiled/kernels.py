@@ -1,7 +1,7 @@
-"""How kernels are compiled, cached and run in threads.
+"""Decorators that compile kernels with Numba, and the threads that share their work.
 
-A `kernel` is called by other kernels alone, a `part` by one of them; an `entry` is where Python
-enters compiled code. Only entries are kept on disk, with all that they call.
+Three decorators say who calls a function: only other kernels (`kernel`), exactly one kernel
+(`part`), or Python (`entry`). Only entries are cached on disk, with all functions that they call.
 """
 
 from __future__ import annotations
@@ -28,23 +28,24 @@ OPTIONS: dict[str, Any] = {
     "no_cfunc_wrapper": True,
     "_nrt": False,
 }
-"""What all kernels are compiled with: free of the interpreter's lock, without reference counts.
+"""Options with which all kernels are compiled: no interpreter lock, no reference counts.
 
-`_nrt` is the one private option of the compiler that is used. No kernel makes an array, so nothing
-needs to be counted; with counts, which are atomic, all postures of the JEM take 1.16 times as long.
+`_nrt` is the one private option of the compiler that is used. No kernel creates an array, so
+nothing has to be counted; with counts, which are atomic, all postures of the JEM take 1.16 times as
+long.
 """
 
 MOST_THREADS = 8
-"""Most threads that share the items of a call."""
+"""Maximum number of threads that share the items of a call."""
 
-_compile: Any = njit  # it is typed for some of its options
+_compile: Any = njit  # its type stubs know only some of its options
 
-_told: set[str] = set()
-"""Folders of which it was said that they cannot be written."""
+_warned: set[str] = set()
+"""Folders about which a warning was given that they cannot be written."""
 
 
 def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """Compile a function that only kernels call."""
+    """Compile a function that only other kernels call."""
     compiled: Callable[Parameters, Returned] = _compile(no_cpython_wrapper=True, **OPTIONS)(
         function
     )
@@ -52,7 +53,10 @@ def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Ret
 
 
 def part(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """A part of one kernel, written apart to be read; it is compiled with that."""
+    """Compile a function that is a part of one kernel, into which it is inlined.
+
+    It is a function of its own only so that it can be read on its own.
+    """
     compiled: Callable[Parameters, Returned] = _compile(
         no_cpython_wrapper=True, inline="always", **OPTIONS
     )(function)
@@ -60,12 +64,13 @@ def part(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retur
 
 
 def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
-    """Compile a function that Python calls, on its first call; cached on disk, or ready-made.
+    """Compile a function that Python calls, on its first call, or load its cached machine code.
 
-    The key is the content of its file and of all files that it imports. Numba's is the file alone:
-    a caller would keep old machine code of a callee that was edited in another file.
+    The machine code comes from the cache folder or from the archive in the package. Its key is the
+    content of the file and of all files that it imports. Numba's own key is the file alone, with
+    which a caller would keep old machine code of a callee that was edited in another file.
     """
-    settings: Any = config  # its attributes are set as it is loaded
+    settings: Any = config  # its attributes are set when it is loaded
     given = settings.CACHE_DIR
     folder = given or str(kernel_folder(function.__code__.co_filename))
     settings.CACHE_DIR = folder
@@ -80,30 +85,31 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
 
 
 def _writable(folder: str) -> bool:
-    """Whether files can be kept in a folder, which is made; says once if not."""
+    """Create a cache folder and return whether it can be written; warn once if it cannot."""
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         able = os.access(folder, os.W_OK)
     except OSError:
         able = False
     place = str(Path(folder).parent)
-    if not able and place not in _told:
-        _told.add(place)
+    if not able and place not in _warned:
+        _warned.add(place)
         logging.getLogger(__name__).warning(
-            "machine code cannot be kept in %s: what is not ready-made is compiled anew in every "
-            "process, which may take a minute; set MLIVR_GYM_CACHE to a folder that can be written",
+            "machine code cannot be cached in %s: kernels that do not ship with the package are "
+            "compiled in every process, which may take a minute; set MLIVR_GYM_CACHE to a writable "
+            "folder",
             place,
         )
     return able
 
 
 def workers(count: int, least: int) -> int:
-    """Number of threads for some items: one for fewer than `least`."""
+    """Return the number of threads for some items: one thread for fewer than `least` items."""
     return min(_cores(), MOST_THREADS) if count >= least else 1
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of processor cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -112,22 +118,22 @@ def _cores() -> int:
 def in_parallel(
     count: int, kernel: Callable[..., None], *args: object, scratch_rows: Any, least: int = 2000
 ) -> None:
-    """Call an entry `kernel(start, stop, *args, room)` over `count` items.
+    """Call an entry `kernel(start, stop, *args, scratch)` over a range of items.
 
-    From `least` items on it is called in threads, each with a row of `scratch_rows` for scratch.
+    From `least` items on it is called in several threads, each with a row of scratch of its own.
 
     Parameters
     ----------
     count
         Number of items.
     kernel
-        The entry.
-    args
-        Its arguments between the range and the room.
+        The entry; it processes the items from `start` to `stop` - 1.
+    *args
+        Its arguments between the range and the scratch.
     scratch_rows
-        Makes rows of scratch records, given their number.
+        Function that creates a given number of rows of scratch.
     least
-        See above.
+        Number of items from which on threads are used.
     """
     used = workers(count, least)
     scratch = scratch_rows(used)
@@ -147,10 +153,10 @@ def in_parallel(
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    """Threads that are kept: to start one takes as long as to check a hundred steps."""
+    """Return the threads, which are reused: starting one takes as long as a hundred step checks."""
     return ThreadPoolExecutor(MOST_THREADS)
 
 
 if hasattr(os, "register_at_fork"):
-    # A process that is forked has none of the threads.
+    # A forked process does not inherit threads.
     os.register_at_fork(after_in_child=_threads.cache_clear)

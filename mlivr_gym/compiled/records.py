@@ -1,9 +1,9 @@
-"""Records: what has a fixed size and is handed to compiled code as one argument.
+"""Records: data of fixed size that compiled code takes as one argument.
 
-A class lists the fields, with units and frames; `dtype` is made of it. Rows of that type are filled
-once from the public classes. Compiled code reads and writes fields as attributes, `base.position`;
-Python, for which NumPy has them as items, as `base["position"]`. Where compilation is switched off
-both ways serve.
+A subclass of `Record` lists the fields, with units and frames; its `dtype` is made from them.
+Arrays of that type are filled once from the public classes. Compiled code reads and writes a field
+as an attribute, `base.position`; Python, where NumPy has fields as items, as `base["position"]`.
+With compilation switched off both notations work.
 """
 
 from __future__ import annotations
@@ -25,38 +25,38 @@ from numba import config
 
 from mlivr_gym.arrays import Array
 
-_settings: Any = config  # its attributes are set as it is loaded
+_settings: Any = config  # its attributes are set when it is loaded
 
 Item = TypeVar("Item")
 
 
 class Rows(Generic[Item]):
-    """Several records of a type, by one index or more."""
+    """Field that is an array of records."""
 
     if TYPE_CHECKING:
 
         def __getitem__(self, index: Any) -> Item:
-            """One of them."""
+            """Return the record at an index."""
 
 
 Vector = Annotated[Array, (3,)]
-"""Three numbers."""
+"""Field of three numbers."""
 
 Matrix = Annotated[Array, (3, 3)]
-"""Three rows of three numbers; of a rotation, axes in columns."""
+"""Field of a 3 by 3 matrix; a rotation has the axes of its frame as columns."""
 
 Joints = Annotated[Array, (6,)]
-"""A number for each joint of a limb."""
+"""Field with one number for each joint of a limb."""
 
 
 class PlainRow(np.record):  # type: ignore[misc]
-    """A row where compilation is switched off: its fields are attributes, whatever their names.
+    """Record used where compilation is switched off, whose fields are attributes.
 
-    NumPy's own records hide a field that is called like an attribute of its scalars, as `base`.
+    NumPy's own records hide a field whose name is an attribute of their class, such as `base`.
     """
 
     def __getattribute__(self, name: str) -> Any:
-        """A field, or what NumPy's rows have under that name."""
+        """Return a field, or else the attribute of NumPy's record."""
         fields = np.void.__getattribute__(self, "dtype").fields
         return self[name] if name in fields else np.void.__getattribute__(self, name)
 
@@ -66,35 +66,36 @@ class PlainRow(np.record):  # type: ignore[misc]
 
 
 class Record:
-    """Base of records.
+    """Base class of records.
 
-    A field is a `float`, `int` or `bool`, another record, or annotated with its shape: an array of
-    numbers, of another type if that is annotated too, or `Rows`. An `int` may be
-    annotated with a smaller type.
+    A field is annotated as `float`, `int`, `bool` or another record; or, with its shape, as an
+    array of numbers or as `Rows` of records. An array may be annotated with another type of number
+    too, and an `int` with a smaller one.
 
-    Example:
-        >>> class Ball(Record):
-        ...     centre: Vector
-        ...     radius: float
-        >>> ball = Ball.row()
-        >>> ball["centre"][2] = 1.0
-        >>> ball["centre"].tolist()
-        [0.0, 0.0, 1.0]
+    Examples
+    --------
+    >>> class Ball(Record):
+    ...     centre: Vector
+    ...     radius: float
+    >>> ball = Ball.row()
+    >>> ball["centre"][2] = 1.0
+    >>> ball["centre"].tolist()
+    [0.0, 0.0, 1.0]
     """
 
     dtype: ClassVar[np.dtype[Any]]
-    """Type of a row."""
+    """NumPy type of one record."""
 
     if TYPE_CHECKING:
 
         def __getitem__(self, name: str) -> Any:
-            """A field."""
+            """Return a field."""
 
         def __setitem__(self, name: str, value: Any) -> None:
             """Set a field."""
 
     def __init_subclass__(cls) -> None:
-        """Make the type of the fields."""
+        """Make the NumPy type from the annotated fields."""
         hints = get_type_hints(cls, include_extras=True)
         fields = {name: np.dtype(_kind(hint)) for name, hint in hints.items() if name != "dtype"}
         offsets, size, widest = [], 0, 1
@@ -107,22 +108,22 @@ class Record:
         if _settings.DISABLE_JIT:
             cls.dtype = np.dtype((PlainRow, np.dtype(layout)))
         else:
-            # Attributes of rows that Python reads take a microsecond each.
+            # No `PlainRow`: Python takes a microsecond to read a field of one as an attribute.
             cls.dtype = np.dtype(layout, align=True)
 
     @classmethod
     def rows(cls, *shape: int) -> Any:
-        """Rows of zeros."""
+        """Return an array of records of the given shape, filled with zeros."""
         return np.zeros(shape, cls.dtype)
 
     @classmethod
     def row(cls) -> Any:
-        """One row of zeros, which compiled code can write to."""
+        """Return one record of zeros, which compiled code can write to."""
         return cls.rows(1)[0]
 
 
 def _alignment(kind: np.dtype[Any]) -> int:
-    """What the place of a field must be divisible by; NumPy forgets it where records nest."""
+    """Return the alignment of a field [bytes], which NumPy loses where records are nested."""
     inner = kind.base.fields
     if inner is None:
         return kind.base.alignment
@@ -130,7 +131,7 @@ def _alignment(kind: np.dtype[Any]) -> int:
 
 
 def _kind(hint: Any) -> Any:
-    """Type and shape of a field."""
+    """Return the type of a field, with its shape if it has one."""
     if get_origin(hint) is not Annotated:
         return hint.dtype if issubclass(hint, Record) else hint
     kind, *given = get_args(hint)

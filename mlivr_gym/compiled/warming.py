@@ -1,6 +1,6 @@
-"""What happens on the first use of an installation: kernels are compiled, and a bar is shown.
+"""Compilation on the first use of an installation, in two processes, with a progress bar.
 
-The steps' kernels are compiled by a second process beside the stance set's.
+A second process compiles the kernels that check steps while this one compiles those of stances.
 """
 
 from __future__ import annotations
@@ -21,61 +21,64 @@ from mlivr_gym.compiled.cache import kernel_folder
 from mlivr_gym.compiled.ready_made import why_compiled
 
 EXPECTED = 260
-"""Functions that both processes compile together, about; only the bar depends on it."""
+"""Approximate number of functions that both processes compile, which only scales the bar."""
 
 PATIENCE = 0.5
-"""Time after which a bar is shown [s]."""
+"""Time after which the bar is shown [s]."""
 
 WAIT = 180.0
-"""How long the second process may take [s]; then its kernels are compiled here."""
+"""Maximum time to wait for the second process [s]; its kernels are compiled here after that."""
 
-QUIET = "MLIVR_GYM_COMPILING"
+IN_SECOND_PROCESS = "MLIVR_GYM_COMPILING"
 """Environment variable that is set in the second process."""
 
 
-_asked: set[Path] = set()
-"""Marks that this process has looked for: it compiles nothing a second time."""
+_checked: set[Path] = set()
+"""Marks that this process has checked already, since it compiles nothing a second time."""
 
 _showing: list[object] = []
-"""The bar that is drawn on the terminal now, if there is one."""
+"""The bar that is on the terminal now, if any."""
 
 
 def is_showing() -> bool:
-    """Whether a bar is drawn on the terminal now, so that nothing else should be."""
+    """Return whether a bar is on the terminal now, so that nothing else should be drawn there."""
     return bool(_showing)
 
 
 def mark_of(source: Path) -> Path:
-    """The mark that all is compiled: one for each state of a source and of what it imports."""
+    """Return the file that marks that all kernels of a source and its imports are compiled.
+
+    There is one for each state of these files.
+    """
     return kernel_folder(str(source)) / "compiled"
 
 
-class _Bar(event.Listener):
+class _CompilationBar(event.Listener):
     """A line on the terminal, and a bar that counts compiled functions."""
 
     def __init__(self, why: str) -> None:
-        """Start with none; why there are any is told when the bar is."""
+        """Start at zero; `why` is the reason for compiling, which is shown with the bar."""
         self.why = why
         self.done, self._began, self._shown = 0, time.perf_counter(), -1
-        self._told = False
+        self._announced = False
 
     def on_start(self, event: Any) -> None:
-        """A function is about to be compiled."""
+        """Do nothing when the compilation of a function starts."""
 
     def on_end(self, event: Any) -> None:
-        """A function was compiled."""
+        """Count a function that was compiled."""
         self.count(1)
 
     def count(self, more: int) -> None:
-        """Count some more."""
+        """Count compiled functions, and draw the bar."""
         self.done += more
         if time.perf_counter() - self._began < PATIENCE:
             return
-        if not self._told:
-            self._told = True
+        if not self._announced:
+            self._announced = True
             print(
                 "mlivr-gym: compiling for this machine, once for this version; "
-                f"ready-made machine code is not used: {self.why}",
+                f"the machine code in the package is not used: {self.why}",
                 file=sys.stderr,
                 flush=True,
             )
@@ -99,31 +102,31 @@ class _Bar(event.Listener):
 def warming(module: str, mark: Path) -> Iterator[None]:
     """Run the block, in which kernels may have to be compiled.
 
-    Where that was not done yet and they are not ready-made, `python -m module` is run beside the
-    block to compile others, and waited for; progress is shown.
+    If they are neither compiled nor in the archive of the package, `python -m module` compiles
+    others at the same time and is waited for, and a bar shows the progress.
 
     Parameters
     ----------
     module
-        What compiles the others.
+        Module that compiles the other kernels when it is run.
     mark
-        A file that is made when all is compiled, see `mark_of`.
+        File that marks that all is compiled, see `mark_of`.
     """
-    if os.environ.get(QUIET) or mark in _asked or mark.exists():
+    if os.environ.get(IN_SECOND_PROCESS) or mark in _checked or mark.exists():
         yield
         return
-    _asked.add(mark)
+    _checked.add(mark)
     why = why_compiled(mark.parent.name)
     if not why:
         yield
         return
-    bar = _Bar(why)
+    bar = _CompilationBar(why)
     with event.install_listener("numba:compile", bar):
         process = _second(module, bar)
         try:
             yield
         except BaseException:
-            # An error or an interruption is not to wait for what nobody will call.
+            # On an error or an interruption, do not wait for kernels that nothing will call.
             if process is not None:
                 _stop(process)
             raise
@@ -133,8 +136,8 @@ def warming(module: str, mark: Path) -> Iterator[None]:
             bar.close()
 
 
-def _second(module: str, bar: _Bar) -> subprocess.Popen[bytes] | None:
-    """Start the second process, if there is a processor for it; what it compiles is counted."""
+def _second(module: str, bar: _CompilationBar) -> subprocess.Popen[bytes] | None:
+    """Start the second process if a processor is free for it, and count what it compiles."""
     if (os.cpu_count() or 1) < 2 or not sys.executable:
         return None
     try:
@@ -143,12 +146,13 @@ def _second(module: str, bar: _Bar) -> subprocess.Popen[bytes] | None:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            env=os.environ | {QUIET: "1"},
+            env=os.environ | {IN_SECOND_PROCESS: "1"},
         )
     except OSError:
         return None
 
     def listen() -> None:
+        """Count the bytes that the second process writes, one for each function."""
         assert process.stdout is not None
         while more := os.read(process.stdout.fileno(), 64):
             bar.count(len(more))
@@ -174,7 +178,7 @@ def _wait(process: subprocess.Popen[bytes] | None, mark: Path) -> None:
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
-    """End a process, if it runs, and close its pipe when all was read."""
+    """End a process if it is running, and close its pipe once all is read."""
     process.kill()
     process.wait()
     for thread in threading.enumerate():
@@ -188,15 +192,15 @@ class _Reporter(event.Listener):
     """Writes a byte for each function that was compiled, for the first process to count."""
 
     def on_start(self, event: Any) -> None:
-        """A function is about to be compiled."""
+        """Do nothing when the compilation of a function starts."""
 
     def on_end(self, event: Any) -> None:
-        """A function was compiled."""
+        """Write a byte for a function that was compiled."""
         os.write(1, b".")
 
 
 @contextmanager
 def reporting() -> Iterator[None]:
-    """Report to the first process what is compiled in the block."""
+    """Report to the first process each function that is compiled in the block."""
     with event.install_listener("numba:compile", _Reporter()):
         yield

@@ -1,1 +1,1 @@
-"""Gymnasium environments."""
+"""Gymnasium environments, with their rewards, tasks, observations and wrappers."""

@@ -1,4 +1,4 @@
-"""Actions as callers give them: whole numbers in any of the forms that policies return."""
+"""Conversion of actions to integers from the forms in which policies return them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mlivr_gym.errors import SettingError, shortened
 
 
 def action_number(action: Any, count: int) -> int:
-    """One action as an int.
+    """Return one action as an int.
 
     Parameters
     ----------
     action
-        An int, an integer of numpy, or an integer array or tensor without axes.
+        An int, an integer of NumPy, or an integer array or tensor without axes.
     count
         Number of actions.
 
@@ -28,7 +28,7 @@ def action_number(action: Any, count: int) -> int:
     """
     try:
         shape = tuple(getattr(action, "shape", ()))
-        # A tensor with one element on an axis would turn into a number too, but it is a batch.
+        # A tensor with one element on an axis would convert to a number too, but it is a batch.
         number = -1 if shape or isinstance(action, bool) else operator.index(action)
     except TypeError:
         shape, number = (), -1
@@ -39,16 +39,16 @@ def action_number(action: Any, count: int) -> int:
 
 
 def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
-    """A batch of actions, shape (k,).
+    """Return a batch of actions as an array, shape (k,).
 
     Parameters
     ----------
     actions
         Integers, shape (k,): an array, a tensor or a list.
     copies
-        Number of copies k.
+        Number of copies k of the environment.
     count
-        Number of actions of a copy.
+        Number of actions of one copy.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
         fault = f"they are of type {array.dtype}"
     elif not fault:
         numbers = array.astype(np.int64)
-        wrong = numbers.view(np.uint64) >= count  # negative ones are large ones there
+        wrong = numbers.view(np.uint64) >= count  # negative numbers become large ones
         if wrong.any():
             fault = f"one is {array[wrong][0]}"
     if fault:

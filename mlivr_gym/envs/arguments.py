@@ -1,4 +1,4 @@
-"""Kinds of the arguments of the environments."""
+"""Kinds of the arguments of the environments, by which they are checked."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Via
 from mlivr_gym.envs.dynamics import DYNAMICS, simulation_part
 from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
-from mlivr_gym.envs.reset_options import OPTIONS
+from mlivr_gym.envs.reset_options import RESET_OPTIONS
 from mlivr_gym.envs.rewards import REWARD
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.envs.viewer import RENDER_FPS
@@ -18,22 +18,23 @@ from mlivr_gym.schema import Choice, FieldPath, Flag, Maybe, Tuples, Whole
 from mlivr_gym.settings import SETTINGS
 from mlivr_gym.world.grasp_map import MAP
 
-MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
-"""What becomes of a copy whose episode has ended, by name."""
+AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
+"""Modes of the vector environment for copies whose episode has ended, by name."""
 
 
-def _mode(value: object, place: FieldPath) -> AutoresetMode:
+def _read_autoreset_mode(value: object, place: FieldPath) -> AutoresetMode:
+    """Return a mode that is given as itself or by its name."""
     name = value.value if isinstance(value, AutoresetMode) else value
-    return MODES[Choice(tuple(MODES)).read(name, place)]
+    return AUTORESET_MODES[Choice(tuple(AUTORESET_MODES)).read(name, place)]
 
 
-MODE = Via(_mode)
-"""One of `MODES`, also by name."""
+AUTORESET_MODE = Via(_read_autoreset_mode)
+"""Kind of an autoreset mode, given as itself or by its name."""
 
-MOST_STEPS = Whole(1, 2**62)
-"""Steps after which an episode is truncated."""
+EPISODE_STEPS = Whole(1, 2**62)
+"""Kind of the number of steps after which an episode is truncated."""
 
-ENV: Kinds = {
+ENV_ARGUMENTS: Kinds = {
     **SETTINGS.kinds,
     "robot": ROBOT_OR_NAME,
     "map": MAP,
@@ -52,6 +53,6 @@ ENV: Kinds = {
     "width": WIDTH,
     "height": HEIGHT,
     "seed": Maybe(SEED),
-    "options": Maybe(OPTIONS),
+    "options": Maybe(RESET_OPTIONS),
 }
-"""Of `MlivrEnv` and of its `reset`."""
+"""Kinds of the arguments of `MlivrEnv` and of its `reset`."""

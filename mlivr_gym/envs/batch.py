@@ -1,4 +1,7 @@
-"""Kernels of the vector environment: taking actions, and drawing starts and goals."""
+"""Kernels that step many copies of the two-limb environment, and draw their starts and goals.
+
+They read the tables of all steps; the kinematic `MlivrEnv` draws its tasks by them too.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,12 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.envs.tasks import (
-    MOST_STEPS,
+    MAX_WALK_STEPS,
     Task,
     TaskGenerator,
     WalkTasks,
     draw_task,
-    halves,
+    longest_axis,
 )
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.stances.moves import Moves, TableMoves
@@ -31,61 +34,61 @@ if TYPE_CHECKING:
     from mlivr_gym.transitions.state import State
     from mlivr_gym.world.grasp_map import GraspMap
 
-TRIES = 1000
-"""Draws after which drawing a start and goal gives up."""
+MAX_DRAWS = 1000
+"""Number of draws after which no start and goal are considered to exist."""
 
 
-class Robots(NamedTuple):
-    """States of k robots, one a copy of the environment."""
+class CopyStates(NamedTuple):
+    """States of k copies of the environment, which the kernels change."""
 
     stances: IntArray
     """Stance indices, shape (k,)."""
     masks: IntArray
-    """Branches each limb may be on, shape (k, 2)."""
+    """Branch masks of both limbs, shape (k, 2)."""
     streams: NDArray[np.uint64]
-    """States of the random numbers, shape (k,)."""
+    """States of the random streams, shape (k,)."""
 
 
-class Chances(NamedTuple):
-    """What an action may come to."""
+class StepParameters(NamedTuple):
+    """Parameters of the outcome of an action."""
 
-    failure: Array
-    """Probability that an attempt at each point fails, shape (m,)."""
+    failure_probability: Array
+    """Probability that an attempt to grasp each point fails, shape (m,)."""
     max_step: float
-    """Displacement charged for an action that is masked out [m]."""
+    """Displacement that an action costs if it is masked out [m]."""
 
 
-class Draws(NamedTuple):
-    """What starts and goals are drawn from."""
+class TaskDistribution(NamedTuple):
+    """Parameters of the distribution of starts and goals."""
 
     targets: Array
-    """Positions of the points [m], shape (m, 3)."""
+    """Positions of the graspable points [m], shape (m, 3)."""
     cabin: Array
-    """Lower and upper corner of where goals may lie [m], shape (2, 3)."""
+    """Lower and upper corner of the box in which goals may lie [m], shape (2, 3)."""
     tolerance: float
-    """Goals nearer to the start than this are drawn again [m]."""
+    """Distance from the start within which a goal is drawn again [m]."""
     axis: int
-    """Axis along which start and goal must lie in opposite halves, -1 for none."""
+    """Axis along which start and goal must lie in opposite halves of the map, or -1 for none."""
     middle: float
-    """Where the halves meet on it [m]."""
+    """Coordinate on this axis at which the halves meet [m]."""
 
     @classmethod
-    def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> Draws:
-        """What tasks on a map are drawn from."""
-        axis, middle = halves(grasp_map) if tasks.far else (-1, 0.0)
+    def of(cls, grasp_map: GraspMap, tolerance: float, tasks: WalkTasks) -> TaskDistribution:
+        """Return the distribution of the tasks of a generator on a map."""
+        axis, middle = longest_axis(grasp_map) if tasks.far else (-1, 0.0)
         return cls(grasp_map.positions, grasp_map.cabin, tolerance, axis, middle)
 
 
 @entry
 def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
-    """Draw a whole number from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
+    """Draw an integer from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
 
     Parameters
     ----------
     streams
-        States of the random numbers, one of them changed.
+        States of the random streams, of which one is advanced.
     k
-        Index of the stream to draw from.
+        Index of the stream.
     bound
         The bound.
     """
@@ -101,9 +104,9 @@ def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
 def advance(
     actions: IntArray,
     skip: BoolArray,
-    chances: Chances,
+    parameters: StepParameters,
     tables: StepTables,
-    robots: Robots,
+    copies: CopyStates,
     moved: Array,
     outcome: IntArray,
 ) -> None:
@@ -112,23 +115,23 @@ def advance(
     Parameters
     ----------
     actions
-        Limb times m plus point, shape (k,).
+        Action numbers, `limb * m + point`, shape (k,).
     skip
-        States that take none, shape (k,).
-    chances
-        What an action may come to.
+        States that take no action, shape (k,).
+    parameters
+        Parameters of the outcome.
     tables
-        `StepTables`.
-    robots
-        The states, changed.
+        Tables of all steps.
+    copies
+        The states, which are changed.
     moved
         Base displacement of each step [m], shape (k,), written.
     outcome
-        0 done, 1 masked out, 2 the grasp failed and the limb went back; shape (k,),
-        written.
+        0 for a step, 1 for an action that is masked out, 2 for a failed grasp; shape (k,), written.
     """
-    stances, masks, failure = robots.stances, robots.masks, chances.failure
-    streams, max_step = robots.streams, chances.max_step
+    stances, masks = copies.stances, copies.masks
+    failure = parameters.failure_probability
+    streams, max_step = copies.streams, parameters.max_step
     m = len(failure)
     for k in range(len(actions)):
         if skip[k]:
@@ -157,25 +160,25 @@ def advance(
 def _walk_towards(
     s: int, masks: tuple[int, int], target: Array, position: Array, tables: StepTables
 ) -> int:
-    """Stance at which a walk ends that goes nearer to a target with every step.
+    """Return the last stance of a walk whose base comes closer to a target with every step.
 
     Parameters
     ----------
     s
-        Stance at which it begins.
+        First stance.
     masks
-        Branches that each limb may be on.
+        Branch masks of both limbs.
     target
-        Where it goes [m], shape (3,).
+        Position to approach [m], shape (3,).
     position
         Base positions of the stances [m], shape (n, 3).
     tables
-        `StepTables`.
+        Tables of all steps.
     """
     start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
     for axis in range(3):
         nearest += (position[s, axis] - target[axis]) ** 2
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_WALK_STEPS):
         best = NONE
         for moving in range(2):
             if not can_release(masks[moving], tables.releasable[here, moving]):
@@ -198,17 +201,17 @@ def _walk_towards(
     return here
 
 
-def draw_over(
+def draw_task_with_tables(
     moves: Moves, tasks: TaskGenerator, stream: Stream, tolerance: float, start: State | None
 ) -> Task:
-    """A task as `tasks.draw_task` draws it, from tables of steps where there are any.
+    """Draw a task as `tasks.draw_task` does, with tables of steps if the moves have them.
 
-    Arguments and errors are those; the graph is that of the moves. Where none is found no number of
-    the stream is taken.
+    Arguments and errors are the same, but the graph is that of the moves. If no task is found, the
+    stream stays as it was.
     """
     at_posture = start is None or start.pose is None
     if isinstance(moves, TableMoves) and isinstance(tasks, WalkTasks) and at_posture:
-        return _draw_walk(moves, tasks, stream, tolerance, start)
+        return _draw_walk_task(moves, tasks, stream, tolerance, start)
     before = stream.state
     try:
         return draw_task(tasks, moves.graph, stream, tolerance, start)
@@ -217,41 +220,41 @@ def draw_over(
         raise
 
 
-def _draw_walk(
+def _draw_walk_task(
     moves: TableMoves, tasks: WalkTasks, stream: Stream, tolerance: float, start: State | None
 ) -> Task:
-    """A task as `tasks` draws it, number for number of the same stream, over tables of steps.
+    """Draw the task of a `WalkTasks` with tables of steps, from the same numbers of the stream.
 
     Parameters
     ----------
     moves
-        Moves of the tables.
+        Moves that read the tables.
     tasks
-        What draws it.
+        The generator.
     stream
-        Where its numbers come from.
+        The random stream.
     tolerance
         Radius of the goal region [m].
     start
-        The start, in the posture of its stance, if it is given.
+        The start, in the posture of its stance, or None to draw it.
 
     Raises
     ------
     StanceError
-        If none is found.
+        If no task is found.
     """
     tables, grasp_map = moves.tables, moves.graph.grasp_map
     stances, masks, goals = np.zeros(1, np.int64), np.zeros((1, 2), np.int64), np.empty((1, 3))
     which, given = np.ones(1, np.bool_), np.full(1, start is not None)
     if start is not None:
         stances[0], masks[0] = moves.stance_at[start.stance], start.masks
-    robots = Robots(stances, masks, np.array([stream.state], dtype=np.uint64))
-    draws = Draws.of(grasp_map, tolerance, tasks)
-    if draw_tasks(which, given, draws, tables, robots, goals) >= 0:
+    copies = CopyStates(stances, masks, np.array([stream.state], dtype=np.uint64))
+    distribution = TaskDistribution.of(grasp_map, tolerance, tasks)
+    if draw_tasks(which, given, distribution, tables, copies, goals) >= 0:
         raise StanceError(
-            f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
+            f"no goal that can be reached was found on map {grasp_map.name!r} in {MAX_DRAWS} draws"
         )
-    stream.state = int(robots.streams[0])
+    stream.state = int(copies.streams[0])
     return Task(state_of(tables, int(stances[0]), masks[0]) if start is None else start, goals[0])
 
 
@@ -259,40 +262,43 @@ def _draw_walk(
 def draw_tasks(
     which: BoolArray,
     given: BoolArray,
-    draws: Draws,
+    distribution: TaskDistribution,
     tables: StepTables,
-    robots: Robots,
+    copies: CopyStates,
     goals: Array,
 ) -> int:
-    """Draw starts and goals as `tasks.sample_task` does, number for number of the same stream.
-
-    Returns the index of the first state for which none was found, or -1.
+    """Draw starts and goals as `tasks.sample_task` does, from the same numbers of the streams.
 
     Parameters
     ----------
     which
-        States to draw, shape (k,).
+        Copies for which a task is drawn, shape (k,).
     given
-        Those of them whose start is given by `robots`, shape (k,).
-    draws
-        What they are drawn from.
+        Copies among them whose start is given in `copies`, shape (k,).
+    distribution
+        The distribution of the tasks.
     tables
-        `StepTables`.
-    robots
-        Stances and masks are written where not given.
+        Tables of all steps.
+    copies
+        The states, where starts that are not given are written.
     goals
-        Shape (k, 3) [m], written.
+        Goal positions [m], shape (k, 3), written.
+
+    Returns
+    -------
+    int
+        Index of the first copy for which no task was found, or -1.
     """
-    targets, cabin, tolerance = draws.targets, draws.cabin, draws.tolerance
-    axis, middle = draws.axis, draws.middle
-    stances, masks, streams = robots.stances, robots.masks, robots.streams
+    targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
+    axis, middle = distribution.axis, distribution.middle
+    stances, masks, streams = copies.stances, copies.masks, copies.streams
     position = tables.base_in_world
     n = len(position)
     for k in range(len(which)):
         if not which[k]:
             continue
         found = False
-        for _ in range(TRIES):
+        for _ in range(MAX_DRAWS):
             if not given[k]:
                 s = random_below(streams, k, n)
                 mask0, mask1 = tables.masks[s]

@@ -1,4 +1,4 @@
-"""The moves of a world that may change: points are occupied, obstacles added and removed."""
+"""Possible steps in a world that may change: points are occupied, obstacles added and removed."""
 
 from __future__ import annotations
 
@@ -11,49 +11,50 @@ from mlivr_gym.stances.step_tables import step_tables
 
 
 class CurrentMoves:
-    """Moves of a stance graph, kept for as long as its world does not change.
+    """The possible steps of a stance graph, evaluated again when its world changes.
 
     Attributes
     ----------
     graph
         The stance graph.
-    tabled
-        Whether they are read from exact tables.
+    uses_tables
+        Whether the steps must come from exact tables.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Take exact tables where every step is known; of more limbs, the table of all nodes."""
-        self.graph, self.tabled = graph, False
+        """Start without steps; load the node table of a graph of three or more limbs."""
+        self.graph, self.uses_tables = graph, False
         self._moves: Moves | None = None
         self._version = graph.version
         if isinstance(graph, LazyGraph):
             node_table(graph)
 
-    def now(self) -> Moves:
-        """What answers for the world as it is now."""
+    def current(self) -> Moves:
+        """Return the moves of the present world, from exact tables if all steps are known."""
         if self._moves is None or self._version != self.graph.version:
             graph = self.graph
             known = isinstance(graph, PairGraph) and graph.complete
-            self._moves = self._read() if self.tabled or known else GraphMoves(graph)
+            self._moves = self._table_moves() if self.uses_tables or known else GraphMoves(graph)
             self._version = self.graph.version
         return self._moves
 
-    def from_tables(self) -> TableMoves:
-        """The same from exact tables, which are used from now on.
+    def use_tables(self) -> TableMoves:
+        """Return the moves from exact tables, which are used from now on.
 
         Raises
         ------
         SettingError
             If the robot has more than two limbs.
         """
-        if not self.tabled:
-            self._moves, self._version = self._read(), self.graph.version
-            self.tabled = True
-        moves = self.now()
+        if not self.uses_tables:
+            self._moves, self._version = self._table_moves(), self.graph.version
+            self.uses_tables = True
+        moves = self.current()
         assert isinstance(moves, TableMoves)
         return moves
 
-    def _read(self) -> TableMoves:
+    def _table_moves(self) -> TableMoves:
+        """Return the moves from the exact tables of the present world."""
         tables = step_tables(self.graph)
         assert isinstance(self.graph, PairGraph)
         return TableMoves(self.graph, tables)

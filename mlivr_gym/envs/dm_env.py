@@ -1,4 +1,4 @@
-"""The environment with the interface of `dm_env`, over the same world (extra `[dm]`)."""
+"""The environment with the interface of `dm_env` (extra `[dm]`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from mlivr_gym.arguments import SEED, Of, checked
-from mlivr_gym.envs.arguments import MOST_STEPS
+from mlivr_gym.envs.arguments import EPISODE_STEPS
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.schema import Maybe
@@ -24,19 +24,20 @@ except ModuleNotFoundError:
 
 
 class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
-    """`MlivrEnv` as a `dm_env.Environment`; the action mask is part of the observation.
+    """`MlivrEnv` as a `dm_env.Environment`, with the action mask in the observation.
 
-    The discount is 0 where an episode terminates (goal reached, or a step failed) and 1 otherwise,
-    at the step limit too.
+    The discount is 0 when an episode terminates, because the goal is reached or a step failed, and
+    1 otherwise, at the step limit too.
 
-    Example:
-        >>> environment = MlivrDmEnvironment(MlivrEnv(), seed=0)
-        >>> timestep = environment.reset()
-        >>> action = np.flatnonzero(timestep.observation["action_mask"])[0]
-        >>> timestep = environment.step(action)
+    Examples
+    --------
+    >>> environment = MlivrDmEnvironment(MlivrEnv(), seed=0)
+    >>> timestep = environment.reset()
+    >>> action = np.flatnonzero(timestep.observation["action_mask"])[0]
+    >>> timestep = environment.step(action)
     """
 
-    @checked({"env": Of(MlivrEnv), "seed": Maybe(SEED), "max_episode_steps": MOST_STEPS})
+    @checked({"env": Of(MlivrEnv), "seed": Maybe(SEED), "max_episode_steps": EPISODE_STEPS})
     def __init__(
         self, env: MlivrEnv, seed: int | None = None, max_episode_steps: int = 100
     ) -> None:
@@ -49,12 +50,12 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
         seed
             Seed of the starts and goals that are drawn.
         max_episode_steps
-            Steps after which an episode ends.
+            Number of steps after which an episode ends.
         """
         self.env, self._seed, self._limit = env, seed, max_episode_steps
         self._ended = True
         self.info: dict[str, Any] = {}
-        """What `MlivrEnv` told with the last step."""
+        """Information that `MlivrEnv` returned with the last step."""
 
     def reset(self) -> dm_env.TimeStep:
         """Start an episode."""
@@ -63,7 +64,7 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
         return dm_env.restart(self._observed(observation))
 
     def step(self, action: int | NDArray[Any]) -> dm_env.TimeStep:
-        """Take an action; after the end of an episode, and at first, start one."""
+        """Take an action; before the first episode and after the end of one, start an episode."""
         if self._ended:
             return self.reset()
         observation, reward, terminated, _, self.info = self.env.step(action)
@@ -76,12 +77,13 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
         return dm_env.transition(reward, self._observed(observation))
 
     def _observed(self, observation: Observation) -> dict[str, NDArray[Any]]:
+        """Return an observation with the action mask in it."""
         mask = self.env.action_masks().astype(np.int8)
         seen: dict[str, Any] = {**observation}
         return seen | {"action_mask": mask}
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """Spec of each entry of the observation."""
+        """Return the spec of each entry of the observation."""
         inner = self.env.observation_space
         assert isinstance(inner, spaces.Dict)
         entries: dict[str, Any] = {
@@ -91,17 +93,18 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
         return {name: _spec(name, space) for name, space in entries.items()}
 
     def action_spec(self) -> specs.DiscreteArray:
-        """A whole number, `limb * m + point`."""
+        """Return the spec of an action, the integer `limb * m + point`."""
         space = self.env.action_space
         assert isinstance(space, spaces.Discrete)
         return specs.DiscreteArray(int(space.n), dtype=np.int64, name="action")
 
     def close(self) -> None:
-        """Release what the environment holds."""
+        """Release the window or GL context."""
         self.env.close()
 
 
 def _spec(name: str, space: Any) -> specs.Array:
+    """Return the `dm_env` spec of a Gymnasium space."""
     if isinstance(space, spaces.MultiDiscrete):
         return specs.BoundedArray(space.shape, np.int64, 0, space.nvec - 1, name)
     if isinstance(space, spaces.MultiBinary):

@@ -1,4 +1,7 @@
-"""The kinds of dynamics of an environment: steps of the stance graph, or executed in MuJoCo."""
+"""The two dynamics of an environment: steps of the stance graph, or steps executed in MuJoCo.
+
+MuJoCo's part is imported only if it is used.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,18 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
 
 DYNAMICS = ("kinematic", "mujoco")
-"""Their names."""
+"""Names of the dynamics."""
 
 
 def check_dynamics(
     dynamics: str, *, transitions: bool, precompute: bool, grasp_failure: float | Array
 ) -> None:
-    """Refuse arguments of `MlivrEnv` that do not go with its dynamics.
+    """Check that arguments of `MlivrEnv` are compatible with its dynamics.
 
     Raises
     ------
     SettingError
-        If an argument does not go with them; the message names it.
+        If an argument is not; the message names it.
     """
     if dynamics == "kinematic":
         return
@@ -39,7 +42,7 @@ def check_dynamics(
 
 
 def simulation_part(given: Any, place: FieldPath) -> Any:
-    """A part of a `Setup`, named as its argument; MuJoCo is loaded where one is given."""
+    """Return a part of a `Setup`, named as its argument, after checking it."""
     if given is not None:
         from mlivr_gym.simulation.setup import Setup
 
@@ -48,7 +51,7 @@ def simulation_part(given: Any, place: FieldPath) -> Any:
 
 
 def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
-    """What executes steps in MuJoCo, which is loaded only where it is wanted.
+    """Return the object that executes steps in MuJoCo.
 
     Parameters
     ----------
@@ -60,7 +63,7 @@ def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
     Raises
     ------
     MlivrError
-        If an argument cannot be used; the message names it.
+        If a part cannot be used; the message names it.
     """
     from mlivr_gym.simulation.physical_walk import PhysicalWalk
     from mlivr_gym.simulation.setup import Setup

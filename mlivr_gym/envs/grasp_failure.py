@@ -1,4 +1,4 @@
-"""Unreliable grasps: how likely an attempt to grasp a point fails."""
+"""Unreliable grasps: the probability that an attempt to grasp a point fails, and what follows."""
 
 from __future__ import annotations
 
@@ -8,45 +8,70 @@ from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import FieldPath, Numbers
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MOST_POINTS
 
-LARGEST, LARGEST_MEAN = 0.95, 0.45
-"""Largest failure probability of a point, and largest mean of those that are drawn."""
+MAX_PROBABILITY, MAX_MEAN_PROBABILITY = 0.95, 0.45
+"""Largest failure probability of a point, and largest mean of probabilities that are drawn."""
 
 
-def _failure(value: object, place: FieldPath) -> Array:
-    """A mean, shape (), or the probabilities, shape (m,)."""
+def _read_failure(value: object, place: FieldPath) -> Array:
+    """Return a mean probability, shape (), or the probability of each point, shape (m,)."""
     if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
-        return Numbers((None,), 0.0, LARGEST, rows=(1, MOST_POINTS)).read(value, place)
-    return Numbers((), 0.0, LARGEST_MEAN).read(value, place)
+        return Numbers((None,), 0.0, MAX_PROBABILITY, rows=(1, MOST_POINTS)).read(value, place)
+    return Numbers((), 0.0, MAX_MEAN_PROBABILITY).read(value, place)
 
 
-GRASP_FAILURE = Via(_failure)
-"""How likely an attempt to grasp fails: the mean, or each point's probability."""
+GRASP_FAILURE = Via(_read_failure)
+"""Kind of the argument `grasp_failure`: a mean probability, or the probability of each point."""
 
 
 def failure_probabilities(points: int, grasp_failure: float | Array, seed: int = 0) -> Array:
-    """Probability that an attempt at each point fails, shape (m,).
+    """Return the probability that an attempt to grasp each point fails, shape (m,).
 
     Parameters
     ----------
     points
         Number of points m.
     grasp_failure
-        Mean of the probabilities, which are drawn evenly between 0 and twice the
-        mean; or the probabilities themselves, shape (m,).
+        Mean of the probabilities, which are then drawn uniformly from 0 to twice the mean; or the
+        probabilities themselves, shape (m,).
     seed
         Seed of the draw.
 
     Raises
     ------
     SettingError
-        If they cannot be used.
+        If the probabilities are out of range or not one for each point.
     """
     given = GRASP_FAILURE.read(grasp_failure, FieldPath("grasp_failure", SettingError))
     if not given.ndim:
         return np.random.default_rng(seed).uniform(0.0, 2.0 * given, points)
     if len(given) != points:
-        told = f"has {len(given)} numbers; it must be one number, or {points} numbers"
-        raise FieldPath("grasp_failure", SettingError).fault(told)
+        raise SettingError(
+            f"grasp_failure has {len(given)} numbers; it must be one number, or {points} numbers, "
+            "one for each point"
+        )
     return given
+
+
+def state_after_failure(graph: StanceGraph, before: State, after: State, limb: int) -> State:
+    """Return the state after an attempt to grasp a point has failed.
+
+    The limb holds the point that it released, on all branches on which it can be released. The
+    support limbs are on the branches that the step allows.
+
+    Parameters
+    ----------
+    graph
+        The stance graph.
+    before
+        State before the step.
+    after
+        State to which the step would have led.
+    limb
+        The limb that moved.
+    """
+    grasped = graph.mask_after_grasp(before, limb)
+    return before._replace(masks=(*after.masks[:limb], grasped, *after.masks[limb + 1 :]))

@@ -1,4 +1,4 @@
-"""What an agent sees. The single and the vector environment share it."""
+"""Observations of the single and of the vector environment, and their space."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
-BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
-"""The bits of each 16-bit mask, the lowest first, shape (65536, 16)."""
+MASK_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
+"""Bits of each 16-bit branch mask, the lowest first, shape (65536, 16)."""
 
 Floats = NDArray[np.float32]
-"""Real numbers as observations hold them."""
+"""Array of real numbers in single precision, as in observations."""
 
 
 class Observation(TypedDict):
-    """What an agent sees, for N limbs on m points.
+    """Observation of an agent, for N limbs and m graspable points.
 
     Positions lie in the smallest box around the cabin and all points, widened by the robot's span
     on every side.
     """
 
     stance: IntArray
-    """Point that each limb holds, 0 to m - 1, shape (N,), int64."""
+    """Index of the point that each limb holds, 0 to m - 1, shape (N,), int64."""
     grasps: Floats
-    """Positions x, y, z of these points one after the other [m], shape (3 N,), float32."""
+    """Positions x, y, z of these points, limb by limb [m], shape (3 N,), float32."""
     base_position: Floats
-    """Base position [m], shape (3,), float32."""
+    """Position of the base [m], shape (3,), float32."""
     base_quaternion: Floats
-    """Base orientation w, x, y, z with w >= 0, each from -1 to 1, shape (4,), float32."""
+    """Orientation of the base w, x, y, z, with w >= 0, each from -1 to 1, shape (4,), float32."""
     goal: Floats
-    """Goal position of the base [m], shape (3,), float32; inside the cabin."""
+    """Goal position of the base [m], shape (3,), float32; it lies inside the cabin."""
     branches: NDArray[np.int8]
-    """Branches and flips that each limb may still be on, 0 or 1, shape (16 N,), int8."""
+    """Branches and flips on which each limb may be, 0 or 1, shape (16 N,), int8."""
 
 
 def observation_space(graph: StanceGraph) -> spaces.Dict:
-    """The space of `Observation`."""
+    """Return the space of `Observation` for a stance graph."""
     grasp_map, points, limbs = graph.grasp_map, len(graph.grasp_map), graph.limbs
     low = np.minimum(grasp_map.cabin[0], grasp_map.positions.min(axis=0)) - graph.robot.span
     high = np.maximum(grasp_map.cabin[1], grasp_map.positions.max(axis=0)) + graph.robot.span
@@ -64,20 +64,20 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
 
 
 class Observer:
-    """Tells what an agent sees."""
+    """Makes the observations of one environment."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Start with no table."""
+        """Start without a table of observations."""
         self.graph = graph
         self._rows: tuple[NDArray[Any], ...] = ()
 
     def observation(
         self, moves: Moves, state: State, place: StanceProperties, goal: Array
     ) -> Observation:
-        """What an agent sees in a state at `place`, in new arrays."""
+        """Return the observation of a state and its stance's properties, in new arrays."""
         if isinstance(moves, TableMoves) and state.pose is None:
             if not self._rows:
-                self._rows = place_rows(moves.graph)
+                self._rows = observation_rows(moves.graph)
             s = moves.stance_at[state.stance]
             stance, grasps, position, turn = [rows[s].copy() for rows in self._rows]
         else:
@@ -85,11 +85,11 @@ class Observer:
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
             position = np.array(place.base_in_world).astype(np.float32)
             turn = place.quaternion.astype(np.float32)
-        branches = BITS.take(state.masks, axis=0).ravel()
-        return _named(stance, grasps, position, turn, goal.astype(np.float32), branches)
+        branches = MASK_BITS.take(state.masks, axis=0).ravel()
+        return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
 
-def _named(
+def _as_observation(
     stance: IntArray,
     grasps: Floats,
     base_position: Floats,
@@ -97,6 +97,7 @@ def _named(
     goal: Floats,
     branches: NDArray[np.int8],
 ) -> Observation:
+    """Return the parts of an observation by name."""
     return {
         "stance": stance,
         "grasps": grasps,
@@ -107,8 +108,8 @@ def _named(
     }
 
 
-def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
-    """The first four arrays of `ObservationArrays` for each of the n stances of a graph."""
+def observation_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
+    """Return the first four parts of the observation at each of the n stances of a graph."""
     return (
         graph.points.astype(np.int64),
         graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
@@ -117,26 +118,26 @@ def place_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
     )
 
 
-class PlaceTable(NamedTuple):
-    """What belongs to each of the n stances of a two-limb graph on m points."""
+class ObservationTable(NamedTuple):
+    """Properties of the n stances of a two-limb graph on m points, for writing observations."""
 
     points: NDArray[np.int32]
-    """Point that each limb holds, shape (n, 2)."""
+    """Index of the point that each limb holds, shape (n, 2)."""
     positions: Array
     """Positions of the points [m], shape (m, 3)."""
-    places: Array
+    properties: Array
     """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
 
     @classmethod
-    def of(cls, graph: PairGraph) -> PlaceTable:
-        """The table of a graph."""
+    def of(cls, graph: PairGraph) -> ObservationTable:
+        """Return the table of a graph."""
         turns = quaternion(graph.base_axes_in_world)
-        places = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
-        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, places)
+        properties = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
+        return cls(graph.points.astype(np.int32), graph.grasp_map.positions, properties)
 
 
 class ObservationArrays(NamedTuple):
-    """What k agents see, as in `Observation` with a leading axis k, and what `info` tells."""
+    """Observations of k copies, with a leading axis k, and further numbers for `info`."""
 
     stance: IntArray
     grasps: Floats
@@ -145,28 +146,28 @@ class ObservationArrays(NamedTuple):
     goal: Floats
     branches: NDArray[np.int8]
     base_in_world: Array
-    """Base positions in full [m], shape (k, 3)."""
+    """Positions of the bases in double precision [m], shape (k, 3)."""
     w_m: Array
     """Limb manipulability, shape (k, 2)."""
     w_b: Array
     """Base manipulability, shape (k,)."""
-    away: Array
-    """Distances of the base from the goal [m], shape (k,)."""
+    goal_distance: Array
+    """Distances of the bases from their goals [m], shape (k,)."""
 
     @classmethod
     def of(
-        cls, table: PlaceTable, stances: IntArray, masks: IntArray, goals: Array
+        cls, table: ObservationTable, stances: IntArray, masks: IntArray, goals: Array
     ) -> ObservationArrays:
-        """What is seen in new arrays.
+        """Return the observations of k states, in new arrays.
 
         Parameters
         ----------
         table
-            What belongs to each stance.
+            Properties of the stances.
         stances
             Stance indices, shape (k,).
         masks
-            Branches each limb may be on, shape (k, 2).
+            Branch masks of both limbs, shape (k, 2).
         goals
             Goal positions [m], shape (k, 3).
         """
@@ -183,29 +184,33 @@ class ObservationArrays(NamedTuple):
             np.empty(k),
             np.empty(k),
         )
-        look(stances, masks, goals, table, made)
+        write_observations(stances, masks, goals, table, made)
         return made
 
     def observation(self) -> Observation:
-        """What of it agents see."""
-        return _named(*self[:6])
+        """Return the part that agents observe."""
+        return _as_observation(*self[:6])
 
 
 @entry
-def look(
-    stances: IntArray, masks: IntArray, goals: Array, table: PlaceTable, out: ObservationArrays
+def write_observations(
+    stances: IntArray,
+    masks: IntArray,
+    goals: Array,
+    table: ObservationTable,
+    out: ObservationArrays,
 ) -> None:
-    """Write what k agents see; arguments as those of `ObservationArrays.of`."""
-    for k in range(len(stances)):  # what lies far apart in memory comes first: reads overlap then
+    """Write the observations of k states; the arguments are those of `ObservationArrays.of`."""
+    for k in range(len(stances)):  # reads of distant memory come first, so that they overlap
         s = stances[k]
         for limb in range(2):
             out.stance[k, limb] = table.points[s, limb]
-            out.w_m[k, limb] = table.places[s, 7 + limb]
+            out.w_m[k, limb] = table.properties[s, 7 + limb]
         for axis in range(3):
-            out.base_in_world[k, axis] = table.places[s, axis]
+            out.base_in_world[k, axis] = table.properties[s, axis]
         for part in range(4):
-            out.base_quaternion[k, part] = table.places[s, 3 + part]
-        out.w_b[k] = table.places[s, 9]
+            out.base_quaternion[k, part] = table.properties[s, 3 + part]
+        out.w_b[k] = table.properties[s, 9]
     for k in range(len(stances)):
         square = 0.0
         for limb in range(2):
@@ -218,4 +223,4 @@ def look(
             here, goal = out.base_in_world[k, axis], goals[k, axis]
             out.base_position[k, axis], out.goal[k, axis] = here, goal
             square += (here - goal) ** 2
-        out.away[k] = np.sqrt(square)
+        out.goal_distance[k] = np.sqrt(square)

@@ -1,8 +1,8 @@
-"""Arguments of the environments as plain data, which Gymnasium can write as JSON.
+"""Arguments of the environments as plain data, so that Gymnasium can write them as JSON.
 
-`gymnasium.make` keeps the arguments it was given in `env.spec`, and `env.spec.to_json()` takes only
-what JSON knows. Maps, robots, `Physics` and arrays are therefore kept as dictionaries and lists,
-which the environments take in their place.
+`gymnasium.make` stores the arguments in `env.spec`, and `env.spec.to_json()` accepts only types of
+JSON. Maps, robots, `Physics` and arrays are therefore stored as dictionaries and lists, which the
+environments accept in their place.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gymnasium.envs.registration import EnvSpec
 
 
 def plain_value(value: Any) -> Any:
-    """A value as what JSON knows, as far as that goes: anything of another kind stays as it is."""
+    """Return a value as plain data of JSON; a value that has no such form is returned unchanged."""
     if hasattr(value, "to_dict"):
         return plain_value(value.to_dict())
     ours = type(value).__module__.startswith("mlivr_gym.")
@@ -37,7 +37,7 @@ def plain_value(value: Any) -> Any:
 
 
 def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
-    """A copy of a spec whose arguments are plain data."""
+    """Return a copy of a spec whose arguments are plain data."""
     if spec is not None:
         spec = copy.copy(spec)
         spec.kwargs = plain_value(spec.kwargs)
@@ -45,13 +45,13 @@ def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
 
 
 class PlainSpec:
-    """The property `spec` of an environment, with its arguments as plain data."""
+    """Mix-in whose property `spec` has the arguments of the environment as plain data."""
 
     _spec: EnvSpec | None = None
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What made the environment; None without `gymnasium.make`."""
+        """Spec from which `gymnasium.make` made the environment, otherwise None."""
         return self._spec
 
     @spec.setter

@@ -1,4 +1,4 @@
-"""The options of `MlivrEnv.reset`."""
+"""Options of `MlivrEnv.reset`: start, goal, fixed task or plan of the episode."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from mlivr_gym.arguments import Of
-from mlivr_gym.envs.tasks import FIXED_NUMBER
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.tasks import FIXED_NUMBER, TaskGenerator, fixed_task
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.schema import Anything, Fields, Maybe
@@ -15,7 +16,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-OPTIONS = Fields(
+RESET_OPTIONS = Fields(
     {},
     {
         "start": Maybe(STANCE),
@@ -26,27 +27,27 @@ OPTIONS = Fields(
         "plan": Maybe(Of(Plan)),
     },
 )
-"""The options; a pose and joint angles are read by the stance graph."""
+"""Kind of each option; the stance graph checks a start pose and joint angles."""
 
 
 @dataclass(frozen=True)
 class ResetOptions:
-    """Where to start and where to go; what is None is drawn.
+    """Start and goal of an episode as the caller gives them; what is None is drawn.
 
     Attributes
     ----------
     start
-        Point id or index that each limb holds, N of them.
+        Point that each limb holds, N ids or indices.
     start_pose
-        Base pose at the start [m], x, y, z and quaternion w, x, y, z.
+        Base pose at the start: x, y, z [m] and quaternion w, x, y, z.
     start_joints
         Joint angles at the start, shape (N, 6) [rad].
     goal
         Goal position of the base, shape (3,) [m].
     plan
-        A plan to follow from its start.
+        A plan, from whose start the episode starts.
     task
-        Number of a fixed task, which tells start and goal.
+        Number of a fixed task, which has both start and goal.
     """
 
     start: Any = None
@@ -60,27 +61,27 @@ class ResetOptions:
     def of(
         cls, options: Mapping[str, Any] | None, graph: StanceGraph, *, plans: bool
     ) -> ResetOptions:
-        """Check the options and take start and goal from the plan where they are not given.
+        """Return the options, with start and goal from the plan unless they are given.
 
         Parameters
         ----------
         options
-            What `OPTIONS` reads.
+            Options that the kind `RESET_OPTIONS` has read.
         graph
             The stance graph.
         plans
-            Whether `"plan"` is an option.
+            Whether the option `"plan"` is valid.
 
         Raises
         ------
         SettingError
-            If options do not go together.
+            If options contradict each other.
         """
         given = dict(options or {})
         if "plan" in given and not plans:
             raise SettingError("reset option 'plan' needs dynamics='mujoco'")
         if given.get("task") is not None and len(given) > 1:
-            raise SettingError("reset option 'task' tells start and goal: give it alone")
+            raise SettingError("reset option 'task' includes start and goal; give it alone")
         plan = given.get("plan")
         if plan is not None:
             motion, start = plan.motion, plan.stances[0]
@@ -94,8 +95,24 @@ class ResetOptions:
             )
         return made
 
+    def start_and_goal(
+        self, graph: StanceGraph, tasks: TaskGenerator, tolerance: float
+    ) -> tuple[State | None, Array | None]:
+        """Return start and goal [m], each None unless an option gives it.
+
+        Raises
+        ------
+        MlivrError
+            If the robot cannot start there, the goal lies outside the cabin, or the fixed task
+            cannot be drawn.
+        """
+        start, goal = self.state(graph), self.goal
+        if self.task is not None:
+            start, goal = fixed_task(tasks, graph, self.task, tolerance)
+        return start, None if goal is None else graph.grasp_map.check_goal(goal)
+
     def state(self, graph: StanceGraph) -> State | None:
-        """The start, if one is given.
+        """Return the start, or None if no option gives it.
 
         Raises
         ------

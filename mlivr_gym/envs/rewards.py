@@ -1,6 +1,6 @@
-"""Rewards: objects that say what a step is worth, for the single and the vector environment.
+"""Rewards of single and vector environments, as objects that are called with the outcome of a step.
 
-A reward is anything that can be called with a `StepOutcome`. `"steps"` and `"base"` are short for
+Any callable that takes a `StepOutcome` is a reward. The names `"steps"` and `"base"` stand for
 `StepReward()` and `BaseReward()`.
 """
 
@@ -15,62 +15,63 @@ from mlivr_gym.schema import Choice, FieldPath
 
 
 class StepOutcome(NamedTuple):
-    """What a step did: numbers for one environment, arrays of shape (k,) for k copies."""
+    """Outcome of an action: numbers for one environment, arrays of shape (k,) for k copies."""
 
     displacement: float | Array
     """Base displacement [m].
 
-    There and back where a grasp failed; the largest of any step where the action was masked out.
+    If the grasp failed it counts twice, there and back. If the action was masked out it is the
+    largest displacement of any step.
     """
     before: float | Array
-    """Distance of the base from the goal before the step [m]."""
+    """Distance of the base from the goal before the action [m]."""
     after: float | Array
-    """Distance of the base from the goal after the step [m]."""
+    """Distance of the base from the goal after the action [m]."""
     success: bool | BoolArray
-    """Whether the base is in the goal region after the step."""
+    """Whether the base is in the goal region after the action."""
     legal: bool | BoolArray
-    """Whether the action was allowed by the mask."""
+    """Whether the action mask allowed the action."""
 
 
 class Reward(Protocol):
-    """What a step is worth."""
+    """Interface of a reward."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Reward of a step, a number or shape (k,) as the outcome is; -0.0 and 0.0 are the same."""
+        """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""
 
 
 @dataclass(frozen=True)
 class StepReward:
-    """-1 for each step."""
+    """Reward of -1 for each action."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """See `Reward`."""
+        """Return -1."""
         return -1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `REWARD` takes."""
+        """Return plain data from which the kind `REWARD` builds this reward."""
         return {"kind": "steps"}
 
 
 @dataclass(frozen=True)
 class BaseReward:
-    """Minus the base displacement [m]."""
+    """Reward of minus the base displacement [m]."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """See `Reward`."""
+        """Return minus the base displacement."""
         return -outcome.displacement
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `REWARD` takes."""
+        """Return plain data from which the kind `REWARD` builds this reward."""
         return {"kind": "base"}
 
 
 REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, "base": BaseReward}
-"""The rewards by name."""
+"""Classes of rewards by name."""
 
 
-def _reward(given: Any, place: FieldPath) -> Reward:
-    """A reward by name, from plain data, or as it is; a class of them is none."""
+def _read_reward(given: Any, place: FieldPath) -> Reward:
+    """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
         return REWARDS[Choice(tuple(REWARDS)).read(name, place)]()
@@ -80,30 +81,30 @@ def _reward(given: Any, place: FieldPath) -> Reward:
     return reward
 
 
-REWARD = Via(_reward)
-"""A reward by name, from plain data (`to_dict`), or as it is."""
+REWARD = Via(_read_reward)
+"""Kind of a reward, given as itself, by name, or as plain data (`to_dict`)."""
 
 
 class TaskReward(NamedTuple):
     """The whole reward: that of a step, a bonus for success, and potential-based shaping.
 
-    With shaping `discount * phi(after) - phi(before)` is added, where `phi` is minus the distance
-    to the goal [m], 0 in the goal region (Ng, Harada and Russell, 1999).
+    Shaping adds `discount * phi(after) - phi(before)`, where `phi` is minus the distance to the
+    goal [m], and 0 in the goal region (Ng, Harada and Russell, 1999).
     """
 
     reward: Reward
-    """What a step is worth."""
+    """Reward of a step."""
     success_bonus: float
-    """Added on reaching the goal."""
+    """Number that is added when the goal is reached."""
     shaping: bool
-    """Whether to add the shaping."""
+    """Whether shaping is added."""
     discount: float
     """Discount of the shaping."""
     tolerance: float
     """Radius of the goal region [m]."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Reward of a step, a number or shape (k,) as the outcome is."""
+        """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""
         total: Any = self.reward(outcome) + self.success_bonus * outcome.success
         if self.shaping:
             before, after = self._potential(outcome.before), self._potential(outcome.after)
@@ -112,6 +113,7 @@ class TaskReward(NamedTuple):
         return found
 
     def _potential(self, distance: float | Array) -> float | Array:
+        """Return the potential phi at a distance from the goal."""
         inside: Any = distance > self.tolerance
         potential: float | Array = -distance * inside
         return potential

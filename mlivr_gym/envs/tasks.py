@@ -1,7 +1,7 @@
-"""Tasks: objects that draw starts and goals which the stance graph joins.
+"""Tasks: generators that draw starts and goals such that possible steps lead from one to the other.
 
-A generator is anything with the method `draw` of `TaskGenerator`; `"walk"` is short for
-`WalkTasks()`, `"far"` for `WalkTasks(far=True)`.
+Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"` and `"far"`
+stand for `WalkTasks()` and `WalkTasks(far=True)`.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
-MOST_STEPS = 12
-"""Most steps of the walk that leads from the start to the goal."""
+MAX_WALK_STEPS = 12
+"""Maximum number of steps of the walk from the start to the goal."""
 
 
 class Task(NamedTuple):
-    """Where to start and where to go."""
+    """Start and goal of an episode."""
 
     start: State
-    """The start."""
+    """State at the start."""
     goal: Array
     """Goal position of the base [m], shape (3,)."""
 
 
 class TaskGenerator(Protocol):
-    """What draws tasks."""
+    """Interface of a task generator."""
 
     def draw(
         self,
@@ -44,7 +44,7 @@ class TaskGenerator(Protocol):
         tolerance: float,
         start: State | None = None,
     ) -> Task:
-        """A task whose goal can be reached from its start.
+        """Return a task whose goal can be reached from its start.
 
         Parameters
         ----------
@@ -55,30 +55,30 @@ class TaskGenerator(Protocol):
         tolerance
             Radius of the goal region [m].
         start
-            The start, if it is given.
+            The start, or None to draw it.
 
         Raises
         ------
         StanceError
-            If none is found.
+            If no task is found.
         """
 
 
 @dataclass(frozen=True)
 class WalkTasks:
-    """A random start, and the goal where a walk towards a random graspable point ends.
+    """Draws a start, and takes as goal the end of a walk towards a random graspable point.
 
     For two limbs the start is a stance of the graph, drawn by its index until a step leaves it;
-    then a point is drawn by its index. Each of at most `MOST_STEPS` steps goes to the stance whose
-    base is nearest to that point, the first of them in the order of the graph, as long as that is
-    nearer than before. If the walk ends outside the cabin, or not farther from the start than the
-    goal tolerance, both are drawn again, or the point alone if the start is given.
+    then a point is drawn by its index. Each of at most `MAX_WALK_STEPS` steps goes to the stance
+    whose base is closest to that point, the first one in the order of the graph if several are,
+    while the distance decreases. If the walk ends outside the cabin or within the goal tolerance of
+    the start, both are drawn again, or only the point if the start is given.
 
     Attributes
     ----------
     far
-        Whether start and point, and start and goal, must lie in opposite halves of the map
-        along its longest axis, see `halves`; what does not is drawn again too.
+        Whether start and point, and start and goal, must lie in opposite halves of the map along
+        its longest axis, see `longest_axis`; otherwise they are drawn again too.
     """
 
     far: bool = False
@@ -90,56 +90,56 @@ class WalkTasks:
         tolerance: float,
         start: State | None = None,
     ) -> Task:
-        """See `TaskGenerator.draw`."""
+        """Return a task; see `TaskGenerator.draw`."""
         return sample_task(graph, rng, tolerance, start, far=self.far)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data that `TASKS` takes."""
+        """Return plain data from which the kind `TASKS` builds this generator."""
         return {"kind": "far" if self.far else "walk"}
 
 
-GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
+TASK_GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
-def _generator(given: Any, place: FieldPath) -> TaskGenerator:
-    """A task generator by name, from plain data, or as it is; a class of them is none."""
+def _read_generator(given: Any, place: FieldPath) -> TaskGenerator:
+    """Return a task generator that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return GENERATORS[Choice(tuple(GENERATORS)).read(name, place)]
+        return TASK_GENERATORS[Choice(tuple(TASK_GENERATORS)).read(name, place)]
     if isinstance(given, dict | type) or not callable(getattr(given, "draw", None)):
-        valid = ", ".join(map(repr, GENERATORS))
+        valid = ", ".join(map(repr, TASK_GENERATORS))
         raise place.refused(given, f"one of {valid} or a TaskGenerator")
     generator: TaskGenerator = given
     return generator
 
 
-TASKS = Via(_generator)
-"""A task generator by name, from plain data (`to_dict`), or as it is."""
+TASKS = Via(_read_generator)
+"""Kind of a task generator, given as itself, by name, or as plain data (`to_dict`)."""
 
 
-FIXED = 1 << 62
-"""Seed of the first fixed task; those of training are to be smaller."""
+FIRST_FIXED_SEED = 1 << 62
+"""Seed of the first fixed task; training must use smaller seeds."""
 
-MOST_FIXED = 1_000_000
-"""Fixed tasks that there are."""
+MAX_FIXED_TASKS = 1_000_000
+"""Number of fixed tasks."""
 
 
-FIXED_NUMBER = Whole(0, MOST_FIXED - 1)
-"""Number of a fixed task."""
+FIXED_NUMBER = Whole(0, MAX_FIXED_TASKS - 1)
+"""Kind of the number of a fixed task."""
 
 
 def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:
-    """The fixed task of a number: the same in every process, and drawn in no training.
+    """Return the fixed task of a number, the same in every process and not used in any training.
 
     Parameters
     ----------
     generator
-        What draws it.
+        The generator that draws it.
     graph
         The stance graph.
     number
-        A `FIXED_NUMBER`.
+        Number of the task, a `FIXED_NUMBER`.
     tolerance
         Radius of the goal region [m].
 
@@ -148,11 +148,11 @@ def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolera
     MlivrError
         If no task is found.
     """
-    return draw_task(generator, graph, Stream.of_seed(FIXED + number), tolerance)
+    return draw_task(generator, graph, Stream.of_seed(FIRST_FIXED_SEED + number), tolerance)
 
 
-def halves(grasp_map: GraspMap) -> tuple[int, float]:
-    """The axis along which a map's points spread farthest, and their middle on it [m]."""
+def longest_axis(grasp_map: GraspMap) -> tuple[int, float]:
+    """Return the axis along which a map's points extend farthest, and their middle on it [m]."""
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     axis = int(np.argmax(high - low))
     return axis, float(0.5 * (low[axis] + high[axis]))
@@ -165,16 +165,15 @@ def draw_task(
     tolerance: float,
     start: State | None = None,
 ) -> Task:
-    """Draw a task, and check it where the generator is a user's; arguments as in `TaskGenerator`.
+    """Draw a task, and check it if the generator is the user's; arguments as in `TaskGenerator`.
 
-    A user's generator draws from `numpy.random.default_rng(stream.state)`, with a whole number of
-    which below 2^63 the stream then goes on.
+    A user's generator draws from `numpy.random.default_rng(stream.state)`. The next state of the
+    stream is then an integer below 2^63 from the same source.
 
     Raises
     ------
     MlivrError
-        If none is found, or the start cannot be held or the goal lies outside the
-        cabin.
+        If no task is found, the start cannot be held, or the goal lies outside the cabin.
     """
     if isinstance(generator, WalkTasks):
         return generator.draw(graph, stream, tolerance, start)
@@ -182,7 +181,9 @@ def draw_task(
     task = generator.draw(graph, rng, tolerance, start)
     stream.state = int(rng.integers(2**63))
     if not isinstance(task.start, State):
-        raise SettingError(f"tasks draw the start {shortened(task.start)}; it must be a State")
+        raise SettingError(
+            f"the task generator drew the start {shortened(task.start)}; it must be a State"
+        )
     graph.state(task.start.stance, task.start.pose)
     graph.check(task.start)
     return Task(task.start, graph.grasp_map.check_goal(task.goal))
@@ -196,7 +197,7 @@ def sample_task(
     *,
     far: bool = False,
 ) -> Task:
-    """A start and a goal that a walk over edges joins; see `WalkTasks`.
+    """Return a random start, and a goal to which a walk of possible steps leads; see `WalkTasks`.
 
     Parameters
     ----------
@@ -205,44 +206,44 @@ def sample_task(
     rng
         Source of randomness.
     tolerance
-        Goals closer to the start than this are drawn again [m].
+        Distance from the start within which a goal is drawn again [m].
     start
-        The start, if it is given.
+        The start, or None to draw it.
     far
         See `WalkTasks`.
 
     Raises
     ------
     StanceError
-        If no pair is found.
+        If no task is found.
     """
     grasp_map = graph.grasp_map
-    axis, middle = halves(grasp_map)
+    axis, middle = longest_axis(grasp_map)
     for _ in range(TRIES):
         state = random_state(graph, rng) if start is None else start
         target = grasp_map.positions[int(rng.integers(len(grasp_map)))]
         origin = graph.posture_of(state).base_position[0]
         if far and (origin[axis] - middle) * (target[axis] - middle) >= 0.0:
             continue
-        position = _walk(graph, state, origin, target)
+        position = _walk_end(graph, state, origin, target)
         if far and (origin[axis] - middle) * (position[axis] - middle) >= 0.0:
             continue
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
-        if inside and _square(position - origin) > tolerance * tolerance:
+        if inside and _squared_lengths(position - origin) > tolerance * tolerance:
             return Task(state, position)
     raise StanceError(
         f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"
     )
 
 
-def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
-    """Base position at the end of a walk from `origin` towards `target` [m]."""
-    best, position = float(_square(origin - target)), origin
-    for _ in range(MOST_STEPS):
+def _walk_end(graph: StanceGraph, state: State, origin: Array, target: Array) -> Array:
+    """Return the base position at the end of a walk from `origin` towards `target` [m]."""
+    best, position = float(_squared_lengths(origin - target)), origin
+    for _ in range(MAX_WALK_STEPS):
         steps = graph.successors(state)
         if not steps:
             break
-        square = _square(steps.base_in_world - target)
+        square = _squared_lengths(steps.base_in_world - target)
         k = int(np.argmin(square))
         if square[k] >= best:
             break
@@ -250,8 +251,8 @@ def _walk(graph: StanceGraph, state: State, origin: Array, target: Array) -> Arr
     return position
 
 
-def _square(vectors: Array) -> Array:
-    """Squared lengths of vectors, shape (..., 3), summed in the order of `envs.batch`."""
+def _squared_lengths(vectors: Array) -> Array:
+    """Return the squared lengths of vectors, shape (..., 3), summed as in `envs.batch`."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     square: Array = x * x + y * y + z * z
     return square

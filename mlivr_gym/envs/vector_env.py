@@ -1,8 +1,8 @@
-"""Many copies of the two-limb environment in one.
+"""Many copies of the two-limb environment that step in one batch.
 
-`gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)` makes it. Every copy steps through the same
-read-only tables of exact steps, so that a step costs well under a microsecond a copy beside the
-mask and the observation that it returns.
+`gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)` makes it. All copies read the same tables of
+exact steps, so a step takes well under a microsecond for each copy, without the mask and the
+observation that it returns.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from gymnasium.vector.utils import batch_space
 from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
-from mlivr_gym.envs.arguments import MODE, MOST_STEPS
-from mlivr_gym.envs.batch import Chances, Draws, Robots, advance, draw_tasks
+from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
+from mlivr_gym.envs.batch import CopyStates, StepParameters, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation, ObservationArrays, PlaceTable
+from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
@@ -32,54 +32,55 @@ from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-MOST_COPIES = 1 << 20
-"""Most copies: their observations of the JEM take some gigabytes."""
+MAX_COPIES = 1 << 20
+"""Maximum number of copies, whose observations of the JEM take some gigabytes."""
 
-KINDS: Kinds = {
-    "num_envs": Whole(1, MOST_COPIES),
-    "max_episode_steps": Maybe(MOST_STEPS),
-    "autoreset_mode": MODE,
+VECTOR_ARGUMENTS: Kinds = {
+    "num_envs": Whole(1, MAX_COPIES),
+    "max_episode_steps": Maybe(EPISODE_STEPS),
+    "autoreset_mode": AUTORESET_MODE,
     "env": Maybe(Of(MlivrEnv)),
 }
-"""Kinds of the arguments, besides those of `MlivrEnv`."""
+"""Kinds of the arguments that `MlivrEnv` does not have."""
 
 
 class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
-    """A batch of `MlivrEnv`s with two limbs and kinematic steps.
+    """Vector environment of k `MlivrEnv`s with two limbs and kinematic steps.
 
-    Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` holds arrays: `stance`
-    (k, N) point ids, `action_mask` (k, N m) int8, `base_position` (k, 3), `base_translation`,
-    `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`, `invalid_action` and
-    `grasp_failed`, each (k,) if not said otherwise.
+    Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` contains arrays: `stance`
+    (k, N) point ids, `action_mask` (k, N m) int8, `base_position` (k, 3) [m], `base_translation`
+    [m], `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`,
+    `invalid_action` and `grasp_failed`, of shape (k,) unless stated.
 
-    Rewards and task generators are the same objects: a reward is called with arrays of shape (k,),
-    a generator once for each copy that starts anew. Each copy draws its tasks and failed grasps
-    from its own stream: with seed s copy i goes as a `MlivrEnv` with seed s + i goes under the same
-    actions, over any number of episodes.
+    The same objects serve as rewards and task generators: a reward is called with arrays of shape
+    (k,), a generator once for each copy that is reset. Each copy draws its tasks and grasp failures
+    from a stream of its own. With seed s, copy i does exactly what a `MlivrEnv` with seed s + i
+    does under the same actions, over any number of episodes.
 
-    By default a copy whose episode has ended starts anew on the next step, whose action it ignores,
-    with reward 0; with `autoreset_mode="Disabled"` call `reset(options={"reset_mask": ...})`.
+    By default a copy whose episode has ended is reset on the next step, which ignores its action
+    and returns reward 0. With `autoreset_mode="Disabled"` call `reset` with the option
+    `reset_mask`.
 
-    When points or obstacles of `env.graph` change, the tables are read or worked out anew, and
-    masks and steps are those of the new world, as in `MlivrEnv`.
+    When points or obstacles of `env.graph` change, the tables are made again, and masks and steps
+    are those of the new world, as in `MlivrEnv`.
 
     Attributes
     ----------
     tables
-        The steps.
+        Tables of all steps.
     goals
         Goal positions [m], shape (k, 3).
     stances
         Stance index of each copy in `tables`, shape (k,).
     masks
-        Branches each limb may still be on, shape (k, 2).
+        Branch masks of both limbs, shape (k, 2).
     steps
-        Steps since reset, shape (k,).
+        Number of actions since the reset, shape (k,).
     base_translation
-        Sum of base displacements since reset [m], shape (k,).
+        Sum of base displacements since the reset [m], shape (k,).
     """
 
-    @checked(KINDS)
+    @checked(VECTOR_ARGUMENTS)
     def __init__(
         self,
         num_envs: int = 1,
@@ -88,18 +89,18 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         env: MlivrEnv | None = None,
         **kwargs: Any,
     ) -> None:
-        """Work every step out, or read it from the cache.
+        """Compute all steps, or read them from the tables that ship or are cached.
 
         Parameters
         ----------
         num_envs
             Number of copies k.
         max_episode_steps
-            Steps after which an episode is truncated.
+            Number of steps after which an episode is truncated.
         autoreset_mode
             `"NextStep"` or `"Disabled"`.
         env
-            An environment whose world and rewards to take, in place of `kwargs`.
+            An environment whose world and rewards are used, in place of `kwargs`.
         **kwargs
             Arguments of `MlivrEnv`.
 
@@ -110,7 +111,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """
         self.metadata = {"autoreset_mode": autoreset_mode}
         if kwargs.pop("render_mode", None) is not None:
-            raise SettingError("the vector environment does not render; use MlivrEnv")
+            raise SettingError(
+                "the vector environment takes no render_mode; use MlivrEnv to render"
+            )
         self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
@@ -123,7 +126,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._stance_at, self._places = moves.stance_at, PlaceTable.of(moves.graph)
+        self._stance_at, self._observation_table = moves.stance_at, ObservationTable.of(moves.graph)
         self._ids = np.array(self.env.graph.grasp_map.ids, dtype=np.object_)
         self._streams = np.zeros(num_envs, dtype=np.uint64)
         self._seeded = np.zeros(num_envs, dtype=np.bool_)
@@ -142,61 +145,68 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start every copy anew, or those of `options["reset_mask"]`, bool of shape (k,).
+        """Reset every copy, or the copies of `options["reset_mask"]`, a bool array of shape (k,).
 
         Parameters
         ----------
         seed
-            Copy i draws from seed + i, or from entry i of a list of k seeds; where that is
-            None it goes on with its stream.
+            Seed of copy 0, where copy i has seed + i; or a list of k seeds. A copy whose seed is
+            None continues its random stream.
         options
-            `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N);
-            `goal`, shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is
-            not given is drawn by `tasks`.
+            `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N); `goal`, shape
+            (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is not given is
+            drawn by `tasks`.
+
+        Returns
+        -------
+        tuple[Observation, dict[str, Any]]
+            The observations and the information of all copies.
 
         Raises
         ------
         MlivrError
-            If seed or options cannot be used, or no goal can be reached from a start;
-            no copy has moved then.
+            If seed or options cannot be used, or no goal can be reached from a start; no copy is
+            changed then.
         """
-        self._keep_up()
-        given, seeds = self._given(options, seed)
+        self._refresh_tables()
+        given, seeds = self._read_reset_arguments(options, seed)
         which = given.get("reset_mask", self._all)
         starts, goals, numbers = (given.get(name) for name in ("start", "goal", "task"))
         if numbers is not None:
             if not (starts is None and goals is None):
-                raise SettingError("reset option 'task' tells start and goal: give it alone")
+                raise SettingError("reset option 'task' includes start and goal; give it alone")
             env = self.env
             fixed = [
                 fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
             ]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
-        self._seed(seeds, which)
+        self._seed_streams(seeds, which)
         new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
         graph = self.env.graph
         if starts is not None:
             for k in np.flatnonzero(which):
                 state = graph.state(starts[k])
                 new[0][k], new[1][k] = self._stance_at[state.stance], state.masks
-            self._need_step(which, *new[:2])
+            self._check_starts(which, *new[:2])
         if starts is None or goals is None:
             self._draw(which, starts is not None, *new)
         if goals is not None:
             for k in np.flatnonzero(which):
                 new[2][k] = graph.grasp_map.check_goal(goals[k])
         self.stances[:], self.masks[:], self.goals[:] = new
-        self._begin(which)
+        self._start_episodes(which)
         self._ended[which] = False
-        self._look()
+        self._observe()
         nothing = np.zeros(self.num_envs, np.bool_)
-        return self._looks.observation(), self._info(nothing, nothing.copy())
+        return self._seen.observation(), self._info(nothing, nothing.copy())
 
-    def _given(self, options: object, seed: object) -> tuple[dict[str, Any], list[int | None]]:
-        """The options, and a seed or None for each copy."""
+    def _read_reset_arguments(
+        self, options: object, seed: object
+    ) -> tuple[dict[str, Any], list[int | None]]:
+        """Return the options after checking them, and a seed or None for each copy."""
         k = self.num_envs
         kinds: Kinds = {
-            "reset_mask": Via(self._chosen),
+            "reset_mask": Via(self._read_reset_mask),
             "start": Maybe(Listed(STANCE, k, k)),
             "goal": Maybe(Listed(GOAL, k, k)),
             "task": Maybe(Listed(FIXED_NUMBER, k, k)),
@@ -209,15 +219,15 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         first = Maybe(SEED).read(seed, FieldPath("seed", SettingError))
         return given, [None if first is None else first + i for i in range(k)]
 
-    def _chosen(self, mask: object, place: FieldPath) -> BoolArray:
-        """Which copies start anew."""
+    def _read_reset_mask(self, mask: object, place: FieldPath) -> BoolArray:
+        """Return which copies are reset."""
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
             return mask.copy()
         return np.array(Listed(Flag(), k, k).read(mask, place))
 
-    def _seed(self, seeds: list[int | None], which: BoolArray) -> None:
-        """Give the chosen copies their streams."""
+    def _seed_streams(self, seeds: list[int | None], which: BoolArray) -> None:
+        """Start the random streams of the copies that are reset."""
         for k in np.flatnonzero(which):
             if (number := seeds[k]) is None:
                 if self._seeded[k]:
@@ -234,74 +244,83 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         actions
             Integers, shape (k,).
 
+        Returns
+        -------
+        tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]
+            Observations, rewards, terminated and truncated, each of shape (k,), and the
+            information.
+
         Raises
         ------
         gymnasium.error.ResetNeeded
             If a copy was never reset.
         SettingError
-            If the actions are not in the action space, or a copy's episode has ended
-            and copies do not start anew by themselves.
+            If the actions are not in the action space, or the episode of a copy has ended and
+            copies are not reset automatically.
         """
-        self._need_reset()
-        self._keep_up()
+        self._check_reset()
+        self._refresh_tables()
         actions = action_numbers(actions, self.num_envs, 2 * len(self._stance_at))
-        env, restart, before = self.env, self._ended, self._looks.away
+        env, restart, before = self.env, self._ended, self._seen.goal_distance
         if restart.any():
             if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
+                first = int(np.flatnonzero(restart)[0])
                 raise SettingError(
-                    f"episode {int(np.flatnonzero(restart)[0])} has ended; reset it first"
+                    f"the episode of copy {first} has ended; reset it with option 'reset_mask'"
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
-            self._begin(restart)
+            self._start_episodes(restart)
         moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
-        chances = Chances(env.failure_probability, env.graph.max_step)
-        robots = Robots(self.stances, self.masks, self._streams)
-        advance(actions, restart, chances, self.tables, robots, moved, outcome)
+        parameters = StepParameters(env.failure_probability, env.graph.max_step)
+        copies = CopyStates(self.stances, self.masks, self._streams)
+        advance(actions, restart, parameters, self.tables, copies, moved, outcome)
         invalid, failed, going = outcome == 1, outcome == 2, ~restart
         self.steps += going
         self.base_translation += np.where(invalid, 0.0, moved)
-        self._look()
-        after = self._looks.away
+        self._observe()
+        after = self._seen.goal_distance
         success = after <= env.goal_tolerance
         before = np.where(restart, after, before)
-        worth = env.reward(StepOutcome(moved, before, after, success, ~invalid))
-        reward = np.where(restart, 0.0, worth)
+        step_reward = env.reward(StepOutcome(moved, before, after, success, ~invalid))
+        reward = np.where(restart, 0.0, step_reward)
         terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
         self._ended = terminated | truncated
         info = self._info(invalid, failed)
-        return self._looks.observation(), reward, terminated, truncated, info
+        return self._seen.observation(), reward, terminated, truncated, info
 
     def action_masks(self) -> BoolArray:
-        """Which actions are allowed, shape (k, N m).
+        """Return which actions are possible, shape (k, N m).
 
         Raises
         ------
         gymnasium.error.ResetNeeded
             If a copy was never reset.
         """
-        self._need_reset()
-        self._keep_up()
+        self._check_reset()
+        self._refresh_tables()
         return self._legal(self.stances, self.masks)
 
-    def _keep_up(self) -> None:
-        """Read the tables anew if the world has changed; stances keep their indices."""
+    def _refresh_tables(self) -> None:
+        """Make the tables again if the world has changed; the indices of stances stay."""
         if self._version != self.env.graph.version:
             self.tables = self.env.table_moves().tables
             self._version = self.env.graph.version
 
-    def _need_reset(self) -> None:
+    def _check_reset(self) -> None:
+        """Check that every copy was reset at least once."""
         if not self._started.all():
             first = int(np.argmin(self._started))
-            raise gymnasium.error.ResetNeeded(f"copy {first} was never reset: call reset()")
+            raise gymnasium.error.ResetNeeded(f"copy {first} was never reset; call reset() first")
 
-    def _need_step(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
-        """Refuse starts that no step leaves."""
+    def _check_starts(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
+        """Check that at least one step leaves each start."""
         stuck = which & ~self._legal(stances, masks).any(axis=1)
         if stuck.any():
             stance = self.env.graph.ids(self.tables.points[stances[stuck.argmax()]])
-            raise StanceError(f"no step leaves the start stance {stance}")
+            raise StanceError(f"no step leaves the start stance {stance}; choose another start")
 
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
+        """Return which actions are possible in k states, shape (k, 2 m)."""
         k, m = self.num_envs, len(self._stance_at)
         out = np.zeros((k, 2, m), dtype=np.int8)
         legal_actions(stances, masks, self.tables, out)
@@ -315,55 +334,62 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         masks: IntArray,
         goals: Array,
     ) -> None:
-        """Draw goals, and starts if they are not given, into the arrays."""
+        """Draw goals, and starts unless they are given, and write them into the arrays."""
         graph, grasp_map = self.env.graph, self.env.graph.grasp_map
         if not isinstance(self.env.tasks, WalkTasks):
             self._draw_one_by_one(which, given, stances, masks, goals)
             return
-        draws = Draws.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
-        robots = Robots(stances, masks, self._streams)
-        missing = draw_tasks(which, which & given, draws, self.tables, robots, goals)
+        distribution = TaskDistribution.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
+        copies = CopyStates(stances, masks, self._streams)
+        missing = draw_tasks(which, which & given, distribution, self.tables, copies, goals)
         if missing >= 0:
             start = graph.ids(self.tables.points[stances[missing]])
-            what = f"goal that a walk joins with start {start} was"
-            what = what if given else "start and goal that a walk joins were"
-            raise StanceError(f"no {what} found on map {grasp_map.name!r}")
+            task = f"goal that can be reached from start {start} was"
+            task = task if given else "start with a goal that can be reached was"
+            raise StanceError(f"no {task} found on map {grasp_map.name!r}")
 
     def _draw_one_by_one(
         self, which: BoolArray, given: bool, stances: IntArray, masks: IntArray, goals: Array
     ) -> None:
-        """The same with another generator, each copy from its stream."""
+        """Draw the tasks of a user's generator, each copy from its stream."""
         env = self.env
         for k in np.flatnonzero(which):
             stream = Stream(int(self._streams[k]))
             start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
             task = draw_task(env.tasks, env.graph, stream, env.goal_tolerance, start)
             if task.start.pose is not None:
-                raise SettingError("tasks draw a start pose, which the vector environment lacks")
+                raise SettingError(
+                    "the task generator drew a start pose, which only MlivrEnv supports"
+                )
             stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
             goals[k] = task.goal
             self._streams[k] = stream.state
-        self._need_step(which, stances, masks)
+        self._check_starts(which, stances, masks)
 
-    def _begin(self, which: BoolArray) -> None:
+    def _start_episodes(self, which: BoolArray) -> None:
+        """Set the counters of the chosen copies to zero."""
         self.steps[which], self.base_translation[which], self._started[which] = 0, 0.0, True
 
-    def _look(self) -> None:
-        self._looks = ObservationArrays.of(self._places, self.stances, self.masks, self.goals)
+    def _observe(self) -> None:
+        """Compute the observations of all copies."""
+        self._seen = ObservationArrays.of(
+            self._observation_table, self.stances, self.masks, self.goals
+        )
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
-        looks = self._looks
+        """Return the information on all copies, in Gymnasium's format of vector environments."""
+        seen = self._seen
         info: dict[str, Any] = {
-            "stance": self._ids.take(looks.stance),
-            "base_position": looks.base_in_world,
+            "stance": self._ids.take(seen.stance),
+            "base_position": seen.base_in_world,
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
-            "limb_manipulability": looks.w_m,
-            "base_manipulability": looks.w_b,
+            "limb_manipulability": seen.w_m,
+            "base_manipulability": seen.w_b,
             "action_mask": self._legal(self.stances, self.masks).view(np.int8),
-            "is_success": looks.away <= self.env.goal_tolerance,
+            "is_success": seen.goal_distance <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,
         }
-        told = np.ones((len(info), self.num_envs), dtype=np.bool_)
-        return info | {f"_{name}": row for name, row in zip(info, told, strict=True)}
+        known = np.ones((len(info), self.num_envs), dtype=np.bool_)
+        return info | {f"_{name}": row for name, row in zip(info, known, strict=True)}

@@ -1,4 +1,4 @@
-"""Draws an environment, as pictures or in a window."""
+"""Renderer of an environment: pictures, films and a window."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.envs.moments import Moment, moment_pictures
+from mlivr_gym.envs.snapshots import Snapshot, snapshot_frames
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.film import AZIMUTH, ELEVATION, RATE
@@ -20,16 +20,17 @@ from mlivr_gym.pictures.route import Route
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 RENDER_FPS = {"rgb_array": 2, "rgb_array_list": RATE, "human": 2}
-"""Pictures a second by render mode: stills, or a film."""
+"""Pictures per second by render mode: stills, a film, or a window."""
 
-AROUND = 1.2
-"""What is seen of the cabin at least on either side of the robot and of the goal [m]."""
+VIEW_MARGIN = 1.2
+"""Minimum length of cabin that is visible on either side of robot and goal [m]."""
 
 Picture = NDArray[np.uint8]
+"""Colours of a picture, shape (height, width, 3)."""
 
 
 class EnvViewer:
-    """Shows the robot in its scene, which is built anew only for other obstacles.
+    """Renders the robot in its scene, which is built again only if the obstacles change.
 
     Attributes
     ----------
@@ -38,60 +39,60 @@ class EnvViewer:
     """
 
     def __init__(self, graph: StanceGraph, size: tuple[int, int], goal_tolerance: float) -> None:
-        """Draw the map, robot and obstacles of `graph`; pictures have width and height `size`."""
+        """Prepare to draw map, robot and obstacles of `graph`; `size` is width and height [px]."""
         self.graph, self._size, self._goal_tolerance = graph, size, goal_tolerance
         self.scene: SceneRenderer | SceneWindow | None = None
-        self._moments: list[Moment] = []
-        self._told = False
+        self._snapshots: list[Snapshot] = []
+        self._returned_first = False
 
-    def follow(self, moment: Moment, mode: str | None) -> None:
-        """Take note of an action or a reset, as far as a render mode shows it."""
+    def follow(self, snapshot: Snapshot, mode: str | None) -> None:
+        """Show or store a snapshot after an action or a reset, if the render mode requires it."""
         if mode == "human":
-            self.render(moment, mode)
+            self.render(snapshot, mode)
         if mode == "rgb_array_list":
-            if moment.steps == 0:
-                self._moments, self._told = [], False
-            self._moments.append(moment)
+            if snapshot.steps == 0:
+                self._snapshots, self._returned_first = [], False
+            self._snapshots.append(snapshot)
 
-    def render(self, moment: Moment, mode: str | None) -> Picture | list[Picture] | None:
-        """What `MlivrEnv.render` returns, of an environment as it is now."""
+    def render(self, snapshot: Snapshot, mode: str | None) -> Picture | list[Picture] | None:
+        """Return what `MlivrEnv.render` returns for the present snapshot."""
         if mode is None:
             gymnasium.logger.warn(
                 "render() was called without a render_mode; give one to gymnasium.make"
             )
         elif mode == "human":
-            self._show(moment.standing(self.graph))
+            self._show(snapshot.configuration(self.graph))
         elif mode == "rgb_array":
-            return self.pictures([moment])[0]
+            return self.pictures([snapshot])[0]
         else:
-            pictures = self.pictures(self._moments)[int(self._told) :]
-            self._moments, self._told = self._moments[-1:], True
+            pictures = self.pictures(self._snapshots)[int(self._returned_first) :]
+            self._snapshots, self._returned_first = self._snapshots[-1:], True
             return pictures
         return None
 
-    def pictures(self, moments: Sequence[Moment]) -> list[Picture]:
-        """Pictures of an environment that moves from moment to moment, see `moment_pictures`.
+    def pictures(self, snapshots: Sequence[Snapshot]) -> list[Picture]:
+        """Return the pictures of a sequence of snapshots, see `snapshot_frames`.
 
-        Each has shape (height, width, 3) and shows the goal and where the base has been.
+        Each has shape (height, width, 3) and shows the goal and the path of the base.
 
         Raises
         ------
         RenderError
-            If there is no GL library.
+            If no GL library works.
         """
         out: list[Picture] = []
         stances: list[Array] = []
         line: list[Array] = []
-        for moment, configurations in zip(
-            moments, moment_pictures(self.graph, moments), strict=True
+        for snapshot, configurations in zip(
+            snapshots, snapshot_frames(self.graph, snapshots), strict=True
         ):
-            if moment.steps == 0:
+            if snapshot.steps == 0:
                 stances, line = [], []
             last = None
             for configuration in configurations:
                 if configuration is not last:
                     line.append(configuration[0])
-                    picture = self._picture(configuration, moment, line, stances)
+                    picture = self._picture(configuration, snapshot, line, stances)
                 out.append(picture)
                 last = configuration
             stances.append(configurations[-1][0])
@@ -100,29 +101,29 @@ class EnvViewer:
     def _picture(
         self,
         configuration: Configuration,
-        moment: Moment,
+        snapshot: Snapshot,
         line: Sequence[Array],
         stances: Sequence[Array],
     ) -> Picture:
-        """One picture, with words below it."""
-        graph, scene, (width, height) = self.graph, self._present(), self._size
+        """Return one picture with its caption."""
+        graph, scene, (width, height) = self.graph, self._current_scene(), self._size
         lower = height - strip_height(height)
         if not isinstance(scene, SceneRenderer):
             scene = SceneRenderer(graph.grasp_map, graph.robot, width, lower, graph.obstacles)
             self.scene = scene
         places = np.array(stances).reshape(-1, 3)
-        route = Route(np.array(line), places, moment.goal, self._goal_tolerance, ())
-        camera = self._camera(configuration[0], moment.goal, width / lower)
+        route = Route(np.array(line), places, snapshot.goal, self._goal_tolerance, ())
+        camera = self._camera(configuration[0], snapshot.goal, width / lower)
         picture = scene.render(*configuration, camera=camera, route=route)
-        far = float(np.linalg.norm(configuration[0] - moment.goal))
+        far = float(np.linalg.norm(configuration[0] - snapshot.goal))
         return with_caption(
-            picture, f"step {moment.steps}: {moment.words}; {far:.2f} m to the goal", height
+            picture, f"step {snapshot.steps}: {snapshot.caption}; {far:.2f} m to the goal", height
         )
 
     def _camera(self, base: Array, goal: Array, aspect: float) -> Camera:
-        """From where robot and goal are seen, with the cabin from deck to overhead."""
+        """Return a camera that sees robot and goal, and the cabin from deck to overhead."""
         low, high = np.array(self.graph.grasp_map.cabin)
-        ends = min(base[0], goal[0]) - AROUND, max(base[0], goal[0]) + AROUND
+        ends = min(base[0], goal[0]) - VIEW_MARGIN, max(base[0], goal[0]) + VIEW_MARGIN
         middle = 0.5 * (low[1:] + high[1:])
         corners = np.array([[x, middle[0], z] for x in ends for z in (low[2], high[2])])
         camera = Camera((0.5 * sum(ends), *middle.tolist()), azimuth=AZIMUTH, elevation=ELEVATION)
@@ -136,14 +137,14 @@ class EnvViewer:
         RenderError
             If there is no screen.
         """
-        graph, scene = self.graph, self._present()
+        graph, scene = self.graph, self._current_scene()
         if not isinstance(scene, SceneWindow):
             scene = SceneWindow(graph.grasp_map, graph.robot, graph.obstacles)
             self.scene = scene
         scene.show(*configuration)
 
-    def _present(self) -> SceneRenderer | SceneWindow | None:
-        """The scene, if it has the present obstacles; another is closed."""
+    def _current_scene(self) -> SceneRenderer | SceneWindow | None:
+        """Return the scene if it has the present obstacles; otherwise close it and return None."""
         if self.scene is not None and self.scene.obstacles != self.graph.obstacles:
             self.close()
         return self.scene
@@ -155,5 +156,5 @@ class EnvViewer:
             self.scene = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the window or GL context."""
+        """Return all attributes for pickling, without the window or GL context."""
         return self.__dict__ | {"scene": None}

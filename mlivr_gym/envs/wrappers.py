@@ -1,4 +1,4 @@
-"""Wrappers of the environment."""
+"""Gymnasium wrappers: smooth films, and the action mask in the observation."""
 
 from __future__ import annotations
 
@@ -16,37 +16,38 @@ from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
 from mlivr_gym.schema import NAME, FieldPath, Flag, Maybe, Whole
 
-MOST_ACTIONS = 1_000_000
-"""Most actions of a film."""
+MAX_ACTIONS = 1_000_000
+"""Maximum number of actions in a film."""
 
 
-def _ours(value: Any, place: FieldPath) -> Any:
-    """A `MlivrEnv`, also inside wrappers."""
+def _read_env(value: Any, place: FieldPath) -> Any:
+    """Return an environment that is a `MlivrEnv`, possibly inside wrappers."""
     if not isinstance(value, gymnasium.Env) or not isinstance(value.unwrapped, MlivrEnv):
         raise place.refused(value, "a MlivrEnv, also inside wrappers")
     return value
 
 
 class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
-    """Gymnasium's `RecordVideo`, whose films show how the robot moves from stance to stance.
+    """Gymnasium's `RecordVideo` with films that show the robot moving from stance to stance.
 
-    Gymnasium's own takes one picture an action, with this environment a slide show. Arguments are
-    the same. Where that takes one picture for an action, this one takes
-    `envs.moments.STEP_PICTURES`, with 25 pictures a second of film; `video_length` counts actions.
-    The film is rendered when a recording ends, so that branches are chosen for all of it.
+    Gymnasium's own wrapper takes one picture for each action, which makes a slide show of this
+    environment. This one takes `envs.snapshots.FRAMES_PER_ACTION` pictures, at 25 pictures per
+    second. The arguments are the same; `video_length` counts actions. The film is rendered when a
+    recording ends, since branches are chosen for a whole episode.
 
-    Example:
-        >>> env = gymnasium.make("MLIVR-JEM-v0", render_mode="rgb_array")
-        >>> env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
+    Examples
+    --------
+    >>> env = gymnasium.make("MLIVR-JEM-v0", render_mode="rgb_array")
+    >>> env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
     """
 
     @checked(
         {
-            "env": Via(_ours),
+            "env": Via(_read_env),
             "video_folder": FileName(),
             "episode_trigger": Maybe(Called()),
             "step_trigger": Maybe(Called()),
-            "video_length": Whole(0, MOST_ACTIONS),
+            "video_length": Whole(0, MAX_ACTIONS),
             "name_prefix": NAME,
             "fps": Maybe(Whole(1, 1000)),
             "disable_logger": Flag(),
@@ -64,16 +65,16 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
         disable_logger: bool = True,
         **settings: Any,
     ) -> None:
-        """Wrap a `MlivrEnv`; see Gymnasium's wrapper.
+        """Wrap a `MlivrEnv`; the arguments are those of Gymnasium's wrapper.
 
         Raises
         ------
         SettingError
-            If an argument is of another kind.
+            If an argument is not of its kind.
         ValueError
             If the environment has no `render_mode` that returns pictures.
         gymnasium.error.DependencyNotInstalled
-            If MoviePy is missing.
+            If MoviePy is not installed.
         """
         super().__init__(
             env, video_folder, episode_trigger, step_trigger, video_length, name_prefix, fps,
@@ -81,11 +82,11 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
         )  # fmt: skip
 
     def _capture_frame(self) -> None:
-        """Keep what a picture would show."""
-        self.recorded_frames.append(self.get_wrapper_attr("moment"))
+        """Store a snapshot in place of a picture."""
+        self.recorded_frames.append(self.get_wrapper_attr("snapshot"))
 
     def stop_recording(self) -> None:
-        """Render what was kept, and write the film."""
+        """Render the snapshots, and write the film."""
         self.recorded_frames = self.get_wrapper_attr("viewer").pictures(self.recorded_frames)
         super().stop_recording()  # type: ignore[no-untyped-call]
 
@@ -94,16 +95,16 @@ class ActionMaskObservation(
     gymnasium.ObservationWrapper[Any, Any, Any],
     gymnasium.utils.RecordConstructorArgs,
 ):
-    """Puts the action mask into the observation, under `"action_mask"`."""
+    """Wrapper that adds the action mask to the observation, under `"action_mask"`."""
 
-    @checked({"env": Via(_ours)})
+    @checked({"env": Via(_read_env)})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`.
 
         Raises
         ------
         SettingError
-            If it is none.
+            If the environment is not a `MlivrEnv`.
         """
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
@@ -114,11 +115,11 @@ class ActionMaskObservation(
         )
 
     def observation(self, observation: Observation) -> dict[str, Any]:
-        """The observation with the mask."""
+        """Return the observation with the action mask."""
         mask: BoolArray = self.get_wrapper_attr("action_masks")()
         return {**observation, "action_mask": mask.astype(np.int8)}
 
     def action_masks(self) -> BoolArray:
-        """Which actions are allowed, for sb3-contrib."""
+        """Return which actions are possible, shape (N m,), as `MaskablePPO` requires."""
         mask: BoolArray = self.env.get_wrapper_attr("action_masks")()
         return mask

@@ -104,7 +104,7 @@ def test_a_data_set_of_other_rules_is_refused(folder, arguments):
             load_dataset("foo-v0")
         assert str(caught.value) == (
             f"data set 'foo-v0' was made by rules {said} of the stance graph, and this version has "
-            f"rules {GRAPH_RULES}: write it anew with write_dataset"
+            f"rules {GRAPH_RULES}: write it again with write_dataset"
         )
     with pytest.raises(SettingError, match="cannot load data set 'bar-v0'"):
         load_dataset("bar-v0")

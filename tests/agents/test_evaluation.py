@@ -62,7 +62,7 @@ def test_a_simulated_step_that_fails_is_no_success(small_map):
     env = MlivrEnv(map=small_map, collisions=False, physics=physics, **simulated)
     executed = []
     result = evaluate(env, First(), 2, execute=lambda *given: executed.append(given))
-    assert env._measures["failure"]["kind"]
+    assert env._simulation_info["failure"]["kind"]
     assert result.success.tolist() == [False, False]
     assert result.success_rate == 0.0
     assert result.steps.tolist() == [1, 1]

@@ -71,9 +71,9 @@ def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypa
         [],
         [],
     )
-    chosen, learn = imitation._chosen, imitation._learn
+    chosen, learn = imitation._policy_actions, imitation._learn
     monkeypatch.setattr(
-        imitation, "_chosen", lambda samples: walks.append(len(rounds)) or chosen(samples)
+        imitation, "_policy_actions", lambda samples: walks.append(len(rounds)) or chosen(samples)
     )
     monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
     imitation.run()

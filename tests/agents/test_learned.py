@@ -65,7 +65,7 @@ def test_faulty_checkpoints_are_named(env, policy, tmp_path):
         load_policy(tmp_path / "nowhere", env)
     config = {"network": "pointer", "sizes": {"width": 64}} | made_for(env, "pointer")
     save_policy(tmp_path / "one", policy, config)
-    told = r"cannot use checkpoint .*one': its weights are of other shapes .*; train it anew$"
+    told = r"cannot use checkpoint .*one': its weights have other shapes .*; train it again$"
     with pytest.raises(CheckpointError, match=told):
         load_policy(tmp_path / "one", env)
     with pytest.raises(SettingError, match="method is 'magic'"):
@@ -149,7 +149,7 @@ def test_a_checkpoint_with_another_checksum_or_none_is_refused(tmp_path, env, po
         load_policy(path, env)
     del config["format"]
     path.with_suffix(".json").write_text(json.dumps(config))
-    with pytest.raises(CheckpointError, match=r"has format 1, .* format 2, .*: train it anew$"):
+    with pytest.raises(CheckpointError, match=r"has format 1, .* format 2, .*: train it again$"):
         load_policy(path, env)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from mlivr_gym.agents.features import LIMB, PointObservation, env_features
+from mlivr_gym.agents.features import LIMB_FEATURES, PointObservation, env_features
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 
 
@@ -15,7 +15,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
     points, limbs = seen["points"], seen["limbs"]
     order = np.random.default_rng(0).permutation(len(env.graph.grasp_map))
     taken = np.tile([[[9.0, 9, 9, 0, 0, 1, 0, 0]]], (1, 7, 1))
-    more = np.concatenate([limbs, np.zeros((1, 2, 7, LIMB))], axis=2)
+    more = np.concatenate([limbs, np.zeros((1, 2, 7, LIMB_FEATURES))], axis=2)
     changed = {
         "turned": {"points": points[:, order], "limbs": limbs[:, :, order]},
         "longer": {"points": np.concatenate([points, taken], axis=1), "limbs": more},

@@ -5,10 +5,10 @@ import pytest
 
 from mlivr_gym import GraspMap
 from mlivr_gym.agents.test_set import (
-    FAR,
+    MIN_START_GOAL_DISTANCE,
     SPLITS,
     HeldOutWorld,
-    _draw,
+    _draw_tasks,
     freeze_test_set,
     held_out_goals,
     load_test_set,
@@ -40,8 +40,8 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
     low, high = small_map.cabin.tolist()
     small_map = GraspMap.from_dict(small_map.to_dict() | {"cabin": [low, [2.3, *high[1:]]]})
     monkeypatch.setattr(HeldOutWorld, "map", lambda world: small_map)
-    monkeypatch.setattr("mlivr_gym.agents.test_set.FAR", 0.7)
-    world = _draw(HeldOutWorld("same", 0.2, None, ()), 12, np.random.default_rng(0), groups)
+    monkeypatch.setattr("mlivr_gym.agents.test_set.MIN_START_GOAL_DISTANCE", 0.7)
+    world = _draw_tasks(HeldOutWorld("same", 0.2, None, ()), 12, np.random.default_rng(0), groups)
     assert len(world.tasks) == 12
     sets = [task.occupied for task in world.tasks]
     assert [sets.count(taken) for taken in dict.fromkeys(sets)] == ([4] * 3 if groups else [12])
@@ -59,13 +59,13 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
         assert (low <= task.goal).all()
         assert (task.goal <= high).all()
         assert Planner(env.graph).plan(task.start, list(task.goal), "steps").plan is not None
-    assert FAR == 2.0
+    assert MIN_START_GOAL_DISTANCE == 2.0
 
 
 def test_a_frozen_test_set_is_drawn_again_from_its_seed(small_map, monkeypatch, tmp_path):
     """Sizes are those asked for; a seed gives the same tasks, another seed others."""
     monkeypatch.setattr(HeldOutWorld, "map", lambda world: small_map)
-    monkeypatch.setattr("mlivr_gym.agents.test_set.FAR", 0.5)
+    monkeypatch.setattr("mlivr_gym.agents.test_set.MIN_START_GOAL_DISTANCE", 0.5)
     sizes = {"same": 3, "half": 8, "dense": 2, "occupied": 10}
     one, again, other = (
         freeze_test_set(tmp_path / name, seed, sizes)

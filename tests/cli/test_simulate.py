@@ -38,7 +38,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     code, _, err = run(f"simulate --plan {plan} --duration 3 --no-film --out {tmp_path / 'fast'}")
     assert code == 2
     assert "a step of 3 s breaks the limit " in err
-    assert "the shortest that keeps the limits is " in err
+    assert "the shortest duration that keeps all limits is " in err
     assert not (tmp_path / "fast").exists()
     code, out, _ = run(
         f"simulate --plan {plan} --pace paper --controller paper --disturbances all --no-film "

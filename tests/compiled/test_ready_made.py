@@ -94,14 +94,18 @@ def test_machine_code_that_was_kept_goes_first(monkeypatch):
     """It was compiled for exactly this processor, and the archive need not be opened."""
     monkeypatch.setattr(ready_made, "archive", None)
     kept = SimpleNamespace(load_overload=lambda signature, target: (signature, target))
-    assert ready_made._FolderThenArchive(kept, "place").load_overload(1, 2) == (1, 2)
+    assert ready_made._CacheWithArchive(kept, "place").load_overload(1, 2) == (1, 2)
 
 
 def test_it_is_not_used_once_a_source_has_changed(package, tmp_path):
     """The edit is two files away from the function that is asked for."""
     innermost = package / "part" / "innermost.py"
     innermost.write_text(innermost.read_text().replace("2 * x", "3 * x"))
-    assert run_with(package, tmp_path / "kept", ASK) == ["31", "3", "it is of other sources"]
+    assert run_with(package, tmp_path / "kept", ASK) == [
+        "31",
+        "3",
+        "it was compiled from other sources",
+    ]
 
 
 @pytest.fixture
@@ -124,14 +128,14 @@ def test_it_is_used_only_by_the_versions_that_it_is_for(why):
     here = ready_made.machine()
     for name, value in here.items():
         altered(path, **{"for": here | {name: "another"}})
-        assert told() == f"it is for {name} another, here is {value}"
+        assert told() == f"it is for {name} another, this process has {value}"
         assert ready_made._read(name_in(path)) is None
 
 
 def test_it_is_used_only_by_processors_that_can_do_as_much(why):
     told, path = why
     altered(path, features=["nothing-has-this"])
-    assert told() == "this processor has no nothing-has-this"
+    assert told() == "this processor lacks nothing-has-this"
     assert ready_made._read(name_in(path)) is None
 
 
@@ -139,14 +143,16 @@ def test_it_is_used_only_by_processors_that_can_do_as_much(why):
 def test_who_asks_for_another_processor_is_given_its_machine_code(why, monkeypatch, name):
     told, path = why
     monkeypatch.setattr(config, name, "")
-    assert told() == "NUMBA_CPU_NAME or NUMBA_CPU_FEATURES asks for other machine code"
+    assert (
+        told() == "NUMBA_CPU_NAME or NUMBA_CPU_FEATURES requests machine code for another processor"
+    )
     assert ready_made._read(name_in(path)) is None
 
 
 def test_there_may_be_none(why):
     told, path = why
     path.unlink()
-    assert told() == f"there is none for {ready_made.machine()['Python']}"
+    assert told() == f"the package has none for {ready_made.machine()['Python']}"
 
 
 def test_an_archive_that_was_cut_off_is_said_to_be(why, caplog):
@@ -182,11 +188,11 @@ from numba.core import event
 compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
 from mlivr_gym.compiled import ready_made
-asked, look = [], ready_made._FolderThenArchive.load_overload
+asked, look = [], ready_made._CacheWithArchive.load_overload
 def counted(self, signature, target):
     asked.append(self._place)
     return look(self, signature, target)
-ready_made._FolderThenArchive.load_overload = counted
+ready_made._CacheWithArchive.load_overload = counted
 {path}
 print(len(asked), len(compiled.buffer) // 2)
 """

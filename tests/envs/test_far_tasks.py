@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import halves
+from mlivr_gym.envs.tasks import longest_axis
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
@@ -18,9 +18,9 @@ def env(small_map):
 
 
 def test_halves_meet_in_the_middle_of_the_longest_axis(jem, small_map):
-    assert halves(jem)[0] == 0
+    assert longest_axis(jem)[0] == 0
     for grasp_map in (jem, small_map):
-        axis, middle = halves(grasp_map)
+        axis, middle = longest_axis(grasp_map)
         spread = np.ptp(grasp_map.positions, axis=0)
         assert spread[axis] == spread.max()
         places = grasp_map.positions[:, axis]
@@ -28,7 +28,7 @@ def test_halves_meet_in_the_middle_of_the_longest_axis(jem, small_map):
 
 
 def test_start_and_goal_lie_in_opposite_halves_and_are_joined(env):
-    axis, middle = halves(env.graph.grasp_map)
+    axis, middle = longest_axis(env.graph.grasp_map)
     planner = Planner(env.graph)
     for seed in range(20):
         _, info = env.reset(seed=seed)

@@ -5,7 +5,7 @@ from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
-from mlivr_gym.envs.observations import ObservationArrays, PlaceTable, observation_space
+from mlivr_gym.envs.observations import ObservationArrays, ObservationTable, observation_space
 
 
 def test_whole_cabin_and_every_point_lie_in_the_space():
@@ -27,7 +27,7 @@ def test_what_many_agents_see_is_what_the_graph_says_of_each(small_graph):
     graph, rng, count = small_graph, np.random.default_rng(0), 40
     rows, goals = rng.integers(0, len(graph), count), rng.normal(size=(count, 3))
     masks = rng.integers(0, 1 << 16, (count, 2))
-    seen = ObservationArrays.of(PlaceTable.of(graph), rows, masks, goals)
+    seen = ObservationArrays.of(ObservationTable.of(graph), rows, masks, goals)
     turns = graph.base_axes_in_world[rows]
     expected = {
         "stance": graph.points[rows],
@@ -49,4 +49,6 @@ def test_what_many_agents_see_is_what_the_graph_says_of_each(small_graph):
     np.testing.assert_array_equal(seen.base_in_world, graph.base_in_world[rows])
     np.testing.assert_array_equal(seen.w_m, graph.w_m[rows])
     np.testing.assert_array_equal(seen.w_b, graph.w_b[rows])
-    np.testing.assert_allclose(seen.away, np.linalg.norm(seen.base_in_world - goals, axis=1))
+    np.testing.assert_allclose(
+        seen.goal_distance, np.linalg.norm(seen.base_in_world - goals, axis=1)
+    )

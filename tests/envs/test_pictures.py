@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.moments import moment_pictures
+from mlivr_gym.envs.snapshots import snapshot_frames
 from mlivr_gym.envs.wrappers import RecordVideo
 from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
@@ -33,14 +33,14 @@ def made(mode, **settings):
 
 
 def acted(environment, count, seed=0):
-    """Takes possible actions after a reset; returns the moments, the first included."""
+    """Takes possible actions after a reset; returns the snapshots, the first included."""
     _, info = environment.reset(seed=seed)
-    rng, moments = np.random.default_rng(seed), [environment.unwrapped.moment]
+    rng, snapshots = np.random.default_rng(seed), [environment.unwrapped.snapshot]
     for _ in range(count):
         action = int(rng.choice(np.flatnonzero(info["action_mask"])))
         *_, info = environment.step(action)
-        moments.append(environment.unwrapped.moment)
-    return moments
+        snapshots.append(environment.unwrapped.snapshot)
+    return snapshots
 
 
 def changes(pictures):
@@ -53,12 +53,12 @@ def changes(pictures):
 def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     """MuJoCo says where the grippers are, in all 25 configurations of each of four actions."""
     environment = gymnasium.make("MLIVR-JEM-v0", **settings)
-    moments, graph = acted(environment, 4), environment.unwrapped.graph
+    snapshots, graph = acted(environment, 4), environment.unwrapped.graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
-    data, film = mujoco.MjData(model), moment_pictures(graph, moments)
+    data, film = mujoco.MjData(model), snapshot_frames(graph, snapshots)
     assert [len(part) for part in film] == [1, 25, 25, 25, 25]
-    before = moments[0].state.stance
-    for moment, part in zip(moments, film, strict=True):
+    before = snapshots[0].state.stance
+    for moment, part in zip(snapshots, film, strict=True):
         for k, configuration in enumerate(part):
             set_configuration(model, data, *configuration)
             for limb, point in enumerate(moment.state.stance):
@@ -76,19 +76,22 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
 def test_an_action_that_changes_nothing_shows_the_robot_standing():
     environment = gymnasium.make("MLIVR-JEM-v0", collisions=False)
     _, info = environment.reset(seed=1)
-    moments = [environment.unwrapped.moment]
+    snapshots = [environment.unwrapped.snapshot]
     environment.step(int(np.flatnonzero(info["action_mask"] == 0)[0]))
-    moments.append(environment.unwrapped.moment)
-    film = moment_pictures(environment.unwrapped.graph, moments)
+    snapshots.append(environment.unwrapped.snapshot)
+    film = snapshot_frames(environment.unwrapped.graph, snapshots)
     assert [len(part) for part in film] == [1, 25]
     assert all(configuration is film[0][0] for configuration in film[1])
-    assert moments[1].words.endswith(", not possible")
+    assert snapshots[1].words.endswith(", not possible")
 
 
 def test_a_simulated_step_is_shown_as_it_went():
     environment = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco")
-    moments = acted(environment, 1)
-    film, simulated = moment_pictures(environment.unwrapped.graph, moments), moments[1].simulated
+    snapshots = acted(environment, 1)
+    film, simulated = (
+        snapshot_frames(environment.unwrapped.graph, snapshots),
+        snapshots[1].simulated_motion,
+    )
     assert [len(part) for part in film] == [1, 25]
     for shot, values in zip(film[1][-1], simulated, strict=True):
         np.testing.assert_array_equal(shot, values[-1])

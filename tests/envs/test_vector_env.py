@@ -110,7 +110,7 @@ def test_only_some_copies_start_anew(small_map):
     for _ in range(2):
         _, _, ended, cut, infos = copies.step(infos["action_mask"].argmax(axis=1))
     assert (ended | cut).all()
-    with pytest.raises(SettingError, match="episode 0 has ended"):
+    with pytest.raises(SettingError, match="the episode of copy 0 has ended"):
         copies.step(infos["action_mask"].argmax(axis=1))
     goals = copies.goals.copy()
     copies.reset(options={"reset_mask": np.array([True, False, False])})
@@ -120,7 +120,7 @@ def test_only_some_copies_start_anew(small_map):
 
 def test_what_copies_cannot_do_is_named(small_map):
     for words, change in (
-        ("does not render", {"render_mode": "rgb_array"}),
+        ("takes no render_mode", {"render_mode": "rgb_array"}),
         ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
     ):
         with pytest.raises(SettingError, match=words):
@@ -214,10 +214,10 @@ def test_a_start_from_which_nothing_is_reached_is_named(small_map):
     _, infos = copies.reset(seed=0)
     copies.env.goal_tolerance = 20.0
     with pytest.raises(
-        StanceError, match=f"no goal that a walk joins with start .*{infos['stance'][0][0]}"
+        StanceError, match=f"no goal that can be reached from start .*{infos['stance'][0][0]}"
     ):
         copies.reset(options={"start": infos["stance"]})
-    with pytest.raises(StanceError, match="no start and goal that a walk joins"):
+    with pytest.raises(StanceError, match="no start with a goal that can be reached"):
         copies.reset()
 
 

@@ -1,0 +1,164 @@
+"""The robot of an environment: its present state in a stance graph, and pictures of it.
+
+`env` adds the task: starts and goals, steps, and rewards.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.envs.current_moves import CurrentMoves
+from mlivr_gym.envs.observations import Observation, Observer, observation_space
+from mlivr_gym.envs.plain_spec import PlainSpec
+from mlivr_gym.envs.snapshots import Motion, Snapshot
+from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
+from mlivr_gym.kinematics.batches import distance
+from mlivr_gym.stances.moves import Moves, TableMoves
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State, Successors
+
+
+class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
+    """Base class of `MlivrEnv`: the present state, what an agent sees of it, and pictures.
+
+    Attributes
+    ----------
+    graph
+        The stance graph.
+    goal_tolerance
+        Radius of the goal region [m].
+    viewer
+        The renderer.
+    """
+
+    metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
+    goal: Array
+    steps: int
+    base_translation: float
+    _state: State | None
+    _last_event: tuple[str, Motion | None]
+
+    def __init__(
+        self,
+        graph: StanceGraph,
+        goal_tolerance: float,
+        render_mode: str | None,
+        size: tuple[int, int],
+    ) -> None:
+        """Build the spaces; pictures have width and height `size` [px]."""
+        self.graph, self.goal_tolerance, self.render_mode = graph, goal_tolerance, render_mode
+        if render_mode is not None:
+            self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
+        self.action_space = spaces.Discrete(graph.limbs * len(graph.grasp_map))
+        self.observation_space = observation_space(graph)
+        self._moves, self._observer = CurrentMoves(graph), Observer(graph)
+        self._state, self._graph_version = None, graph.version
+        self._simulation_info: dict[str, Any] = {}
+        self.viewer = EnvViewer(graph, size, goal_tolerance)
+
+    @property
+    def moves(self) -> Moves:
+        """The possible steps in the present world."""
+        return self._moves.current()
+
+    def table_moves(self) -> TableMoves:
+        """Return the possible steps from exact tables, which are used from now on.
+
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
+        """
+        return self._moves.use_tables()
+
+    @property
+    def state(self) -> State:
+        """The present state: the stance and the branch mask of each limb.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded(
+                "the environment has no state yet; call reset() first"
+            )
+        return self._state
+
+    def action_masks(self) -> BoolArray:
+        """Return which actions are possible, shape (N m,); `MaskablePPO` of sb3-contrib calls this.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first reset.
+        """
+        self._refresh()
+        return self._mask.copy()
+
+    def successors(self) -> Successors:
+        """Return the steps that leave the present state, with where each one leads."""
+        return self.moves.successors(self.state)
+
+    def _refresh(self) -> None:
+        """Evaluate the present state again if the world has changed since."""
+        if self._graph_version != self.graph.version or self._state is None:
+            self._enter_state(self.state)
+
+    def _enter_state(self, state: State) -> None:
+        """Set the present state, and evaluate its posture, goal distance and mask."""
+        self._graph_version = self.graph.version
+        self._state, self._place = state, self.moves.place(state)
+        self._distance = distance(self._place.base_in_world, self.goal.tolist())
+        self._mask = self.moves.mask(state)
+
+    def _observation(self) -> Observation:
+        """Return the observation of the present state."""
+        return self._observer.observation(self.moves, self.state, self._place, self.goal)
+
+    def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
+        """Return the information on the present state and the last action."""
+        place = self._place
+        return {
+            "stance": place.ids,
+            "base_position": np.array(place.base_in_world),
+            "base_translation": self.base_translation,
+            "steps": self.steps,
+            "limb_manipulability": place.w_m.copy(),
+            "base_manipulability": place.w_b,
+            "action_mask": self._mask.astype(np.int8),
+            "is_success": self._distance <= self.goal_tolerance,
+            "invalid_action": invalid,
+            **self._simulation_info,
+            "grasp_failed": failed,
+        }
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What a picture of the environment shows now."""
+        return Snapshot(self.state, self.goal, self.steps, *self._last_event)
+
+    def _record_event(self, caption: str, simulated: Motion | None) -> None:
+        """Store what happened last, and show it if the render mode does."""
+        self._last_event = caption, simulated
+        self.viewer.follow(self.snapshot, self.render_mode)
+
+    def render(self) -> Any:
+        """Return a picture, a list of pictures, or None, by the render mode.
+
+        Raises
+        ------
+        RenderError
+            If no GL library works, or there is no screen for a window.
+        """
+        return self.viewer.render(self.snapshot, self.render_mode)
+
+    def close(self) -> None:
+        """Release the window or GL context."""
+        self.viewer.close()
