@@ -154,11 +154,11 @@ class Page:
     def look(self, position: Array, target: Array) -> None:
         """From where pages, those that are open too, see what [m]."""
         camera = self.server.initial_camera
-        camera.up, camera.position, camera.check_nodes = (0.0, 0.0, 1.0), position, target
+        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
         camera.fov = np.deg2rad(FIELD_OF_VIEW)
         for client in self.server.get_clients().values():
             with client.atomic():
-                client.camera.position, client.camera.check_nodes = position, target
+                client.camera.position, client.camera.look_at = position, target
 
     # What stands in the panel.
 
