@@ -20,16 +20,16 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
-LARGEST_SEED = 2**31
+MAX_SEED = 2**31
 """Largest seed; each episode takes the next, and NumPy's old generator takes 32 bits."""
 
-MOST_EPISODES = 10**6
+MAX_EPISODES = 10**6
 """Most episodes of one command."""
 
-MOST_THREADS = 1024
+MAX_THREADS = 1024
 """Most threads of PyTorch."""
 
-WIDEST_BEAM = 1000
+MAX_BEAM_WIDTH = 1000
 """Most walks that a beam search keeps."""
 
 
@@ -93,14 +93,14 @@ def option(
     parser.add_argument(*names, default=default, help=told, **rest)
 
 
-def _group() -> argparse.ArgumentParser:
+def _parent_parser() -> argparse.ArgumentParser:
     """A parser for `parents`."""
     return argparse.ArgumentParser(add_help=False)
 
 
 def world_arguments() -> argparse.ArgumentParser:
     """The arguments of robot, map and thresholds, for `parents`."""
-    parser = _group()
+    parser = _parent_parser()
     option(parser, "--robot ROBOT", "mlivr2, mlivr3, mlivr4 or a JSON file", "mlivr2")
     option(parser, "--map FILE", "map as a JSON file (default: the measured JEM)")
     option(parser, "--no-manipulability", "do without both thresholds")
@@ -114,7 +114,7 @@ def world_arguments() -> argparse.ArgumentParser:
 
 def output_arguments() -> argparse.ArgumentParser:
     """The arguments of what is printed, for `parents`."""
-    parser = _group()
+    parser = _parent_parser()
     told = "print the result as one JSON object in place of text, also where the command fails"
     option(parser, "--json", told)
     option(parser, "-q --quiet", "print neither text nor progress")
@@ -123,7 +123,7 @@ def output_arguments() -> argparse.ArgumentParser:
 
 def obstacle_arguments() -> argparse.ArgumentParser:
     """The arguments of obstacles and occupied points, for `parents`."""
-    parser, boxes = _group(), {"type": float, "action": "append"}
+    parser, boxes = _parent_parser(), {"type": float, "action": "append"}
     option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
     told = "a box or keep-out zone, lower and upper corner [m]; may be repeated"
     option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", told, [], **boxes)
@@ -133,7 +133,7 @@ def obstacle_arguments() -> argparse.ArgumentParser:
 
 def query_arguments() -> argparse.ArgumentParser:
     """The arguments of start, goal and search, for `parents`."""
-    parser = _group()
+    parser = _parent_parser()
     option(parser, "--start POINT...", "point id of each limb")
     option(
         parser,
@@ -285,10 +285,10 @@ def _check_world(args: argparse.Namespace) -> None:
 def check_counts(args: argparse.Namespace) -> None:
     """Refuse a seed, a number of episodes or threads, or a width of a beam that cannot be."""
     for name, least, most in (
-        ("seed", 0, LARGEST_SEED),
-        ("episodes", 1, MOST_EPISODES),
-        ("beam", 1, WIDEST_BEAM),
-        ("threads", 1, MOST_THREADS),
+        ("seed", 0, MAX_SEED),
+        ("episodes", 1, MAX_EPISODES),
+        ("beam", 1, MAX_BEAM_WIDTH),
+        ("threads", 1, MAX_THREADS),
     ):
         value = getattr(args, name, None)
         if value is not None:

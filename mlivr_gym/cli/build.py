@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import about, claim, file_size
+from mlivr_gym.cli.outputs import check_outputs, file_size, rough_duration
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
@@ -35,15 +35,15 @@ def run(args: argparse.Namespace) -> int:
     name = name_of(graph)
     if folder is None and args.out is None:
         raise SettingError(f"{CACHE_VARIABLE} is empty, so nothing is kept: name a file with --out")
-    claim(args.out)
+    check_outputs(args.out)
     with Progress("looking what is to do", quiet=args.quiet):
         needed = estimate_table(graph)
     if needed is not None:
         if folder is not None and args.out is None:
-            claim(folder / f".{name}", folder=folder)  # whether it may be written
+            check_outputs(folder / f".{name}", folder=folder)  # whether it may be written
         args.result |= {"about_seconds": needed.seconds, "about_bytes": needed.size}
         print(
-            f"{needed.candidates}: about {about(needed.seconds)}, "
+            f"{needed.candidates}: about {rough_duration(needed.seconds)}, "
             f"and a file of about {file_size(needed.size)}"
             + (f"; {needed.done} parts are done already" if needed.done else ""),
             flush=True,

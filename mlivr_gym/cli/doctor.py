@@ -35,7 +35,7 @@ with mujoco.Renderer(model, 16, 16) as renderer:
 """
 """Renders one picture, in a process of its own, since MuJoCo takes one backend a process."""
 
-LONGEST_PROBE = 60.0
+PROBE_TIMEOUT = 60.0
 """How long a backend may take [s]."""
 
 REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == ['\"](\w+)['\"])?$")
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         gl = {name: gl_fault(name) for name in BACKENDS}
     needed = requirements()
     core, extras = needed.pop("", {}), needed
-    compiler = _compiler()
+    compiler = _cache_report()
     args.result |= {
         "mlivr_gym": __version__,
         "folder": Path(__file__).parent.parent,
@@ -72,11 +72,11 @@ def run(args: argparse.Namespace) -> int:
     }
     print(f"mlivr-gym {__version__} in {Path(__file__).parent.parent}")
     print(f"Python {platform.python_version()} on {platform.platform()}")
-    print("needed: " + _listed(core))
+    print("needed: " + _version_list(core))
     for name, packages in extras.items():
         missing = [package for package, version in packages.items() if version is None]
         how = f"; pip install 'mlivr-gym[{name}]'" if missing else ""
-        print(f"extra [{name}]: {_listed(packages)}{how}")
+        print(f"extra [{name}]: {_version_list(packages)}{how}")
     for name, fault in gl.items():
         print(f"GL by {name}: {fault or 'works'}")
     if all(gl.values()):
@@ -113,11 +113,11 @@ def gl_fault(backend: str) -> str:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=LONGEST_PROBE,
+            timeout=PROBE_TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return f"no answer within {LONGEST_PROBE:g} s"
+        return f"no answer within {PROBE_TIMEOUT:g} s"
     if done.returncode == 0:
         return ""
     lines = [line for line in done.stderr.splitlines() if re.match(r"\S*(Error|Exception)\b", line)]
@@ -131,11 +131,11 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _listed(packages: dict[str, str | None]) -> str:
+def _version_list(packages: dict[str, str | None]) -> str:
     return ", ".join(f"{name} {version or 'MISSING'}" for name, version in packages.items())
 
 
-def _compiler() -> dict[str, Any]:
+def _cache_report() -> dict[str, Any]:
     """What is known of compiled code and of the folders where answers are kept."""
     tables, code = cache_folder(), kernel_root()
     kept = list(tables.glob("pairs-*.npz")) if tables is not None else []

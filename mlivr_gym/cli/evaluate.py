@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
     for world, episodes in _worlds(args):
         with Progress("making the environment", quiet=args.quiet):
             env = MlivrEnv(**(arguments | world))
-            policy = make_acting(args.policy, env, args.seed, args.beam)
+            policy = policy_by_name(args.policy, env, args.seed, args.beam)
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
@@ -116,7 +116,7 @@ def _report(name: str, told: dict[str, Any]) -> None:
     print(f"  first action after {first:.1f} ms on average, world included")
 
 
-def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
+def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
     """What acts, by the name that `evaluate` takes.
 
     Parameters

@@ -1,7 +1,7 @@
 """How the command ends: its exit codes, and what an interruption does.
 
 A compiled search runs for a minute without a look at signals, which Python handles only in
-between. So `prompt_interrupts` lets a thread wait for the signal too, which ends the process where
+between. So `handle_interrupts` lets a thread wait for the signal too, which ends the process where
 the main one does not answer.
 """
 
@@ -34,14 +34,14 @@ LONG_GRACE = 60.0
 """The same where a checkpoint is to be written [s]."""
 
 
-def say_interrupted(reason: str = "") -> None:
+def print_interrupted(reason: str = "") -> None:
     """Print that the command was interrupted, in one line behind a progress bar."""
     start = "\r\033[K" if sys.stderr.isatty() else ""
     print(f"{start}mlivr-gym: {reason or 'interrupted'}", file=sys.stderr, flush=True)
 
 
 @contextmanager
-def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
+def handle_interrupts(grace: float = GRACE) -> Iterator[None]:
     """Let Ctrl-C end the process also while compiled code runs.
 
     Where Python comes to handle the signal, the block ends with a `KeyboardInterrupt`, also if a
@@ -90,6 +90,6 @@ def _watch(reader: int, answered: threading.Event, grace: float) -> None:
     while signals := os.read(reader, 64):
         if signal.SIGINT in signals and not answered.wait(grace):
             with suppress(OSError):
-                say_interrupted()
+                print_interrupted()
             os._exit(INTERRUPTED)
         answered.clear()

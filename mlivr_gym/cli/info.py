@@ -33,15 +33,15 @@ def run(args: argparse.Namespace) -> None:
     for part, found in told.items():
         print(f"{part.replace('_', ' ')}:")
         for name, value in found.items():
-            print(f"  {name.replace('_', ' ')}: {_words(value)}")
+            print(f"  {name.replace('_', ' ')}: {_text(value)}")
 
 
-def _words(value: Any) -> str:
+def _text(value: Any) -> str:
     """A value as text."""
     if isinstance(value, dict):
         return ", ".join(f"{name} {entry}" for name, entry in value.items()) or "none"
     if isinstance(value, tuple | list):
-        return " to ".join(map(_words, value)) if len(value) == 2 else str(list(value))
+        return " to ".join(map(_text, value)) if len(value) == 2 else str(list(value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -74,12 +74,14 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "pairs_within_span": len(graph.pairs),
             "obstacles": len(graph.obstacles),
             "occupied": len(graph.occupied),
-            **(_of_pairs(graph) if isinstance(graph, PairGraph) else {"stances": "as searched"}),
+            **(
+                _pair_summary(graph) if isinstance(graph, PairGraph) else {"stances": "as searched"}
+            ),
         },
     }
 
 
-def _of_pairs(graph: PairGraph) -> dict[str, Any]:
+def _pair_summary(graph: PairGraph) -> dict[str, Any]:
     """How many stances and steps there are of two limbs, and why other pairs are no stances.
 
     `departure` counts those that a limb cannot leave with `w_m` above the path floor, thresholds

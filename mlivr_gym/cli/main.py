@@ -25,8 +25,8 @@ from mlivr_gym.cli.exits import (
     NO_PLAN,
     REFUSED,
     SUCCESS,
-    prompt_interrupts,
-    say_interrupted,
+    handle_interrupts,
+    print_interrupted,
 )
 from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 
@@ -98,46 +98,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except _UsageError as wrong:
         print(f"mlivr-gym: {wrong}", file=sys.stderr)
         if "--json" in given:  # which the parser has not come to
-            _tell_json(REFUSED, str(wrong), {})
+            _print_json(REFUSED, str(wrong), {})
         return REFUSED
     args.result = {}
     try:
         with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
             code, error = _run(args)
         if args.json:
-            _tell_json(code, error, args.result)
+            _print_json(code, error, args.result)
     except BrokenPipeError:
         return FAILED
     return code
 
 
-def _tell_json(code: int, error: str, result: dict[str, Any]) -> None:
+def _print_json(code: int, error: str, result: dict[str, Any]) -> None:
     """Print how the command ended as one JSON object."""
     told = {"exit_code": code} | ({"error": error} if error else {}) | result
-    print(json.dumps(plain(told), indent=1), flush=True)
+    print(json.dumps(json_value(told), indent=1), flush=True)
 
 
 def _run(args: argparse.Namespace) -> tuple[int, str]:
     """Run the command; its exit code, and the error that was told if there was one."""
     try:
-        with prompt_interrupts(args.grace):
+        with handle_interrupts(args.grace):
             return args.run(args) or SUCCESS, ""
     except MlivrError as error:
         print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))
     except KeyboardInterrupt as stop:
-        say_interrupted(str(stop))
+        print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
 
 
-def plain(value: Any) -> Any:
+def json_value(value: Any) -> Any:
     """A result as JSON knows it: of NumPy's arrays, of paths, and of numbers that are none."""
     if isinstance(value, dict):
-        return {str(name): plain(entry) for name, entry in value.items()}
+        return {str(name): json_value(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [json_value(entry) for entry in value]
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return json_value(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, str | int) else str(value)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mlivr_gym.files import FileError
 
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Most earlier files that are named; of others their number is told."""
 
 UNITS = ("B", "kB", "MB", "GB", "TB")
@@ -27,14 +27,14 @@ def file_size(count: float) -> str:
     return f"{count:.3g} {UNITS[unit]}"
 
 
-def about(seconds: float) -> str:
+def rough_duration(seconds: float) -> str:
     """A time that is not known exactly in words."""
     if seconds < 90.0:
         return f"{max(round(seconds), 1)} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
+def check_outputs(*files: str | Path | None, folder: str | Path | None = None) -> None:
     """Refuse files that could not be written, and say which earlier ones will be replaced.
 
     That is said on standard error, also with `--quiet`, and before anything is worked out, so that
@@ -69,8 +69,8 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
             raise FileError(f"cannot write {str(file)!r}: it would be written twice")
         seen.add(place)
     if replaced:
-        more = len(replaced) - MOST_NAMED
-        names = ", ".join(replaced[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        more = len(replaced) - MAX_NAMED
+        names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
         print(f"mlivr-gym: will be replaced: {names}", file=sys.stderr, flush=True)
 
 

@@ -14,7 +14,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
     search_options,
 )
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
@@ -42,7 +42,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write what is asked for."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
-    claim(args.out, *pictures)
+    check_outputs(args.out, *pictures)
     with Progress("making the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
     result = find_plan(graph, args)
@@ -113,7 +113,7 @@ def fastest_cost(
     return found[0].cost, found[0].price
 
 
-CUT_OFF = ("goal outside the reachable set", "search exhausted")
+UNREACHABLE = ("goal outside the reachable set", "search exhausted")
 """Reasons for which there is no plan whose cause is looked for."""
 
 
@@ -144,7 +144,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
-    if result.reason in CUT_OFF:
+    if result.reason in UNREACHABLE:
         how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("looking for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)

@@ -12,13 +12,13 @@ import time
 
 from mlivr_gym.compiled.warming import is_showing
 
-PATIENCE = 2.0
+SHOW_AFTER = 2.0
 """What takes less says nothing [s]."""
 
-LONGEST_SILENCE = 60.0
+LOG_INTERVAL = 60.0
 """How long a log hears nothing at most [s]; at first the time doubles from line to line."""
 
-REDRAWN = 0.2
+REDRAW_INTERVAL = 0.2
 """How often a line on a terminal is drawn anew at most [s]."""
 
 WIDTH = 24
@@ -58,7 +58,7 @@ class Progress:
         """Begin something else."""
         self.what, self._total, self._done, self._remark = what, total, 0, ""
         self._began = time.perf_counter()
-        self._next = PATIENCE
+        self._next = SHOW_AFTER
 
     def show_share(self, done: float) -> None:
         """Tell which share of a total of `PER_CENT` is done."""
@@ -91,15 +91,15 @@ class Progress:
         """Draw the line, or write one, if it is time."""
         now = time.perf_counter()
         spent = now - self._began
-        if self._quiet or spent < PATIENCE:
+        if self._quiet or spent < SHOW_AFTER:
             return
         with self._lock:
             if sys.stderr.isatty():
-                if now - self._told >= REDRAWN and not is_showing():
+                if now - self._told >= REDRAW_INTERVAL and not is_showing():
                     self._told, self._line = now, True
                     print(f"\r\033[K{self._text(spent)}", end="", file=sys.stderr, flush=True)
             elif spent >= self._next:
-                self._next = spent + min(spent, LONGEST_SILENCE)
+                self._next = spent + min(spent, LOG_INTERVAL)
                 print(self._text(spent), file=sys.stderr, flush=True)
 
     def _text(self, spent: float) -> str:

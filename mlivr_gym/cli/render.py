@@ -18,7 +18,7 @@ from mlivr_gym.cli.arguments import (
     option,
     refuse_ignored,
 )
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
@@ -57,14 +57,14 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
     _check(args)
-    claim(args.out, args.mjcf)
+    check_outputs(args.out, args.mjcf)
     obstacles: Sequence[Box]
     route = None
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
         robot, obstacles = plan.world.robot, plan.world.obstacles
-        drawn, route = _of_plan(plan, args.stance), Route.of(grasp_map, plan)
+        drawn, route = _plan_shots(plan, args.stance), Route.of(grasp_map, plan)
         held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
         with Progress("making the stance graph", quiet=args.quiet):
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> None:
         start = chosen_task(graph, args)[0] if args.start is None else args.start
         held = graph.configuration(graph.state(start)), graph.ids(graph.state(start).stance)
         drawn = [Shot(held[0])]
-    scene = _exported(grasp_map, robot, obstacles, held) if args.mjcf else None
+    scene = _mjcf(grasp_map, robot, obstacles, held) if args.mjcf else None
     with Progress("drawing", quiet=args.quiet):
         draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
@@ -94,7 +94,7 @@ def _check(args: argparse.Namespace) -> None:
     SIZE.read(args.size, FieldPath("--size", SettingError))
 
 
-def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:
+def _plan_shots(plan: Plan, stance: int | None) -> list[Shot]:
     """A plan at its start and its goal, or at the stance that is chosen."""
     last = len(plan.stances) - 1
     if stance is not None and not 0 <= stance <= last:
@@ -176,7 +176,7 @@ def draw(
         print(f"picture: {path}", flush=True)
 
 
-def _exported(
+def _mjcf(
     grasp_map: GraspMap,
     robot: RobotSpec,
     obstacles: Sequence[Box],

@@ -20,21 +20,21 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import (
-    LONGEST,
+    DEFAULT_SIZE,
+    LONGEST_FILM,
     RATE,
     SPEED,
-    USUAL_SIZE,
-    check_kind,
+    check_film_format,
+    default_speed,
     film,
     film_samples,
-    usual_speed,
 )
 from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
@@ -63,7 +63,7 @@ FILES = (
 RATES = Tuples((), 0.5, 2000.0, "Hz")
 """Samples a second of a trajectory's files."""
 
-MOST_FRAMES = 5000
+MAX_FRAMES = 5000
 """Most pictures of a film; they are kept until it is written."""
 
 
@@ -94,12 +94,12 @@ def add_command(add: Add) -> None:
     option(parser, "--rate HZ", "samples a second of the trajectory's files", 10.0)
     option(parser, "--film NAME", ".gif or .mp4", "walk.gif")
     option(parser, "--no-film", "do without a film")
-    option(parser, "--size W H", "pixels of the film", USUAL_SIZE)
+    option(parser, "--size W H", "pixels of the film", DEFAULT_SIZE)
     option(
         parser,
         "--speed X",
         "how many times faster than the clock the film runs, at "
-        f"{RATE} pictures a second; without it, so that it takes {LONGEST:g} s at most",
+        f"{RATE} pictures a second; without it, so that it takes {LONGEST_FILM:g} s at most",
         type=float,
     )
 
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
     files = [*FILES, *([] if args.no_film else [args.film])]
-    claim(*(Path(args.out) / name for name in files), folder=args.out)
+    check_outputs(*(Path(args.out) / name for name in files), folder=args.out)
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
@@ -185,7 +185,7 @@ def _check_film(args: argparse.Namespace) -> None:
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:
-        check_kind(args.film)
+        check_film_format(args.film)
 
 
 def _report(execution: Execution) -> None:
@@ -230,10 +230,10 @@ def _film(
 ) -> None:
     """Render a film, or say why there is none."""
     plan, recording = execution.plan, execution.recording
-    speed = usual_speed(recording) if args.speed is None else args.speed
+    speed = default_speed(recording) if args.speed is None else args.speed
     frames = len(film_samples(recording, speed))
-    if frames > MOST_FRAMES:
-        print(f"no film: --speed {speed:g} makes {frames} pictures; {MOST_FRAMES} at most")
+    if frames > MAX_FRAMES:
+        print(f"no film: --speed {speed:g} makes {frames} pictures; {MAX_FRAMES} at most")
         return
     try:
         with Progress("pictures rendered", frames, args.quiet) as progress:

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.envs_assets import asset_path
@@ -44,7 +44,7 @@ from mlivr_gym.world.grasp_map import jem_map
 MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
 """Modes whose plans are drawn, and what their files' names end with."""
 
-TEXT = asset_path("table1.md")
+TEMPLATE = asset_path("table1.md")
 """What the table says, with its figures as fields."""
 
 FILES = (
@@ -75,7 +75,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the table and its pictures; 1 if a relation does not hold that cannot but hold."""
     out = Path(args.out)
-    claim(*(out / name for name in FILES), folder=out)
+    check_outputs(*(out / name for name in FILES), folder=out)
     with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
         plans, data = run_cases(out, progress.show)
     print(report(data))
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     grasp_map = jem_map()
     route = Route.of(grasp_map, plan)
     draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles, route)
-    failed = impossible(data)
+    failed = broken_relations(data)
     args.result |= data | {"impossible": failed}
     args.result |= {"folder": out, "files": FILES}
     print(f"table: {out / 'table1.md'}, {out / 'table1.json'}; pictures: {out / 'case*.png'}, .svg")
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     return FAILED if failed else SUCCESS
 
 
-def impossible(data: dict[str, Any]) -> list[str]:
+def broken_relations(data: dict[str, Any]) -> list[str]:
     """Relations that do not hold although optimal plans cannot but hold them."""
     return [
         f"{name} ({MODES[mode].title})"
@@ -160,7 +160,7 @@ def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Pla
             mode: relations({int(k): row for k, row in found.items()})
             for mode, found in rows.items()
         },
-        "left_out_without_thresholds": limits_without_thresholds(setup),
+        "left_out_without_thresholds": excluded_without_thresholds(setup),
     }
     write_whole(out / "table1.json", json.dumps(data, indent=1) + "\n")
     write_whole(out / "table1.md", table_markdown(data))
@@ -186,7 +186,7 @@ class Start(NamedTuple):
         turn = quaternion(posture.base_rotation)[0].tolist()
         return cls(stance, (*posture.base_position[0].tolist(), *turn))
 
-    def given_to(self, graph: PairGraph) -> tuple[float, ...] | None:
+    def pose_for(self, graph: PairGraph) -> tuple[float, ...] | None:
         """The pose as a planner takes it: None where the stance has it anyway."""
         return graph.given_pose_of(self.stance, np.array(self.pose[:3]), np.array(self.pose[3:]))
 
@@ -214,7 +214,7 @@ def plan_case(
         method="algorithm1" if MODES[mode].heuristic == "paper" else "astar",
         heuristic=MODES[mode].heuristic,
         goal_face=setup["goal_face"],
-        start_pose=start.given_to(graph),
+        start_pose=start.pose_for(graph),
     )
     plan = result.unwrap()
     row = {
@@ -222,7 +222,7 @@ def plan_case(
         "stances": len(graph),
         "expanded": plan.statistics.expanded,
         "backward": plan.statistics.backward,
-        "distinct": _distinct(result.tree, mode),
+        "distinct": _distinct_stances(result.tree, mode),
         "base_translation": plan.base_translation,
         "refined": planner.refined(plan).base_translation,
         "steps": len(plan.steps),
@@ -235,14 +235,14 @@ def plan_case(
     return plan, row, result.tree
 
 
-def _distinct(tree: Array, mode: str) -> int | None:
+def _distinct_stances(tree: Array, mode: str) -> int | None:
     """Stances explored; not known of a search in several rounds, whose last alone is told."""
     if MODES[mode].heuristic == "cost_to_go":
         return None
     return len(np.unique(tree[:, 1].round(9), axis=0)) + 1
 
 
-def limits_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
+def excluded_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
     """What rules out stances in Case 1, which has no thresholds.
 
     That is the floor of departures, and the robot's span. The span is compared with one that no
@@ -273,7 +273,7 @@ def table_markdown(data: dict[str, Any]) -> str:
     """The table as Markdown, the paper's row above the measured ones."""
     cases = [HEAD, HEAD_LINE]
     for case in map(str, CASES):
-        cases += rows_of(data, case, case)
+        cases += table_rows(data, case, case)
     names = " | ".join(mode["title"] for mode in data["modes"].values())
     found = [f"| relation | why it may hold | {names} |", "|---|---|" + "---|" * len(data["modes"])]
     first = next(iter(data["relations"].values()))
@@ -281,7 +281,7 @@ def table_markdown(data: dict[str, Any]) -> str:
         held = ["yes" if r[name]["held"] else "**no**" for r in data["relations"].values()]
         found.append(f"| {name} | {relation['kind']} | {' | '.join(held)} |")
     setup, limits = data["setup"], data["left_out_without_thresholds"]
-    return TEXT.read_text(encoding="utf-8").format(
+    return TEMPLATE.read_text(encoding="utf-8").format(
         start=" and ".join(setup["start"]),
         goal=tuple(setup["goal"]),
         face=setup["goal_face"],
@@ -299,7 +299,7 @@ HEAD = (
 HEAD_LINE = "|---|---|---|---|---|---|---|---|---|---|---|---|"
 
 
-def rows_of(data: dict[str, Any], case: str, title: str) -> list[str]:
+def table_rows(data: dict[str, Any], case: str, title: str) -> list[str]:
     """Rows of a case: the paper's, and one for each mode."""
     p = data["paper"][case]
     rows = [

@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.extras import need
 from mlivr_gym.files import FileError
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     out = Path(args.out)
     if not out.name:
         raise FileError(f"cannot write a checkpoint to {args.out!r}: it is a folder")
-    claim(out.with_suffix(".pt"), out.with_suffix(".json"))
+    check_outputs(out.with_suffix(".pt"), out.with_suffix(".json"))
     settings = hyperparameters(args.method, args.hyperparameters)
     if "ppo" not in settings:
         refuse_without_effect(args, f"with --method {args.method}, without rewards", "shaping")
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
             init=args.init,
             out=args.out,
             command=shlex.join(["mlivr-gym", *sys.argv[1:]]),
-            progress=_teller(progress),
+            progress=_progress_callback(progress),
             logs=args.logs,
         )
     args.result |= policy.config | {"files": [out.with_suffix(end) for end in (".pt", ".json")]}
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     return SUCCESS
 
 
-def _teller(progress: Progress) -> Callable[[str, int, int, dict[str, float]], None]:
+def _progress_callback(progress: Progress) -> Callable[[str, int, int, dict[str, float]], None]:
     """Tells a phase of the training, how far it is, and its figures."""
 
     def tell(phase: str, done: int, total: int, figures: dict[str, float]) -> None:

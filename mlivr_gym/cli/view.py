@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     search_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
@@ -63,9 +63,9 @@ def run(args: argparse.Namespace) -> int:
     """Write a page, or serve one until it is interrupted."""
     need("viser", "trimesh", extra="viewer")
     _check(args)
-    claim(args.out)
+    check_outputs(args.out)
     with Progress("making the stance graph and the plan", quiet=args.quiet):
-        live, recording = _found(args)
+        live, recording = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
         from mlivr_gym.viewer.export import write_html
@@ -93,30 +93,30 @@ def _check(args: argparse.Namespace) -> None:
     Whole(0, 65535).read(args.port, FieldPath("--port", SettingError))
 
 
-def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
+def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     """The plan to begin with, and what was measured of its execution."""
     from mlivr_gym.viewer.frames import load_recording
-    from mlivr_gym.viewer.live_plan import Asked, LivePlan
+    from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
     if args.plan or args.execution:
         folder = Path(args.execution or "")
         file = args.plan[0] if args.plan else folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
         recording = load_recording(folder / FILES[1], plan) if args.execution else None
-        graph = graph_of(plan, args)
-        return LivePlan(graph, Asked.of_plan(graph, plan), plan), recording
+        graph = graph_of_plan(plan, args)
+        return LivePlan(graph, LiveQuery.of_plan(graph, plan), plan), recording
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(Planner(graph), start, goal, args)
-    asked = Asked(start, (x, y, z), cost, price, **search_options(args))
+    asked = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, asked)
     live.replan()
     return live, None
 
 
-def graph_of(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
+def graph_of_plan(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
     """The stance graph of a plan, with the obstacles and the occupied points that it knew."""
     graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
     graph.add_obstacles(plan.world.obstacles)

@@ -10,7 +10,12 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, Contact
-from mlivr_gym.pictures.contact_words import Places, in_words, nearest_places, sentence
+from mlivr_gym.pictures.contact_names import (
+    WitnessPoints,
+    contact_sentence,
+    shape_name,
+    witness_points,
+)
 from mlivr_gym.pictures.figures import box_corners, box_faces, new_figure, write_figure
 from mlivr_gym.pictures.robot_shapes import (
     GHOST_PALENESS,
@@ -33,7 +38,7 @@ HALF_SIDE = 0.9
 HALF_CLOSE_UP = 0.16
 """Half the height of a close-up [m]."""
 
-MOST_CONTACTS = 4
+MAX_CONTACTS = 4
 """Most contacts that are named in a panel."""
 
 MARK_COLOUR = "#c2255c"
@@ -77,13 +82,13 @@ def blocked_figure(
     for k, panel in enumerate(panels):
         parts = {part.name: part for part in robot_parts(robot, panel.configuration)}
         first = panel.contacts[0]
-        places = nearest_places(parts[first.first], (parts | boxes)[first.second])
+        places = witness_points(parts[first.first], (parts | boxes)[first.second])
         place, width = (k + 0.02) / len(panels), 0.96 / len(panels)
         axes: Any = figure.add_axes(
             (place, 0.36, width, 0.55), projection="3d", computed_zorder=False
         )
         _overview(axes, panel, parts, boxes, places)
-        lines = _lines(panel.contacts, parts, boxes)
+        lines = _contact_lines(panel.contacts, parts, boxes)
         figure.text(place + 0.01, 0.975, panel.title, fontsize=10.5, va="top", linespacing=1.4)
         figure.text(place + 0.01, 0.925, lines, fontsize=9, color=MARK_COLOUR, va="top")
         flat = figure.add_axes((place + 0.03, 0.045, width - 0.06, 0.29))
@@ -107,12 +112,17 @@ def _add_legend(figure: Any, robot: RobotSpec) -> None:
     )
 
 
-def _lines(contacts: Sequence[Contact], parts: Mapping[str, Part], boxes: Mapping[str, Box]) -> str:
+def _contact_lines(
+    contacts: Sequence[Contact], parts: Mapping[str, Part], boxes: Mapping[str, Box]
+) -> str:
     """The contacts in words."""
     shapes: dict[str, Part | Box] = {**parts, **boxes}
     worst = {c.first: c for c in reversed(contacts)}  # of each shape of the robot
-    told = [c for c in contacts if worst[c.first] is c][:MOST_CONTACTS]
-    lines = [sentence(c, nearest_places(parts[c.first], shapes[c.second]).gap, boxes) for c in told]
+    told = [c for c in contacts if worst[c.first] is c][:MAX_CONTACTS]
+    lines = [
+        contact_sentence(c, witness_points(parts[c.first], shapes[c.second]).gap, boxes)
+        for c in told
+    ]
     if len(contacts) > len(told):
         count = len(contacts) - len(told)
         lines.append(f"and {count} more {'contact' if count == 1 else 'contacts'}")
@@ -124,7 +134,7 @@ def _overview(
     panel: Panel,
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
-    places: Places,
+    places: WitnessPoints,
 ) -> None:
     """Draw the robot, what stands round it, and a ring about the worst contact."""
     from mpl_toolkits.mplot3d import proj3d
@@ -172,7 +182,7 @@ def _close_up(
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
     contact: Contact,
-    places: Places,
+    places: WitnessPoints,
     clearance: float,
 ) -> None:
     """Draw a contact in true scale, seen along a line that keeps its gap in the picture."""
@@ -183,7 +193,7 @@ def _close_up(
     inside = [
         name
         for name, shape in shapes.items()
-        if _reaches_in(shape, middle, toward)
+        if _is_in_depth(shape, middle, toward)
         and (isinstance(shape, Part) or shape.kind in BOX_COLOURS or name == contact.second)
     ]
     for name in sorted(inside, key=lambda n: float(_middle(shapes[n]) @ toward)):
@@ -213,7 +223,7 @@ def _close_up(
             zorder=5,
         )
     _mark(axes, places, across, middle)
-    first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
+    first, second = shape_name(contact.first, boxes), shape_name(contact.second, boxes)
     axes.set_title(
         f"close-up: {first} and {second}; dashed: the clearance of {1e3 * clearance:.0f} mm",
         fontsize=9.5,
@@ -227,7 +237,7 @@ def _close_up(
     axes.text(start, height + 0.008, "100 mm", fontsize=8.5, zorder=7)
 
 
-def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
+def _mark(axes: Any, places: WitnessPoints, across: Array, middle: Array) -> None:
     """Mark the two nearest places, and write the gap beside them."""
     ends = (np.stack([places.first, places.second]) - middle) @ across.T
     axes.plot(*ends.T, color=MARK_COLOUR, linewidth=2.0, marker="o", markersize=4, zorder=8)
@@ -239,7 +249,7 @@ def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
     )
 
 
-def _gap(places: Places) -> str:
+def _gap(places: WitnessPoints) -> str:
     """How near the shapes come, in words."""
     gap = 1e3 * places.gap
     return f"{gap:.0f} mm apart" if gap > 0.0 else f"{-gap:.0f} mm deep"
@@ -263,7 +273,7 @@ def _middle(shape: Part | Box) -> Array:
     return shape.faces.mean(axis=(0, 1)) if isinstance(shape, Part) else np.array(shape.centre)
 
 
-def _reaches_in(shape: Part | Box, middle: Array, toward: Array) -> bool:
+def _is_in_depth(shape: Part | Box, middle: Array, toward: Array) -> bool:
     """Whether some of a shape lies within a close-up's depth of its middle."""
     corners = shape.faces.reshape(-1, 3) if isinstance(shape, Part) else box_corners(shape)
     depth = (corners - middle) @ toward

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 
-LEAST_HEIGHT = 120
+MIN_CAPTION_HEIGHT = 120
 """Pictures that are lower than this have no words, which could not be read [px]."""
 
 Image = NDArray[np.uint8]
@@ -19,7 +19,7 @@ Image = NDArray[np.uint8]
 
 def strip_height(height: int) -> int:
     """Height of the strip below a picture of this height in all that a caption stands in [px]."""
-    return 0 if height < LEAST_HEIGHT else max(22, height // 18)
+    return 0 if height < MIN_CAPTION_HEIGHT else max(22, height // 18)
 
 
 def with_caption(picture: Image, caption: str, height: int) -> Image:
@@ -47,7 +47,7 @@ def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) ->
     from PIL import Image as Pillow
     from PIL import ImageDraw
 
-    if picture.shape[0] < LEAST_HEIGHT - strip_height(LEAST_HEIGHT):
+    if picture.shape[0] < MIN_CAPTION_HEIGHT - strip_height(MIN_CAPTION_HEIGHT):
         return picture
     image = Pillow.fromarray(picture)
     draw = ImageDraw.Draw(image)

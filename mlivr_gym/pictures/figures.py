@@ -22,7 +22,7 @@ FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (
 BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
 """Colours of base paths, green as in the paper, and of goals."""
 
-MOST_VERTICES, RASTER_DPI = 2000, 90
+MAX_VERTICES, RASTER_DPI = 2000, 90
 """Paths with more vertices are an image in an SVG, of this many dots per inch.
 
 They would fill the file: lines are thinned out when they are drawn, the edges of areas are not.
@@ -31,13 +31,13 @@ They would fill the file: lines are thinned out when they are drawn, the edges o
 SALT = "mlivr-gym"
 """What the names of parts in an SVG are made from, besides the parts."""
 
-FACE_TINTS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
+FACE_COLOURS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
 """Colours of points by the face they lie on; other faces are grey."""
 
 
-def tints(grasp_map: GraspMap) -> list[str]:
+def point_colours(grasp_map: GraspMap) -> list[str]:
     """Colour of each point of a map."""
-    return [FACE_TINTS.get(face, "#8c8c8c") for face in grasp_map.faces]
+    return [FACE_COLOURS.get(face, "#8c8c8c") for face in grasp_map.faces]
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -56,7 +56,7 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
     axes: Any = figure.add_axes((-0.06, -0.14, 1.08, 1.22), projection="3d", computed_zorder=False)
     for segment in grasp_map.segments:
         axes.plot(*np.array([segment.start, segment.end]).T, color="0.82", linewidth=1.2, zorder=1)
-    style = {"s": 4, "color": tints(grasp_map), "depthshade": False, "zorder": 2}
+    style = {"s": 4, "color": point_colours(grasp_map), "depthshade": False, "zorder": 2}
     axes.scatter(*grasp_map.positions.T, label="graspable points", **style)
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     span = np.maximum(high - low, 0.3)
@@ -166,7 +166,7 @@ def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
         buffer = io.BytesIO()
         for axes in figure.axes:
             for paths in axes.collections:
-                if sum(len(path.vertices) for path in paths.get_paths()) > MOST_VERTICES:
+                if sum(len(path.vertices) for path in paths.get_paths()) > MAX_VERTICES:
                     paths.set_rasterized(True)
         with rc_context({"svg.hashsalt": SALT}):
             figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)

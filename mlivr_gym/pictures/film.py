@@ -33,7 +33,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Recording
 
-USUAL_SIZE = (512, 288)
+DEFAULT_SIZE = (512, 288)
 """Width and height of a film whose size is not chosen [px]."""
 
 COLOURS = 96
@@ -42,7 +42,7 @@ COLOURS = 96
 RATE = 25
 """Pictures a second."""
 
-LONGEST = 8.0
+LONGEST_FILM = 8.0
 """Length of a film whose speed is not chosen, at most [s]."""
 
 PAUSE = 1.0
@@ -79,7 +79,7 @@ def film(
     path: str | Path,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = USUAL_SIZE,
+    size: tuple[int, int] = DEFAULT_SIZE,
     speed: float | None = None,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
@@ -105,7 +105,7 @@ def film(
     size
         Width and height [px].
     speed
-        How many times faster than the clock it runs; by default `usual_speed`.
+        How many times faster than the clock it runs; by default `default_speed`.
     obstacles
         Boxes besides the map's.
     progress
@@ -118,8 +118,8 @@ def film(
     FileError
         If the file cannot be written.
     """
-    check_kind(path)
-    speed = usual_speed(recording) if speed is None else speed
+    check_film_format(path)
+    speed = default_speed(recording) if speed is None else speed
     pictures = film_pictures(
         grasp_map, robot, recording, film_samples(recording, speed), plan=plan, size=size,
         speed=speed, obstacles=obstacles, progress=progress,
@@ -127,10 +127,10 @@ def film(
     save_film(pictures, path)
 
 
-def usual_speed(recording: Recording) -> float:
-    """The least power of two as a speed with which a film of a recording lasts `LONGEST`."""
+def default_speed(recording: Recording) -> float:
+    """The least power of two as a speed with which a film of a recording lasts `LONGEST_FILM`."""
     duration = float(recording.times[-1] - recording.times[0])
-    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST)))
+    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST_FILM)))
 
 
 def film_samples(recording: Recording, speed: float) -> IntArray:
@@ -153,7 +153,7 @@ def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
     FileError
         If the file cannot be written.
     """
-    kind = check_kind(path)
+    kind = check_film_format(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
     write_whole(path, _gif(pictures) if kind == ".gif" else _mp4(pictures))
 
@@ -165,7 +165,7 @@ def film_pictures(
     samples: IntArray,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = USUAL_SIZE,
+    size: tuple[int, int] = DEFAULT_SIZE,
     speed: float = 1.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
@@ -243,7 +243,7 @@ def _configuration(recording: Recording, k: int) -> Configuration:
     )
 
 
-def check_kind(path: str | Path) -> str:
+def check_film_format(path: str | Path) -> str:
     """The ending of a film's name, if such a film can be written.
 
     Raises

@@ -27,22 +27,22 @@ from mlivr_gym.pictures.flat_views import (
     draw_flat_goal,
     draw_flat_path,
     map_views,
-    number,
+    number_stances,
 )
 from mlivr_gym.pictures.robot_shapes import draw_ghost, draw_robot, robot_parts
-from mlivr_gym.pictures.route import Route, base_line
+from mlivr_gym.pictures.route import Route, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.schema import Maybe, Numbers
 from mlivr_gym.world.grasp_map import GraspMap
 
-MOST_EXPLORED = 3000
+MAX_EXPLORED = 3000
 """Explored base paths drawn at most; of more, an even selection is drawn."""
 
-MOST_READ = 10**8
+MAX_TREE_ROWS = 10**8
 """Explored base paths that are taken."""
 
 
-@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MOST_READ)))})
+@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
 def plan_figure(
     grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = ""
 ) -> None:
@@ -66,14 +66,14 @@ def plan_figure(
     """
     figure, axes, flats = map_views(grasp_map)
     explored = np.zeros((0, 2, 3)) if tree is None else tree
-    drawn = explored[:: max(1, -(-len(explored) // MOST_EXPLORED))]
+    drawn = explored[:: max(1, -(-len(explored) // MAX_EXPLORED))]
     _draw_explored(axes, drawn)
     _draw_footholds(axes, grasp_map, plan)
     for k in ghost_stances(plan):
         draw_ghost(axes, robot_parts(plan.world.robot, plan.configuration(k)))
-    draw_base_path(axes, base_line(plan), plan.motion.base_positions, "base path")
+    draw_base_path(axes, plan_base_path(plan), plan.motion.base_positions, "base path")
     draw_goal(axes, plan.query.goal, plan.query.goal_tolerance)
-    number(axes, plan.motion.base_positions)
+    number_stances(axes, plan.motion.base_positions)
     for view, flat in flats.items():
         _draw_flat(flat, view, grasp_map, plan)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
@@ -119,7 +119,7 @@ def configuration_figure(
     if route is not None:
         draw_base_path(axes, route.line, route.stances, "base path")
         draw_goal(axes, route.goal.tolist(), route.goal_tolerance)
-        number(axes, route.stances)
+        number_stances(axes, route.stances)
         add_legend(figure)
     add_heading(figure, title)
     save_figure(figure, path, vector=False)
@@ -135,7 +135,7 @@ def _draw_flat(axes: Any, view: View, grasp_map: GraspMap, plan: Plan) -> None:
         for ends in np.stack([base, held], axis=1):
             axes.plot(*ends[:, view].T, color=colour, linewidth=0.7, alpha=0.6, zorder=2)
         axes.scatter(*held[:, view].T, s=26, color=colour, edgecolor="white", zorder=4)
-    draw_flat_path(axes, view, base_line(plan), base)
+    draw_flat_path(axes, view, plan_base_path(plan), base)
     draw_flat_goal(axes, view, plan.query.goal, plan.query.goal_tolerance)
 
 

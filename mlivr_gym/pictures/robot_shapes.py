@@ -101,7 +101,7 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
         for c, link in enumerate(shapes.names):
             name = f"limb{i}/{link}/{shapes.names[:c].count(link)}"
-            parts.append(_capsule(name, _tint(i, link), limb[c], float(shapes.radii[c])))
+            parts.append(_capsule(name, _link_colour(i, link), limb[c], float(shapes.radii[c])))
         middle = position + turn @ robot.mount_positions[i]
         parts += _joints(i, [np.stack([middle, middle]), *limb])
     return parts
@@ -124,7 +124,7 @@ def _capsule(name: str, colour: str, ends: Array, radius: float) -> Part:
     return Part(name, colour, capsule_faces(ends, radius), ends[None], radius)
 
 
-def _tint(limb: int, link: str) -> str:
+def _link_colour(limb: int, link: str) -> str:
     """Colour of a link: two shades of the limb's in turn, as in the scene."""
     if link == "gripper":
         return GRIPPER_COLOUR

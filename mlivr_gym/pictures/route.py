@@ -41,7 +41,7 @@ def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
     return found
 
 
-def base_line(plan: Plan) -> Array:
+def plan_base_path(plan: Plan) -> Array:
     """Base positions along a whole plan, shape (k, 3) [m]; one of a plan without a step."""
     return np.concatenate([plan.motion.base_positions[:1], *base_paths(plan)])
 
@@ -77,7 +77,7 @@ class Route(NamedTuple):
         held = [(point, limb, 0) for limb, point in enumerate(plan.stances[0])]
         held += [(step.to_point, step.limb, k) for k, step in enumerate(plan.steps, 1)]
         return cls(
-            base_line(plan),
+            plan_base_path(plan),
             plan.motion.base_positions,
             np.array(plan.query.goal),
             plan.query.goal_tolerance,

@@ -20,7 +20,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 SAMPLES, SHADOW_SIZE = 4, 1024
 """Samples of a pixel against jagged edges; width and height of a shadow's map [px]."""
 
-HULL = 0.03
+HULL_HALF_THICKNESS = 0.03
 """Half the thickness of the hull [m]."""
 
 POINT_HALF = 0.013
@@ -93,9 +93,9 @@ def _close(spec: mujoco.MjSpec, grasp_map: GraspMap) -> None:
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     for face, (axis, side) in _SIDES.items():
-        centre, size = middle.copy(), half + 2.0 * HULL
-        centre[axis] += side * (half[axis] + HULL)
-        size[axis] = HULL
+        centre, size = middle.copy(), half + 2.0 * HULL_HALF_THICKNESS
+        centre[axis] += side * (half[axis] + HULL_HALF_THICKNESS)
+        size[axis] = HULL_HALF_THICKNESS
         spec.worldbody.add_geom(
             name=f"studio/{face}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=size,
             rgba=_HULL_COLOUR, material="matt", group=FACE_GROUPS[face], contype=0, conaffinity=0,

@@ -13,7 +13,13 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.rendering import MARGIN
-from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route, base_line
+from mlivr_gym.pictures.route import (
+    FOOTHOLD_RADIUS,
+    PATH_RADIUS,
+    STANCE_RADIUS,
+    Route,
+    plan_base_path,
+)
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
@@ -24,9 +30,9 @@ from mlivr_gym.viewer.solids import (
     Scene,
     box_mesh,
     cylinder_mesh,
-    joined,
-    moved,
+    merged,
     rod_mesh,
+    transformed,
 )
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -40,7 +46,7 @@ MARKED_SCALE = 1.8
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Line of sight of the first camera [deg]."""
 
-STEEP = -9.0
+SECOND_ELEVATION = -9.0
 """Elevation with which a second module below is seen [deg]."""
 
 OCCUPIED_RADIUS = 0.035
@@ -88,7 +94,7 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
         )
 
 
-def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
+def colour_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
     """Give the graspable points colours, and those that these are about a larger size."""
     scales = np.ones(len(grasp_map), dtype=np.float32)
     scales[list(found.points)] = MARKED_SCALE
@@ -112,7 +118,7 @@ def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
     page.remove("obstacles")
     page.frame("obstacles")
     for k, box in enumerate(boxes):
-        mesh = moved(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
+        mesh = transformed(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
         page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
 
 
@@ -121,7 +127,7 @@ def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> 
     page.remove("occupied")
     if occupied:
         balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
-        page.mesh("occupied", joined(balls), rgba(OCCUPIED_COLOUR))
+        page.mesh("occupied", merged(balls), rgba(OCCUPIED_COLOUR))
 
 
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
@@ -145,7 +151,7 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
             page.nodes[paths[link.name]].position = position
             page.nodes[paths[link.name]].wxyz = quaternion
         elif link.joint is not None:
-            page.nodes[paths[link.name]].wxyz = link.turned(joints)
+            page.nodes[paths[link.name]].wxyz = link.orientation(joints)
 
 
 def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
@@ -171,13 +177,13 @@ def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> 
     if plan is None:
         return
     route = Route.of(grasp_map, plan)
-    page.mesh(f"{name}/path", tube(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
     balls = [ball_mesh(place, STANCE_RADIUS) for place in route.stances]
-    page.mesh(f"{name}/stances", joined(balls), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/stances", merged(balls), rgba(BASE_COLOUR))
     numbers: dict[tuple[float, ...], list[str]] = {}
     for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
         held = [hold for hold in route.footholds if hold.limb == limb]
-        marks = joined([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
+        marks = merged([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
         page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
         for hold in held:
             numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
@@ -190,11 +196,11 @@ def _point_at(grasp_map: GraspMap, place: Array) -> int:
     return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
 
 
-def draw_ghost(page: Page, name: str, plan: Plan | None) -> None:
+def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
     """Draw the base path of another plan, pale, or of none."""
     page.remove(name)
     if plan is not None and len(plan.stances) > 1:
-        page.mesh(name, tube(base_line(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
+        page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
 
 
 def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
@@ -211,7 +217,7 @@ def draw_tree(page: Page, tree: Array) -> None:
         page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
 
 
-def light(page: Page) -> None:
+def add_lights(page: Page) -> None:
     """Light the module softly from everywhere, and from above the near corner."""
     page.scene.add_light_ambient("/sky", intensity=1.0)
     for name, strength, place in (
@@ -223,13 +229,13 @@ def light(page: Page) -> None:
         )
 
 
-def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
+def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
     """What is to be seen of a map and a plan on it, shape (k, 3) [m]."""
     bases = np.zeros((0, 3)) if plan is None else plan.motion.base_positions
     return np.concatenate([grasp_map.positions, goal[None], bases])
 
 
-def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+def aim_camera(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
     """Look at places, shape (k, 3) [m], all of them in the picture; returns from where [m].
 
     Parameters
@@ -247,7 +253,7 @@ def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION)
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
     camera = camera.seeing(places, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
-    page.look(eye, np.array(camera.lookat))
+    page.set_camera(eye, np.array(camera.lookat))
     return eye
 
 
@@ -266,10 +272,10 @@ def ball_mesh(place: Array, radius: float) -> Mesh:
     return rod_mesh(place, place, radius)
 
 
-def tube(line: Array, radius: float) -> Mesh:
+def tube_mesh(line: Array, radius: float) -> Mesh:
     """A tube along a line, shape (k, 3) [m]; a ball where it has no length."""
     pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
-    return joined(pieces or [ball_mesh(line[0], radius)])
+    return merged(pieces or [ball_mesh(line[0], radius)])
 
 
 def _with_opacity(colour: str, opacity: float) -> Colour:

@@ -26,7 +26,7 @@ STEP_TIME = 5.0
 FRAME_TIME = 0.05
 """Least time between two frames [s]."""
 
-MOST_FRAMES = 1500
+MAX_FRAMES = 1500
 """Most frames: of long walks they are farther apart."""
 
 AT_REST = len(PHASES)
@@ -83,7 +83,7 @@ class Frames:
         starts: Array = np.unique(np.append(self.times[first], self.duration))
         return starts
 
-    def told(self, k: int, plan: Plan) -> str:
+    def describe(self, k: int, plan: Plan) -> str:
         """A frame in words: which step, which limb, where to."""
         if not plan.steps:
             return "the start is at the goal"
@@ -97,10 +97,10 @@ class Frames:
         )
 
     def thinned(self) -> Frames:
-        """The same with at most `MOST_FRAMES` frames, the last one kept."""
-        if len(self) <= MOST_FRAMES:
+        """The same with at most `MAX_FRAMES` frames, the last one kept."""
+        if len(self) <= MAX_FRAMES:
             return self
-        chosen = np.unique(np.linspace(0, len(self) - 1, MOST_FRAMES).round().astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(self) - 1, MAX_FRAMES).round().astype(np.int64))
         kept: dict[str, Any] = {f.name: getattr(self, f.name)[chosen] for f in fields(self)}
         return Frames(**kept)
 

@@ -17,7 +17,7 @@ from mlivr_gym.planners.query import GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 
-CUT_OFF = ("goal outside the reachable set", "search exhausted")
+UNREACHABLE = ("goal outside the reachable set", "search exhausted")
 """Reasons for which there is no plan whose cause is looked for."""
 
 CAUSE_LIMIT = 300
@@ -31,7 +31,7 @@ PRICE = 0.1
 
 
 @dataclass(frozen=True)
-class Asked:
+class LiveQuery:
     """A query: arguments of `Planner.plan`."""
 
     start: tuple[str, ...]
@@ -49,7 +49,7 @@ class Asked:
     time_limit: float | None = None
 
     @classmethod
-    def of_plan(cls, graph: StanceGraph, plan: Plan) -> Asked:
+    def of_plan(cls, graph: StanceGraph, plan: Plan) -> LiveQuery:
         """The query that a plan answers."""
         query = plan.query
         position, quaternion, _ = plan.configuration(0)
@@ -64,13 +64,13 @@ class Asked:
 class LivePlan:
     """A query in a world, its plan, and the plan before it.
 
-    Each change plans anew. What cannot be asked, and why there is no plan, is told by `message`.
+    Each change plans anew. What cannot be query, and why there is no plan, is told by `message`.
 
     Attributes
     ----------
     graph
         The stance graph, whose obstacles and occupied points change.
-    asked
+    query
         The query.
     plan
         Its plan; None if there is none.
@@ -88,57 +88,57 @@ class LivePlan:
         Time that the query took [s].
     """
 
-    def __init__(self, graph: StanceGraph, asked: Asked, plan: Plan | None = None) -> None:
+    def __init__(self, graph: StanceGraph, query: LiveQuery, plan: Plan | None = None) -> None:
         """Begin with a plan of the query, or with none until `replan`."""
-        self.graph, self.asked, self.plan = graph, asked, plan
+        self.graph, self.query, self.plan = graph, query, plan
         self.planner = Planner(graph)
-        self.before: Plan | None = None
+        self.previous: Plan | None = None
         self.message = self.reason = ""
         self.tree: Array = np.zeros((0, 2, 3))
         self.expanded, self.seconds = 0, 0.0
         if plan is not None:
-            self.message = _told(plan)
+            self.message = _plan_message(plan)
             self.expanded = plan.statistics.expanded
             self.seconds = plan.statistics.feasibility_time + plan.statistics.search_time
 
     @property
     def shown(self) -> Plan | None:
         """The plan to be shown: the present one, else that before it."""
-        return self.plan or self.before
+        return self.plan or self.previous
 
     def replan(self) -> None:
         """Plan anew in the world as it is now."""
-        asked, began = self.asked, time.perf_counter()
-        self.before = self.shown
+        query, began = self.query, time.perf_counter()
+        self.previous = self.shown
         self.plan, self.tree, self.expanded = None, np.zeros((0, 2, 3)), 0
         try:
-            result = self.planner.plan(**vars(asked))
+            result = self.planner.plan(**vars(query))
         except MlivrError as error:
-            self.message, self.reason = str(error), "cannot be asked"
+            self.message, self.reason = str(error), "cannot be query"
         else:
             self.plan, self.reason, self.tree = result.plan, result.reason, result.tree
             self.expanded = result.expanded
-            self.message = result.message if result.plan is None else _told(result.plan)
+            self.message = result.message if result.plan is None else _plan_message(result.plan)
         self.seconds = time.perf_counter() - began
 
     def cause(self) -> str:
         """What cuts the goal off where there is no plan, `""` where that is told already.
 
-        The query is asked again without each rule in turn, which takes seconds.
+        The query is query again without each rule in turn, which takes seconds.
         """
-        if self.reason not in CUT_OFF:
+        if self.reason not in UNREACHABLE:
             return ""
         names = ("start", "goal", "goal_tolerance", "goal_face", "start_pose", "start_joints")
-        asked = {name: getattr(self.asked, name) for name in names}
-        return self.planner.why_not(**asked, limit=CAUSE_LIMIT).message
+        query = {name: getattr(self.query, name) for name in names}
+        return self.planner.why_not(**query, limit=CAUSE_LIMIT).message
 
-    def hold(self, limb: int, point: str) -> None:
+    def set_start_point(self, limb: int, point: str) -> None:
         """Start with a limb at another point, in the posture of the stance that this makes."""
-        start = (*self.asked.start[:limb], point, *self.asked.start[limb + 1 :])
-        self.asked = replace(self.asked, start=start, start_pose=None, start_joints=None)
+        start = (*self.query.start[:limb], point, *self.query.start[limb + 1 :])
+        self.query = replace(self.query, start=start, start_pose=None, start_joints=None)
         self.replan()
 
-    def block(self, point: str) -> None:
+    def toggle_occupied(self, point: str) -> None:
         """Make a point unavailable, or available again."""
         if self.graph.grasp_map.index(point) in self.graph.occupied:
             self.graph.vacate([point])
@@ -146,17 +146,17 @@ class LivePlan:
             self.graph.occupy([point])
         self.replan()
 
-    def aim(self, goal: Array) -> None:
+    def set_goal(self, goal: Array) -> None:
         """Go to another position, which is put into the cabin if it lies outside [m]."""
         low, high = self.graph.grasp_map.cabin
         x, y, z = np.clip(goal, low, high).tolist()
-        self.asked = replace(self.asked, goal=(x, y, z))
+        self.query = replace(self.query, goal=(x, y, z))
         self.replan()
 
-    def charge(self, cost: str, price: float) -> None:
+    def set_cost(self, cost: str, price: float) -> None:
         """Take another cost; the regrasp price [m] counts with the weighted one alone."""
         given = price if cost == "weighted" else None
-        self.asked = replace(self.asked, cost=cost, regrasp_price=given)
+        self.query = replace(self.query, cost=cost, regrasp_price=given)
         self.replan()
 
     def put_box(self, name: str, centre: Array) -> None:
@@ -185,13 +185,13 @@ class LivePlan:
         """The configuration at the start, None if it cannot be held."""
         if self.plan is not None:
             return self.plan.configuration(0)
-        asked = self.asked
+        query = self.query
         try:
-            state = self.graph.state(asked.start, asked.start_pose, asked.start_joints)
+            state = self.graph.state(query.start, query.start_pose, query.start_joints)
         except StanceError:
             return None
         return self.graph.configuration(state)
 
 
-def _told(plan: Plan) -> str:
+def _plan_message(plan: Plan) -> str:
     return f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"

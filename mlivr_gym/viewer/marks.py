@@ -21,7 +21,7 @@ POINT_COLOUR, OCCUPIED_COLOUR, FAINT_COLOUR, SHARED_COLOUR = (
 )  # fmt: skip
 """Colours of points, of occupied ones, of those that do not matter, and of two limbs at once."""
 
-STEP = "no step: the limbs that hold cannot follow, or every swing touches something"
+NO_STEP = "no step: the limbs that hold cannot follow, or every swing touches something"
 """Why a point whose stance can be held is not stepped to."""
 
 REASONS = {
@@ -36,7 +36,7 @@ REASONS = {
 }
 """Short words and colour of each reason, by what its sentence says; in this order."""
 
-LEAST_CHANCE = 0.005
+MIN_PROBABILITY = 0.005
 """Least probability of an action that a legend tells."""
 
 FREE_COLOUR = "#2b8a3e"
@@ -82,7 +82,7 @@ def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
     steps, count = graph.successors(state), Counter[str]()
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
     for point in range(len(graph.grasp_map)):
-        kind = kind_of(why_not(graph, state, limb, point, steps))
+        kind = reason_of(why_not(graph, state, limb, point, steps))
         colours[point] = REASONS[kind][1] if kind else FREE_COLOUR
         count[kind] += 1
     legend = [(FREE_COLOUR, f"can be stepped to: {count['']}")]
@@ -95,20 +95,20 @@ def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
     return _marks(colours, legend, chosen)
 
 
-def chance_marks(graph: StanceGraph, chance: Array) -> Marks:
+def policy_marks(graph: StanceGraph, probability: Array) -> Marks:
     """Probabilities of a policy's actions, shape (N, m): the darker the likelier."""
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
-    best = chance.argmax(axis=0)
-    for point in np.flatnonzero(chance.sum(axis=0) > 0.0).tolist():
-        share = float(np.sqrt(chance[best[point], point]))
+    best = probability.argmax(axis=0)
+    for point in np.flatnonzero(probability.sum(axis=0) > 0.0).tolist():
+        share = float(np.sqrt(probability[best[point], point]))
         colours[point] = pale(LIMB_COLOURS[best[point]], 0.8 * (1.0 - share))
-    order = np.argsort(-chance, axis=None, kind="stable")[:5]
+    order = np.argsort(-probability, axis=None, kind="stable")[:5]
     legend = []
-    for limb, point in zip(*np.unravel_index(order, chance.shape), strict=True):
-        if chance[limb, point] >= LEAST_CHANCE:
-            words = f"limb {limb} → {graph.grasp_map.ids[point]}: {chance[limb, point]:.0%}"
+    for limb, point in zip(*np.unravel_index(order, probability.shape), strict=True):
+        if probability[limb, point] >= MIN_PROBABILITY:
+            words = f"limb {limb} → {graph.grasp_map.ids[point]}: {probability[limb, point]:.0%}"
             legend.append((LIMB_COLOURS[limb], words))
-    return _marks(colours, legend, np.flatnonzero(chance.sum(axis=0) > 0.0).tolist())
+    return _marks(colours, legend, np.flatnonzero(probability.sum(axis=0) > 0.0).tolist())
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:
@@ -122,10 +122,10 @@ def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Succ
         graph.state((*state.stance[:limb], point, *state.stance[limb + 1 :]))
     except StanceError as error:
         return str(error)
-    return STEP
+    return NO_STEP
 
 
-def kind_of(sentence: str) -> str:
+def reason_of(sentence: str) -> str:
     """Which of `REASONS` a sentence tells, `""` for none."""
     return next((kind for kind in REASONS if kind in sentence), "") if sentence else ""
 

@@ -151,7 +151,7 @@ class Page:
             if not any(key.startswith(f"{above}/") for above in gone):
                 node.remove()
 
-    def look(self, position: Array, target: Array) -> None:
+    def set_camera(self, position: Array, target: Array) -> None:
         """From where pages, those that are open too, see what [m]."""
         camera = self.server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
@@ -207,7 +207,7 @@ class Page:
 
     # What is kept.
 
-    def recorded(
+    def record(
         self, frames: Sequence[int], period: float, draw: Callable[[int], None], words: str
     ) -> str:
         """The page as one file that plays without a server.

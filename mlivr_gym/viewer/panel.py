@@ -12,15 +12,15 @@ from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
 from mlivr_gym.viewer.policy_view import NEEDED
-from mlivr_gym.viewer.second_plan import APART, HIDDEN, OVER
+from mlivr_gym.viewer.second_plan import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.viewer import (
     AIM,
     BLOCK,
+    EXPLAIN,
     PLAIN,
     PLOTS,
     POLICY,
     REACH,
-    TELL,
     WHY,
     Viewer,
 )
@@ -44,17 +44,19 @@ def add_panel(viewer: Viewer) -> None:
         _add_showing(viewer)
     if viewer.second is not None:
         with page.gui.add_folder("Second plan"):
-            shown = page.gui.add_dropdown("shown", (OVER, APART, HIDDEN), initial_value=OVER)
+            shown = page.gui.add_dropdown(
+                "shown", (OVERLAID, SEPARATE, HIDDEN), initial_value=OVERLAID
+            )
             page.item("second", shown, viewer.place_second)
     for face in drawing.points_by_face(viewer.live.graph.grasp_map):
         page.nodes[f"points/{face}"].on_click(
             lambda event: viewer.clicked(np.array(event.ray_origin), np.array(event.ray_direction))
         )
-    goal = np.array(viewer.live.asked.goal)
-    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
+    goal = np.array(viewer.live.query.goal)
+    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
     page.server.on_client_connect(
         lambda client: client.camera.on_update(
-            lambda camera: viewer.see_from(np.array(camera.position))
+            lambda camera: viewer.hide_walls_from(np.array(camera.position))
         )
     )
 
@@ -83,21 +85,21 @@ def _press(viewer: Viewer, label: str) -> None:
 def _add_changing(viewer: Viewer) -> None:
     page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
-    click = ("a click on a point", (TELL, BLOCK, *starts))
+    click = ("a click on a point", (EXPLAIN, BLOCK, *starts))
     clicks = gui.add_dropdown(*click, initial_value=viewer.click)
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
-    page.text("told")
-    cost = gui.add_dropdown("cost", COSTS, initial_value=live.asked.cost)
-    given = live.asked.regrasp_price or PRICE
+    page.text("explanation")
+    cost = gui.add_dropdown("cost", COSTS, initial_value=live.query.cost)
+    given = live.query.regrasp_price or PRICE
     price = gui.add_number("regrasp price [m]", given, min=0.0, max=HIGHEST_PRICE, step=0.01)
 
     def charge(_: object) -> None:
         price.disabled = cost.value != "weighted"
-        viewer.change(lambda: live.charge(cost.value, price.value))
+        viewer.change(lambda: live.set_cost(cost.value, price.value))
 
     page.item("cost", cost, charge)
     page.item("price", price, charge)
-    price.disabled = live.asked.cost != "weighted"
+    price.disabled = live.query.cost != "weighted"
     hint = "put on the base path; drag it by its arrows"
     gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
     gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())
@@ -107,15 +109,15 @@ def _add_showing(viewer: Viewer) -> None:
     page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
     whys = [f"{WHY}{limb}" for limb in range(graph.limbs)]
     points = gui.add_dropdown("colours tell", (PLAIN, REACH, *whys, POLICY), initial_value=PLAIN)
-    page.item("points", points, viewer.mark)
+    page.item("points", points, viewer.set_colouring)
     page.text("legend", missing(*NEEDED, extra="agents"))
 
     def switch(label: str, on: bool, called: Callable[[bool], None], hint: str = "") -> None:
         page.item(label, gui.add_checkbox(label, on, hint=hint or None), called)
 
-    switch("explored steps", False, lambda on: viewer.switch("tree", on))
-    switch("path and footholds", True, lambda on: viewer.switch("plan", on))
-    switch("plan before, pale", True, lambda on: viewer.switch("ghost", on))
+    switch("explored steps", False, lambda on: viewer.set_visible("tree", on))
+    switch("path and footholds", True, lambda on: viewer.set_visible("plan", on))
+    switch("plan before, pale", True, lambda on: viewer.set_visible("ghost", on))
     hint = "hide the rods that stand for joints, with which nothing is checked"
-    switch("collision shapes alone", False, viewer.show_checked, hint)
-    switch("leave out walls in front", True, viewer.leave_out)
+    switch("collision shapes alone", False, viewer.show_collision_shapes, hint)
+    switch("leave out walls in front", True, viewer.set_walls_hidden)

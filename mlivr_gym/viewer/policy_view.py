@@ -47,7 +47,7 @@ class PolicyView:
         )
         self._policy: LearnedPolicy = load_policy("pretrained", self._env)
 
-    def chances(self, state: State, goal: Array, tolerance: float) -> Array:
+    def probabilities(self, state: State, goal: Array, tolerance: float) -> Array:
         """Probability of each action, 0 where it is masked out, shape (N, m).
 
         Parameters
@@ -85,5 +85,5 @@ class PolicyView:
             scores = scores_and_value(self._policy.policy, seen)[0][0].numpy()
         scores = np.where(mask, scores.reshape(mask.shape), -np.inf)
         likely = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
-        chance: Array = likely / max(float(likely.sum()), 1e-300)
-        return chance
+        probability: Array = likely / max(float(likely.sum()), 1e-300)
+        return probability

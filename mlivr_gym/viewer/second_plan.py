@@ -11,10 +11,10 @@ from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import Scene
 from mlivr_gym.world.grasp_map import GraspMap
 
-BELOW = np.array([0.0, 0.0, -3.4])
+SECOND_OFFSET = np.array([0.0, 0.0, -3.4])
 """How far from the module a second one stands [m]."""
 
-APART, OVER, HIDDEN = "in a module below", "in the same module", "hidden"
+SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
 """Where a second plan is shown."""
 
 
@@ -40,11 +40,11 @@ class SecondPlan:
         page.remove("second")
         if where == HIDDEN:
             return
-        page.frame("second", position=BELOW if where == APART else np.zeros(3))
-        opacity = 1.0 if where == APART else drawing.GHOST_OPACITY
+        page.frame("second", position=SECOND_OFFSET if where == SEPARATE else np.zeros(3))
+        opacity = 1.0 if where == SEPARATE else drawing.GHOST_OPACITY
         drawing.draw_robot(page, "second/robot", self._scene, opacity)
-        if where == OVER:
-            drawing.draw_ghost(page, "second/path", self.plan)
+        if where == OVERLAID:
+            drawing.draw_pale_path(page, "second/path", self.plan)
         else:
             drawing.draw_plan(page, "second/plan", grasp_map, self.plan)
             drawing.draw_module(page, "second/module", self._scene)

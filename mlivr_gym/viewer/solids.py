@@ -60,7 +60,7 @@ class Link(NamedTuple):
     joint: tuple[int, int] | None
     """Limb and number of the joint that turns it about z, None if it is fixed."""
 
-    def turned(self, joints: Array) -> Array:
+    def orientation(self, joints: Array) -> Array:
         """Its turn in the frame of the parent, w, x, y, z, at joint angles (N, 6) [rad]."""
         if self.joint is None:
             return self.quaternion
@@ -97,13 +97,13 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
         link = model.body(int(geom.bodyid[0])).name
         r, g, b, opacity = (float(part) for part in geom.rgba)
         turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
-        mesh = moved(_mesh_of(int(geom.type[0]), geom.size), geom.pos, turn)
+        mesh = transformed(_mesh_of(int(geom.type[0]), geom.size), geom.pos, turn)
         checked = bool(geom.contype[0])
         found[link, faces.get(geom.name, ""), (r, g, b, opacity), checked].append(mesh)
     links = _links(model)
     for link, rod in _rods(model, links):
         found[link, "", rgba(JOINT_COLOUR), False].append(rod)
-    solids = [Solid(*key, joined(meshes)) for key, meshes in found.items()]
+    solids = [Solid(*key, merged(meshes)) for key, meshes in found.items()]
     return Scene(
         links,
         tuple(solid for solid in solids if solid.link != "world"),
@@ -111,14 +111,14 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
     )
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def merged(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     whole = trimesh.util.concatenate(list(meshes))
     assert isinstance(whole, Mesh)
     return whole
 
 
-def moved(mesh: Mesh, position: Array, rotation: Array) -> Mesh:
+def transformed(mesh: Mesh, position: Array, rotation: Array) -> Mesh:
     """A mesh turned by a rotation, shape (3, 3), and then moved by a position [m]."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
@@ -135,7 +135,7 @@ def box_mesh(half: Sequence[float] | Array) -> Mesh:
 def capsule_mesh(radius: float, half: float) -> Mesh:
     """A capsule along z about the origin; `half` is half the length of its axis [m]."""
     capsule = trimesh.creation.capsule(2.0 * half, radius, (ROUND // 2, ROUND))
-    return moved(capsule, -capsule.bounds.mean(axis=0), np.eye(3))
+    return transformed(capsule, -capsule.bounds.mean(axis=0), np.eye(3))
 
 
 def cylinder_mesh(radius: float, half: float) -> Mesh:
@@ -150,7 +150,7 @@ def rod_mesh(start: Array, end: Array, radius: float) -> Mesh:
     turn = np.eye(3)
     if size > 1e-9:
         turn = Rotation.align_vectors((along / size)[None], [[0.0, 0.0, 1.0]])[0].as_matrix()
-    return moved(capsule_mesh(radius, 0.5 * size), 0.5 * (start + end), turn)
+    return transformed(capsule_mesh(radius, 0.5 * size), 0.5 * (start + end), turn)
 
 
 def _with_edges(mesh: Mesh) -> Mesh:

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.errors import PlanError, SceneError
 from mlivr_gym.files import FileError
 
@@ -19,7 +19,7 @@ def test_what_cannot_be_written_is_refused(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="cannot write") as told:
-        claim(name)
+        check_outputs(name)
     assert str(told.value).isprintable()
     assert files(tmp_path) == {"file"}
 
@@ -27,26 +27,26 @@ def test_what_cannot_be_written_is_refused(tmp_path, monkeypatch, name):
 def test_what_will_be_replaced_is_told(tmp_path, capsys):
     old, new = tmp_path / "old.json", tmp_path / "new.json"
     old.touch()
-    claim(old, None, new)
+    check_outputs(old, None, new)
     assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {old}\n")
     many = [tmp_path / f"{k}.png" for k in range(6)]
     for file in many:
         file.touch()
-    claim(new, *many)
+    check_outputs(new, *many)
     names = ", ".join(map(str, many[:3]))
     assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {names} and 3 more\n")
     with pytest.raises(FileError, match="written twice"):
-        claim(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
+        check_outputs(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
 
 
 def test_a_folder_that_will_be_made_may_be_missing(tmp_path):
     folder = tmp_path / "a" / "b"
-    claim(folder / "plan.json", folder=folder)
+    check_outputs(folder / "plan.json", folder=folder)
     with pytest.raises(FileError, match="there is no folder"):
-        claim(folder / "c" / "walk.gif", folder=folder)
+        check_outputs(folder / "c" / "walk.gif", folder=folder)
     (tmp_path / "f").touch()
     with pytest.raises(FileError, match="is no folder"):
-        claim(tmp_path / "f" / "x" / "plan.json", folder=tmp_path / "f" / "x")
+        check_outputs(tmp_path / "f" / "x" / "plan.json", folder=tmp_path / "f" / "x")
     with pytest.raises(FileError, match="cannot make folder"):
         make_folder(tmp_path / "f" / "x")
     assert files(tmp_path) == {"f"}
@@ -56,7 +56,7 @@ def test_a_folder_that_will_be_made_may_be_missing(tmp_path):
 def test_a_folder_that_may_not_be_written_is_refused(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(FileError, match="may not be written"):
-        claim(tmp_path / "plan.json")
+        check_outputs(tmp_path / "plan.json")
 
 
 def test_both_files_of_a_picture_are_claimed(run, tmp_path):

@@ -21,7 +21,7 @@ def test_it_is_served_where_it_says(page):
 
 def test_pages_that_open_look_at_the_target(page):
     """By the names of the library's own camera, which an assignment to another would not tell."""
-    page.look(np.array([3.0, -7.0, 0.5]), np.array([3.0, 0.0, 0.0]))
+    page.set_camera(np.array([3.0, -7.0, 0.5]), np.array([3.0, 0.0, 0.0]))
     camera = page.server.initial_camera
     np.testing.assert_array_equal(camera.position, [3.0, -7.0, 0.5])
     np.testing.assert_array_equal(camera.look_at, [3.0, 0.0, 0.0])

@@ -29,7 +29,7 @@ NUMBERED = ("rack", "track", "handrail", "stanchion", "obstacle")
 """Kinds whose boxes are told apart by their ids; others are by their face."""
 
 
-def in_words(name: str, boxes: Mapping[str, Box]) -> str:
+def shape_name(name: str, boxes: Mapping[str, Box]) -> str:
     """What a shape is called by its name in the scene: `"forearm of limb 0"`, `"rack F1"`."""
     if name.startswith(BOX):
         box = boxes[name]
@@ -42,15 +42,15 @@ def in_words(name: str, boxes: Mapping[str, Box]) -> str:
     return f"{part} of limb {limb.removeprefix('limb')}"
 
 
-def sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> str:
+def contact_sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> str:
     """A contact in words, by the gap between nearest places, negative where they overlap [m]."""
-    first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
+    first, second = shape_name(contact.first, boxes), shape_name(contact.second, boxes)
     if gap > 0.0:
         return f"{first} {1e3 * gap:.0f} mm from {second}"
     return f"{first} {-1e3 * gap:.0f} mm deep in {second}"
 
 
-class Places(NamedTuple):
+class WitnessPoints(NamedTuple):
     """Where two shapes come nearest to each other, or overlap most."""
 
     first: Array
@@ -66,20 +66,20 @@ class Places(NamedTuple):
         return float((self.second - self.first) @ self.normal)
 
 
-def nearest_places(first: Part, second: Part | Box) -> Places:
+def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
     """Where two shapes come nearest, to within a tenth of a millimetre.
 
     Where the axis of a capsule runs into a box, the gap is minus the way that the capsule would
     have to move, along an edge of the box, to leave it.
     """
-    axis = _samples(first)
+    axis = _axis_samples(first)
     if isinstance(second, Part) and second.box is not None:
         second = second.box
     if isinstance(second, Part):
-        other = _samples(second)
+        other = _axis_samples(second)
         apart = scipy.spatial.distance.cdist(axis, other)
         a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        return _facing(axis[a], other[b], first.radius, second.radius)
+        return _between_rounded(axis[a], other[b], first.radius, second.radius)
     rotation, half = np.array(second.rotation), np.array(second.half)
     seen = (axis - np.array(second.centre)) @ rotation
     beside = np.clip(seen, -half, half)
@@ -87,23 +87,25 @@ def nearest_places(first: Part, second: Part | Box) -> Places:
     k = int(np.argmin(apart))
     if apart[k] > 0.0:
         there = rotation @ beside[k] + np.array(second.centre)
-        return _facing(axis[k], there, first.radius, 0.0)
+        return _between_rounded(axis[k], there, first.radius, 0.0)
     # Below each face: -x, +x, -y, +y, -z, +z.
     depth = np.stack([half + seen, half - seen], axis=2).reshape(-1, 6)
     face = int(np.argmin(depth.max(axis=0)))
     normal = rotation[:, face // 2] * (1.0 if face % 2 == 0 else -1.0)
     k = int(np.argmax(depth[:, face]))
-    return Places(axis[k] + first.radius * normal, axis[k] - float(depth[k, face]) * normal, normal)
+    return WitnessPoints(
+        axis[k] + first.radius * normal, axis[k] - float(depth[k, face]) * normal, normal
+    )
 
 
-def _facing(here: Array, there: Array, radius: float, other: float) -> Places:
+def _between_rounded(here: Array, there: Array, radius: float, other: float) -> WitnessPoints:
     """Nearest places on two round shapes, from those on their axes and the radii [m]."""
     size = float(np.linalg.norm(there - here))
     normal = (there - here) / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
-    return Places(here + radius * normal, there - other * normal, normal)
+    return WitnessPoints(here + radius * normal, there - other * normal, normal)
 
 
-def _samples(part: Part) -> Array:
+def _axis_samples(part: Part) -> Array:
     """Places on the axes of a shape, close together, shape (k, 3) [m]."""
     share = np.linspace(0.0, 1.0, 801)[:, None]
     return np.concatenate([a + share * (b - a) for a, b in part.axes])
