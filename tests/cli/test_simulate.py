@@ -19,8 +19,8 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         f"--controller feedforward --speed 100 --size 64 32 --out {tmp_path / 'walk'}"
     )
     assert code == 0
-    assert "1 of 1 steps carried out, 22.0 s simulated" in out
-    assert "took hold of" in out
+    assert "1 of 1 steps executed, 22.0 s simulated" in out
+    assert "grasped " in out
     summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
     assert summary["success"]
     assert summary["captures"][0]["distance"] < 0.01
