@@ -1,4 +1,4 @@
-"""Words on rendered pictures."""
+"""Captions and labels on rendered pictures."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array
 
 MIN_CAPTION_HEIGHT = 120
-"""Pictures that are lower than this have no words, which could not be read [px]."""
+"""Minimum height of a picture with text, which could not be read on smaller ones [px]."""
 
 Image = NDArray[np.uint8]
 
 
 def strip_height(height: int) -> int:
-    """Height of the strip below a picture of this height in all that a caption stands in [px]."""
+    """Return the height of the caption in a picture of total height `height` [px]."""
     return 0 if height < MIN_CAPTION_HEIGHT else max(22, height // 18)
 
 
 def with_caption(picture: Image, caption: str, height: int) -> Image:
-    """A picture with a strip below it, in which one line stands; `height` is that of both [px]."""
+    """Add a line of text below a picture; `height` is the total height with the text [px]."""
     strip = strip_height(height)
     if not strip:
         return picture
@@ -40,9 +40,16 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 
 
 def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
-    """A picture with short words, each on a white edge, at columns and rows of shape (k, 2) [px].
+    """Draw short labels with white outlines on a picture.
 
-    Those outside are left out. A label is its text and its colour.
+    Parameters
+    ----------
+    picture
+        The picture, shape (height, width, 3).
+    pixels
+        Column and row of each label, shape (k, 2) [px]; labels outside are omitted.
+    labels
+        Text and colour of each label.
     """
     from PIL import Image as Pillow
     from PIL import ImageDraw
@@ -64,7 +71,7 @@ def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) ->
 
 @cache
 def _font(size: int) -> Any:
-    """The typeface of the figures."""
+    """Return matplotlib's default font in a size [px]."""
     import matplotlib
     from PIL import ImageFont
 

@@ -1,4 +1,4 @@
-"""What a contact is between, in words and by its two nearest places."""
+"""Names of the shapes of a contact, and their witness points (nearest points of two shapes)."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ KINDS = {
     "stanchion": "post of handrail",
     "obstacle": "obstacle",
 }
-"""What boxes of each kind are called."""
+"""Names of the kinds of boxes."""
 
 NUMBERED = ("rack", "track", "handrail", "stanchion", "obstacle")
-"""Kinds whose boxes are told apart by their ids; others are by their face."""
+"""Kinds whose boxes are named by their ids; other boxes are named by their faces."""
 
 
 def shape_name(name: str, boxes: Mapping[str, Box]) -> str:
-    """What a shape is called by its name in the scene: `"forearm of limb 0"`, `"rack F1"`."""
+    """Return a readable name of a shape in the scene, as `"forearm of limb 0"` or `"rack F1"`."""
     if name.startswith(BOX):
         box = boxes[name]
-        told = box.id.split("/")[0] if box.kind in NUMBERED else box.face
-        return f"{KINDS[box.kind]} {told}" if box.kind in NUMBERED else f"{told} {KINDS[box.kind]}"
+        if box.kind in NUMBERED:
+            return f"{KINDS[box.kind]} {box.id.split('/')[0]}"
+        return f"{box.face} {KINDS[box.kind]}"
     limb, *link = name.split("/")
     if not link:
         return "body"
@@ -43,7 +44,7 @@ def shape_name(name: str, boxes: Mapping[str, Box]) -> str:
 
 
 def contact_sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> str:
-    """A contact in words, by the gap between nearest places, negative where they overlap [m]."""
+    """Describe a contact with the gap between its shapes [m], which is negative if they overlap."""
     first, second = shape_name(contact.first, boxes), shape_name(contact.second, boxes)
     if gap > 0.0:
         return f"{first} {1e3 * gap:.0f} mm from {second}"
@@ -51,26 +52,26 @@ def contact_sentence(contact: Contact, gap: float, boxes: Mapping[str, Box]) -> 
 
 
 class WitnessPoints(NamedTuple):
-    """Where two shapes come nearest to each other, or overlap most."""
+    """The nearest points of two shapes, or those of their deepest overlap."""
 
     first: Array
-    """Place on the surface of the first, shape (3,) [m]."""
+    """Point on the surface of the first shape, shape (3,) [m]."""
     second: Array
-    """Place on the surface of the second, shape (3,) [m]."""
+    """Point on the surface of the second shape, shape (3,) [m]."""
     normal: Array
-    """Unit vector from the first into the second, shape (3,)."""
+    """Unit vector from the first shape to the second, shape (3,)."""
 
     @property
     def gap(self) -> float:
-        """Distance from the one to the other, negative where they overlap [m]."""
+        """Signed distance of the shapes [m], negative if they overlap."""
         return float((self.second - self.first) @ self.normal)
 
 
 def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
-    """Where two shapes come nearest, to within a tenth of a millimetre.
+    """Compute the witness points of two shapes, to within a tenth of a millimetre.
 
-    Where the axis of a capsule runs into a box, the gap is minus the way that the capsule would
-    have to move, along an edge of the box, to leave it.
+    If the axis of a capsule intersects a box, the gap is minus the distance by which the capsule
+    would have to move along an edge of the box to leave it.
     """
     axis = _axis_samples(first)
     if isinstance(second, Part) and second.box is not None:
@@ -86,9 +87,9 @@ def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
     apart = np.linalg.norm(seen - beside, axis=1)
     k = int(np.argmin(apart))
     if apart[k] > 0.0:
-        there = rotation @ beside[k] + np.array(second.centre)
-        return _between_rounded(axis[k], there, first.radius, 0.0)
-    # Below each face: -x, +x, -y, +y, -z, +z.
+        nearest = rotation @ beside[k] + np.array(second.centre)
+        return _between_rounded(axis[k], nearest, first.radius, 0.0)
+    # Depth below each face, in the order -x, +x, -y, +y, -z, +z.
     depth = np.stack([half + seen, half - seen], axis=2).reshape(-1, 6)
     face = int(np.argmin(depth.max(axis=0)))
     normal = rotation[:, face // 2] * (1.0 if face % 2 == 0 else -1.0)
@@ -99,13 +100,13 @@ def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
 
 
 def _between_rounded(here: Array, there: Array, radius: float, other: float) -> WitnessPoints:
-    """Nearest places on two round shapes, from those on their axes and the radii [m]."""
+    """Return the witness points of two capsules by the nearest points of their axes and radii."""
     size = float(np.linalg.norm(there - here))
     normal = (there - here) / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
     return WitnessPoints(here + radius * normal, there - other * normal, normal)
 
 
 def _axis_samples(part: Part) -> Array:
-    """Places on the axes of a shape, close together, shape (k, 3) [m]."""
+    """Sample the axes of a shape densely, shape (k, 3) [m]."""
     share = np.linspace(0.0, 1.0, 801)[:, None]
     return np.concatenate([a + share * (b - a) for a, b in part.axes])

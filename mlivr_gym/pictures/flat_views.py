@@ -1,4 +1,4 @@
-"""Views of a map along one axis of the module, in true scale."""
+"""Orthographic views of a map along one axis of the module, to scale."""
 
 from __future__ import annotations
 
@@ -14,23 +14,22 @@ from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS, Part, outline, pale
 from mlivr_gym.world.grasp_map import GraspMap
 
 FROM_ABOVE, FROM_THE_SIDE = (0, 1), (0, 2)
-"""The module's axes that a view shows, from left to right and upwards."""
+"""Axes of the module that a view shows, to the right and upwards."""
 
 View = tuple[int, int]
 
 VIEW_NAMES = {FROM_ABOVE: "from above", FROM_THE_SIDE: "from the side"}
-"""What the views are called."""
+"""Titles of the views."""
 
 VIEW_DIRECTIONS = {FROM_ABOVE: (0.0, 0.0, 1.0), FROM_THE_SIDE: (0.0, -1.0, 0.0)}
-"""Directions from which the views are seen."""
-
+"""Direction of the viewer in each view."""
 
 CROWDED = 0.25
-"""Stances nearer to each other than this have their numbers on different sides [m]."""
+"""Distance below which the numbers of two stances are written on different sides [m]."""
 
 
 def map_views(grasp_map: GraspMap) -> tuple[Any, Any, dict[View, Any]]:
-    """A figure of a map in space, the axes of that, and below it axes of two flat views."""
+    """Return a figure of a map, its 3-D axes, and the axes of the two flat views below."""
     figure, axes = map_axes(grasp_map)
     figure.set_size_inches(12.8, 9.6)
     axes.set_position((-0.06, 0.22, 1.08, 0.82))
@@ -48,14 +47,14 @@ def map_views(grasp_map: GraspMap) -> tuple[Any, Any, dict[View, Any]]:
 
 
 def draw_flat_path(axes: Any, view: View, line: Array, stances: Array) -> None:
-    """Draw a base path, shape (k, 3), and the bases of its stances, numbered, shape (s, 3) [m]."""
+    """Draw a base path, shape (k, 3), and numbered base positions of stances, shape (s, 3) [m]."""
     axes.plot(*line[:, view].T, color=BASE_COLOUR, linewidth=2.0, zorder=3)
     axes.scatter(*stances[:, view].T, color=BASE_COLOUR, marker="s", s=16, zorder=3)
     number_stances(axes, stances[:, view])
 
 
 def draw_flat_goal(axes: Any, view: View, goal: Sequence[float], tolerance: float) -> None:
-    """Draw the ball in which the base is to end."""
+    """Draw the goal region."""
     turn = np.linspace(0.0, 2.0 * np.pi, 61)
     middle = np.array(goal)[list(view)]
     ring = middle[:, None] + tolerance * np.array([np.cos(turn), np.sin(turn)])
@@ -64,7 +63,7 @@ def draw_flat_goal(axes: Any, view: View, goal: Sequence[float], tolerance: floa
 
 
 def draw_flat_ghost(axes: Any, view: View, parts: Sequence[Part]) -> None:
-    """Draw parts of a robot pale, behind all else; the farther ones first."""
+    """Draw parts of a robot pale and behind everything else, the more distant ones first."""
     toward = np.array(VIEW_DIRECTIONS[view])
     for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
         colour = pale(part.colour, GHOST_PALENESS)
@@ -73,9 +72,9 @@ def draw_flat_ghost(axes: Any, view: View, parts: Sequence[Part]) -> None:
 
 
 def number_stances(axes: Any, places: Array) -> None:
-    """Write the numbers of stances at base positions, shape (k, 2 or 3) [m].
+    """Write the numbers of stances above their base positions, shape (k, 2 or 3) [m].
 
-    Above them; of two that are close together the lower one's is below.
+    Of two consecutive stances that are close to each other, the lower one has its number below.
     """
     above = [True] * len(places)
     for k, (before, place) in enumerate(pairwise(places), 1):

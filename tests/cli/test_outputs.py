@@ -34,7 +34,8 @@ def test_what_will_be_replaced_is_told(tmp_path, capsys):
         file.touch()
     check_outputs(new, *many)
     names = ", ".join(map(str, many[:3]))
-    assert capsys.readouterr() == ("", f"mlivr-gym: existing files to be replaced: {names} and 3 more\n")
+    line = f"mlivr-gym: existing files to be replaced: {names} and 3 more\n"
+    assert capsys.readouterr() == ("", line)
     with pytest.raises(FileError, match="two outputs have this name"):
         check_outputs(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
 
