@@ -1,4 +1,4 @@
-"""The panel of the page: what it holds, and whom each part calls."""
+"""The panel of the page: its items, and the methods of the viewer that they call."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from mlivr_gym.viewer.viewer import (
 )
 
 SPEEDS = ("0.25x", "0.5x", "1x", "2x", "5x", "10x", "20x")
-"""Speeds to choose from, times as fast as the clock of what is played."""
+"""Speeds to choose from, relative to the time of the frames."""
 
 BACK, PLAY, ON = "◀ step", "play", "step ▶"
-"""Buttons below the scrubber; the middle one pauses, too."""
+"""Buttons below the scrubber; the middle one also pauses."""
 
 
 def add_panel(viewer: Viewer) -> None:
-    """Fill the panel of a viewer's page, and let the page call the viewer."""
+    """Add the items of the panel, and connect the page with the viewer's methods."""
     page = viewer.page
     page.text("summary")
     with page.gui.add_folder("Play"):
@@ -62,6 +62,7 @@ def add_panel(viewer: Viewer) -> None:
 
 
 def _add_playing(viewer: Viewer) -> None:
+    """Add scrubber, buttons, speed and plots."""
     page, gui = viewer.page, viewer.page.gui
     page.text("where")
     most = max(viewer.duration, 0.1)
@@ -70,12 +71,13 @@ def _add_playing(viewer: Viewer) -> None:
     pressed.on_click(lambda event: _press(viewer, str(event.target.value)))
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
     page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
-    nothing = (np.zeros(2), np.zeros(2))
+    no_data = (np.zeros(2), np.zeros(2))
     for name in PLOTS:
-        page.items[name] = gui.add_uplot(nothing, ({}, {}), height=150, visible=False)
+        page.items[name] = gui.add_uplot(no_data, ({}, {}), height=150, visible=False)
 
 
 def _press(viewer: Viewer, label: str) -> None:
+    """Call the method of a button."""
     if label == PLAY:
         viewer.toggle()
     else:
@@ -83,6 +85,7 @@ def _press(viewer: Viewer, label: str) -> None:
 
 
 def _add_changing(viewer: Viewer) -> None:
+    """Add the items that change query and obstacles."""
     page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
     click = ("a click on a point", (EXPLAIN, BLOCK, *starts))
@@ -90,34 +93,36 @@ def _add_changing(viewer: Viewer) -> None:
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.text("explanation")
     cost = gui.add_dropdown("cost", COSTS, initial_value=live.query.cost)
-    given = live.query.regrasp_price or PRICE
-    price = gui.add_number("regrasp price [m]", given, min=0.0, max=HIGHEST_PRICE, step=0.01)
+    first_price = live.query.regrasp_price or PRICE
+    price = gui.add_number("regrasp price [m]", first_price, min=0.0, max=HIGHEST_PRICE, step=0.01)
 
-    def charge(_: object) -> None:
+    def set_cost(_: object) -> None:
         price.disabled = cost.value != "weighted"
         viewer.change(lambda: live.set_cost(cost.value, price.value))
 
-    page.item("cost", cost, charge)
-    page.item("price", price, charge)
+    page.item("cost", cost, set_cost)
+    page.item("price", price, set_cost)
     price.disabled = live.query.cost != "weighted"
-    hint = "put on the base path; drag it by its arrows"
+    hint = "adds a box on the base path; drag it by its arrows"
     gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
     gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())
 
 
 def _add_showing(viewer: Viewer) -> None:
+    """Add the items that choose what is shown."""
     page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
-    whys = [f"{WHY}{limb}" for limb in range(graph.limbs)]
-    points = gui.add_dropdown("colours tell", (PLAIN, REACH, *whys, POLICY), initial_value=PLAIN)
+    reasons = [f"{WHY}{limb}" for limb in range(graph.limbs)]
+    choices = (PLAIN, REACH, *reasons, POLICY)
+    points = gui.add_dropdown("colours show", choices, initial_value=PLAIN)
     page.item("points", points, viewer.set_colouring)
     page.text("legend", missing(*NEEDED, extra="agents"))
 
-    def switch(label: str, on: bool, called: Callable[[bool], None], hint: str = "") -> None:
-        page.item(label, gui.add_checkbox(label, on, hint=hint or None), called)
+    def switch(label: str, on: bool, on_change: Callable[[bool], None], hint: str = "") -> None:
+        page.item(label, gui.add_checkbox(label, on, hint=hint or None), on_change)
 
     switch("explored steps", False, lambda on: viewer.set_visible("tree", on))
     switch("path and footholds", True, lambda on: viewer.set_visible("plan", on))
-    switch("plan before, pale", True, lambda on: viewer.set_visible("ghost", on))
-    hint = "hide the rods that stand for joints, with which nothing is checked"
-    switch("collision shapes alone", False, viewer.show_collision_shapes, hint)
-    switch("leave out walls in front", True, viewer.set_walls_hidden)
+    switch("previous plan, pale", True, lambda on: viewer.set_visible("ghost", on))
+    hint = "hide the rods that represent joints, which are not checked for collisions"
+    switch("collision shapes only", False, viewer.show_collision_shapes, hint)
+    switch("hide walls in front", True, viewer.set_walls_hidden)

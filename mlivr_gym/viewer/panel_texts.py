@@ -1,4 +1,4 @@
-"""What the panel says, in Markdown."""
+"""Texts of the panel, in Markdown."""
 
 from __future__ import annotations
 
@@ -8,42 +8,41 @@ from mlivr_gym.viewer.marks import Marks
 
 
 def summary(live: LivePlan, cause: str | None = None) -> str:
-    """Steps, translation, explored stances and time of a plan, or why there is none.
-
-    The cause is None while it is being looked for.
-    """
+    """Summarise a plan, or say why none exists; the cause is None while it is searched for."""
     x, y, z = live.query.goal
     query = f"{' '.join(live.query.start)} → ({x:.2f}, {y:.2f}, {z:.2f}), {live.query.cost} cost"
     spent = f"{live.expanded} states explored, {_time(live.seconds)}"
     if live.plan is None:
-        looked = "*looking for the cause ...*" if cause is None else cause
-        return f"**No plan:** {live.message}.\n\n{looked}\n\n{query}  \n{spent}"
+        explanation = "*searching for the cause ...*" if cause is None else cause
+        return f"**No plan:** {live.message}.\n\n{explanation}\n\n{query}  \n{spent}"
     plan = live.plan
     lines = [
         f"**{len(plan.steps)} steps, {plan.base_translation:.3f} m**",
-        f"least manipulability {plan.w_m_min:.3f} (limbs), {plan.w_b_min:.5f} (base)",
+        f"minimum manipulability {plan.w_m_min:.3f} (limbs), {plan.w_b_min:.5f} (base)",
         spent,
         query,
     ]
     if live.previous is not None:
-        before = live.previous
-        lines.append(f"before: {len(before.steps)} steps, {before.base_translation:.3f} m (pale)")
+        steps, length = len(live.previous.steps), live.previous.base_translation
+        lines.append(f"previous plan: {steps} steps, {length:.3f} m (pale)")
     return "  \n".join(lines)
 
 
 def _time(seconds: float) -> str:
+    """Format a time, in milliseconds or seconds."""
     return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
 def comparison_table(first: Plan | None, second: Plan) -> str:
-    """Two plans in a table."""
-    names = ("steps", "translation [m]", "least w_m", "least w_b")
+    """Compare two plans in a table."""
+    names = ("steps", "translation [m]", "minimum w_m", "minimum w_b")
     columns = [_figures(plan) if plan else ("none",) * len(names) for plan in (first, second)]
     rows = [f"| {' | '.join(row)} |" for row in zip(names, *columns, strict=True)]
     return "\n".join(["", "", "| | first | second |", "|---|---|---|", *rows])
 
 
 def _figures(plan: Plan) -> tuple[str, ...]:
+    """Return the numbers of a plan, in the order of the table's rows."""
     return (
         str(len(plan.steps)),
         f"{plan.base_translation:.3f}",
@@ -53,7 +52,7 @@ def _figures(plan: Plan) -> tuple[str, ...]:
 
 
 def legend_text(found: Marks) -> str:
-    """What the colours of points mean."""
+    """Return the legend of the colours of points."""
     return "  \n".join(
-        f'<span style="color:{colour}">⬤</span> {words}' for colour, words in found.legend
+        f'<span style="color:{colour}">⬤</span> {text}' for colour, text in found.legend
     )

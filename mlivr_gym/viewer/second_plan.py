@@ -1,4 +1,4 @@
-"""A plan that another is compared with, drawn in the same module or in one below."""
+"""A second plan for comparison, drawn in the same module or in a second module below."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from mlivr_gym.viewer.solids import Scene
 from mlivr_gym.world.grasp_map import GraspMap
 
 SECOND_OFFSET = np.array([0.0, 0.0, -3.4])
-"""How far from the module a second one stands [m]."""
+"""Position of the second module relative to the first [m]."""
 
 SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
-"""Where a second plan is shown."""
+"""Choices of where the second plan is shown."""
 
 
 class SecondPlan:
-    """Draws a plan below the name `second`.
+    """A second plan on a page; all its nodes have names that start with `second`.
 
     Attributes
     ----------
     plan
         The plan.
     frames
-        What is played of it.
+        Frames that are played.
     """
 
     def __init__(self, page: Page, scene: Scene, plan: Plan, frames: Frames) -> None:
-        """Draw nothing yet."""
+        """Store the plan, which `place` draws."""
         self.plan, self.frames = plan, frames
         self._page, self._scene = page, scene
 
     def place(self, where: str, grasp_map: GraspMap) -> None:
-        """Draw it in the same module, translucent, in one below, or not at all."""
+        """Draw the plan translucent in the same module, in a second module below, or not at all."""
         page = self._page
         page.remove("second")
         if where == HIDDEN:
@@ -50,7 +50,7 @@ class SecondPlan:
             drawing.draw_module(page, "second/module", self._scene)
 
     def seek(self, time: float) -> None:
-        """Show a time [s]."""
+        """Show the robot at a time [s]."""
         if "second/robot" in self._page:
             shown = self.frames.configuration(self.frames.at(time))
             drawing.pose_robot(self._page, "second/robot", self._scene, shown)

@@ -1,6 +1,7 @@
-"""The viewer: what is shown of a live plan, and what follows from what people do on the page.
+"""The viewer: it shows a live plan on a page and responds to what users do there.
 
-Every method that a page calls holds the lock for as long as it works; one thread plays.
+Methods that the page calls run in threads of the server and hold a lock while they work; one more
+thread plays.
 """
 
 from __future__ import annotations
@@ -29,29 +30,29 @@ TICK = 0.05
 """Time between two pictures while playing [s]."""
 
 ASPECT = 1.15
-"""Width over height of the picture, beside the panel, that the first view is made for."""
+"""Width divided by height of the scene next to the panel, for which the first view is chosen."""
 
 PLOT_TICKS = 5
-"""Pictures between two of the plots."""
+"""Number of pictures between two updates of the plots while playing."""
 
 PLOTS = ("margins", "torques", "forces")
 """Names of the plots below the scrubber."""
 
 AIM = "aim"
-"""Name of the arrows at the goal."""
+"""Node name of the arrows at the goal."""
 
 CURSOR = "now", "#adb5bd"
-"""Label and colour of the upright line in the plots."""
+"""Label and colour of the vertical line in the plots."""
 
-EXPLAIN, BLOCK = "tell why it cannot be held", "block or free it"
-"""What a click on a point may do, besides starting a limb there."""
+EXPLAIN, BLOCK = "explain why it cannot be held", "block or free it"
+"""Effects of a click on a point, in addition to starting a limb there."""
 
 PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "policy"
-"""What the colours of points may tell."""
+"""Meanings of the colours of points."""
 
 
 class Viewer:
-    """Shows a live plan on a page.
+    """A live plan on a page.
 
     Attributes
     ----------
@@ -60,19 +61,19 @@ class Viewer:
     live
         Query and plan.
     frames
-        What is played.
+        Frames that are played.
     time
-        What is shown of it [s].
+        Time that is shown [s].
     playing
-        Whether it goes on.
+        Whether it is playing.
     speed
-        How many times as fast as its clock.
+        Speed relative to the time of the frames.
     """
 
     def __init__(
         self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = ASPECT
     ) -> None:
-        """Draw the module and what there is of a plan, or of its execution."""
+        """Draw module and robot; `refresh` draws the plan, or its execution if recorded."""
         self.page, self.live, self.recording = page, live, recording
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
         self.time, self.playing, self.speed = 0.0, False, 1.0
@@ -96,7 +97,7 @@ class Viewer:
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
-        """What is to be played: the execution, else the plan, else the start."""
+        """Return the frames to play: the execution, else the plan, else the start alone."""
         live = self.live
         self.page.show("robot", True)
         if self.recording is not None:
@@ -113,14 +114,14 @@ class Viewer:
 
     @property
     def duration(self) -> float:
-        """Time at which all that is played has ended [s]."""
+        """Duration of the frames, of both plans if there are two [s]."""
         second = 0.0 if self.second is None else self.second.frames.duration
         return max(self.frames.duration, second)
 
-    # What follows from a change of the query.
+    # Changes of the query.
 
     def change(self, act: Callable[[], None]) -> None:
-        """Change the query and show what comes of it, or say why it cannot be changed."""
+        """Change the query by `act` and show the result, or the error if the change is invalid."""
         with self._lock:
             self.page.write("summary", "*planning ...*")
             try:
@@ -136,7 +137,7 @@ class Viewer:
             ).start()
 
     def _explain_missing_plan(self, message: str) -> None:
-        """Find the cause for which there is no plan, and say it unless all has changed again."""
+        """Search for the cause that no plan exists; show it unless the query has changed again."""
         try:
             cause = self.live.cause()
         except MlivrError as error:
@@ -146,7 +147,7 @@ class Viewer:
                 self.page.write("summary", summary(self.live, cause))
 
     def refresh(self) -> None:
-        """Draw what belongs to the plan anew, and go to its start."""
+        """Redraw everything that depends on the plan, and go to its start."""
         live, page, graph = self.live, self.page, self.live.graph
         with self._lock, page.server.atomic():
             self.frames = self._frames()
@@ -168,6 +169,7 @@ class Viewer:
             self.seek(0.0)
 
     def _show_plots(self) -> None:
+        """Compute the plots and set their titles and curves."""
         plan = self.live.plan
         plots: dict[str, Plot] = {}
         if plan is not None:
@@ -203,19 +205,19 @@ class Viewer:
             self._mark()
 
     def scrub(self, time: float) -> None:
-        """Show a time [s] that is chosen on the page; playing stops."""
+        """Show a time [s] chosen on the page, and stop playing."""
         self.playing = False
         self.seek(time)
 
     def toggle(self) -> None:
-        """Play, or pause; at the end play from the start."""
+        """Play or pause; at the end, play from the start."""
         with self._lock:
             if not self.playing and self.time >= self.duration:
                 self.time = 0.0
             self.playing = not self.playing
 
     def jump(self, count: int) -> None:
-        """Go some steps on, or back, to where a step begins."""
+        """Go forward, or back for a negative count, by some steps to the start of a step."""
         with self._lock:
             starts = self.frames.starts()
             here = int(np.searchsorted(starts, self.time + 1e-6, side="right")) - 1
@@ -223,7 +225,7 @@ class Viewer:
             self.scrub(float(starts[np.clip(here + count + back, 0, len(starts) - 1)]))
 
     def tick(self) -> None:
-        """Go on by one picture, if it is playing."""
+        """Advance by one picture if it is playing."""
         with self._lock:
             if not self.playing:
                 return
@@ -241,10 +243,10 @@ class Viewer:
         self._closed.set()
         self.page.close()
 
-    # What is shown besides.
+    # Points, walls and second plan.
 
     def clicked(self, origin: Array, direction: Array) -> None:
-        """A point was clicked, seen from `origin` [m] in a direction."""
+        """Handle a click on a point, given by a line of sight from `origin` [m]."""
         grasp_map = self.live.graph.grasp_map
         point = marks.nearest_to_ray(grasp_map.positions, origin, direction)
         name = grasp_map.ids[point]
@@ -256,7 +258,7 @@ class Viewer:
             self.change(lambda: self.live.set_start_point(int(self.click.split()[-1]), name))
 
     def _explain_point(self, point: int) -> None:
-        """Say of a point which limbs can step there now, and why others cannot."""
+        """Show which limbs can step to a point now, and why others cannot."""
         with self._lock:
             graph, state = self.live.graph, self.present_state()
             lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
@@ -264,23 +266,23 @@ class Viewer:
                 steps = graph.successors(state)
                 for limb in range(graph.limbs):
                     why = marks.why_not(graph, state, limb, point, steps)
-                    lines.append(f"limb {limb}: {why or 'can step there'}")
+                    lines.append(f"limb {limb}: {why or 'can step to this point'}")
             self.page.write("explanation", "  \n".join(lines))
 
     def present_state(self) -> State | None:
-        """The state of the stance that is shown, or that the present step leaves."""
+        """Return the state of the stance that is shown, or from which the shown step starts."""
         k = self.frames.at(self.time)
         number = min(int(self.frames.step[k]), len(self._states) - 1)
         return self._states[number] if self._states else None
 
     def set_colouring(self, what: str) -> None:
-        """Choose what the colours of points tell."""
+        """Choose the meaning of the colours of points."""
         with self._lock:
             self.colouring = what
             self._mark()
 
     def _mark(self) -> None:
-        """Colour the points, if anything has changed."""
+        """Colour the points if anything has changed that their colours depend on."""
         graph, state = self.live.graph, self.present_state()
         key = (self.colouring, state, graph.version, self.live.query.goal)
         if key == self._marked:
@@ -294,6 +296,7 @@ class Viewer:
         self.page.write("legend", legend_text(found))
 
     def _marks(self, state: State | None) -> marks.Marks:
+        """Return the colours of points in a state."""
         graph, query = self.live.graph, self.live.query
         if self.colouring == PLAIN or state is None:
             return marks.plain_marks(graph)
@@ -307,16 +310,17 @@ class Viewer:
         return marks.policy_marks(graph, probability)
 
     def hide_walls_from(self, eye: Array) -> None:
-        """Leave out what stands between a camera at `eye` [m] and the inside."""
+        """Hide the walls, if that is chosen, that a camera at `eye` [m] sees from behind."""
         self._eye = eye
         if not self._lock.acquire(blocking=False):
-            return  # the next move of the camera will do
+            return  # busy; the next movement of the camera calls this again
         try:
             self._show_faces(eye)
         finally:
             self._lock.release()
 
     def _show_faces(self, eye: Array) -> None:
+        """Show or hide the walls and points of each face."""
         grasp_map = self.live.graph.grasp_map
         hidden, below = set[str](), set[str]()
         if self.walls_hidden:
@@ -328,22 +332,22 @@ class Viewer:
                 self.page.show(f"points/{face}", face not in hidden)
                 self.page.show(f"second/module/{face}", face not in below)
 
-    def set_walls_hidden(self, walls: bool) -> None:
-        """Choose whether walls between the camera and the inside are left out."""
-        self.walls_hidden = walls
+    def set_walls_hidden(self, hidden: bool) -> None:
+        """Choose whether walls between the camera and the inside are hidden."""
+        self.walls_hidden = hidden
         self.hide_walls_from(self._eye)
 
     def set_visible(self, name: str, visible: bool) -> None:
-        """Show or hide explored steps, the plan, or the plan before, from now on."""
+        """Show or hide explored steps, the plan or the previous plan, by the name of the node."""
         self._hidden = self._hidden - {name} if visible else self._hidden | {name}
         self.page.show(name, visible)
 
     def show_collision_shapes(self, alone: bool) -> None:
-        """Show the collision shapes alone, or with what stands for joints."""
+        """Show the collision shapes alone, or with the rods that represent joints."""
         drawing.show_unchecked(self.page, "robot", self.scene, not alone)
 
     def add_box(self) -> None:
-        """Put a box in the middle of the base path, with arrows to drag it."""
+        """Add a box in the middle of the base path, with arrows to drag it."""
         name = f"added{self._boxes}"
         self._boxes += 1
         plan = self.live.shown
@@ -358,18 +362,18 @@ class Viewer:
             )
 
     def clear(self) -> None:
-        """Take boxes away and free all points."""
+        """Remove all obstacles and free all points."""
         self.page.remove("handles")
         self.change(self.live.clear)
 
     def compare(self, plan: Plan, frames: Frames) -> None:
-        """Show a second plan in the same module, played at the same time."""
+        """Show a second plan in the same module; both are played at the same time."""
         with self._lock:
             self.second = SecondPlan(self.page, self.scene, plan, frames)
             self.place_second(OVERLAID)
 
     def place_second(self, where: str) -> None:
-        """Show the second plan in the same module, in one below, or not at all."""
+        """Show the second plan in the same module, in a second one below, or not at all."""
         if self.second is None:
             return
         grasp_map = self.live.graph.grasp_map
@@ -385,4 +389,5 @@ class Viewer:
                 self.hide_walls_from(drawing.aim_camera(self.page, places, self._aspect, elevation))
 
     def _comparison(self) -> str:
+        """Return a table that compares both plans, `""` for one plan."""
         return "" if self.second is None else comparison_table(self.live.plan, self.second.plan)

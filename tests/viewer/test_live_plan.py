@@ -31,7 +31,7 @@ def test_a_given_start_pose_is_asked_for_again(checked_graph):
 def test_what_cannot_be_held_is_said_and_the_plan_before_is_shown(live, walk):
     live.set_start_point(0, "D2b:4")
     assert live.plan is None
-    assert live.reason == "cannot be asked"
+    assert live.reason == "invalid query"
     assert "D2b:4" in live.message
     assert live.shown is walk
     assert live.cause() == ""

@@ -136,7 +136,7 @@ def test_colours_tell_of_the_stance_that_is_shown(viewer):
     viewer.seek(2 * STEP_TIME)
     assert said(viewer, "legend") != first
     viewer.set_colouring(f"{viewers.WHY}1")
-    assert "can be stepped to" in said(viewer, "legend")
+    assert "a step leads there" in said(viewer, "legend")
     viewer.set_colouring(viewers.PLAIN)
     assert said(viewer, "legend") == ""
 
