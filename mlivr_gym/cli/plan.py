@@ -149,8 +149,8 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
     if result.reason in UNREACHABLE:
-        names = ("goal_face", "start_pose", "start_joints")
-        query = {name: getattr(args, name) for name in names}
+        options = search_options(args)
+        query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
         raise NoPlanError(f"{result.message}; {cause.message}")

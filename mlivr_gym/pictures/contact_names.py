@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Contact
-from mlivr_gym.pictures.robot_shapes import Part
+from mlivr_gym.pictures.robot_shapes import Part, nearest_pair, segment_samples
 from mlivr_gym.world.boxes import BOX, Box
 
 KINDS = {
@@ -73,24 +72,22 @@ def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
     If the axis of a capsule intersects a box, the gap is minus the distance by which the capsule
     would have to move along an edge of the box to leave it.
     """
-    axis = _axis_samples(first)
+    axis = _axis_samples(first)  # of the body: its edges
     if isinstance(second, Part) and second.box is not None:
         second = second.box
     if isinstance(second, Part):
-        other = _axis_samples(second)
-        apart = scipy.spatial.distance.cdist(axis, other)
-        a, b = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        return _between_rounded(axis[a], other[b], first.radius, second.radius)
+        pair = nearest_pair(axis, _axis_samples(second))
+        return _between_rounded(*pair, first.radius, second.radius)
     rotation, half = np.array(second.rotation), np.array(second.half)
-    seen = (axis - np.array(second.centre)) @ rotation
-    beside = np.clip(seen, -half, half)
-    apart = np.linalg.norm(seen - beside, axis=1)
-    k = int(np.argmin(apart))
-    if apart[k] > 0.0:
-        nearest = rotation @ beside[k] + np.array(second.centre)
-        return _between_rounded(axis[k], nearest, first.radius, 0.0)
+    local = (axis - np.array(second.centre)) @ rotation
+    nearest = np.clip(local, -half, half)
+    distances = np.linalg.norm(local - nearest, axis=1)
+    k = int(np.argmin(distances))
+    if distances[k] > 0.0:
+        surface = rotation @ nearest[k] + np.array(second.centre)
+        return _between_rounded(axis[k], surface, first.radius, 0.0)
     # Depth below each face, in the order -x, +x, -y, +y, -z, +z.
-    depth = np.stack([half + seen, half - seen], axis=2).reshape(-1, 6)
+    depth = np.stack([half + local, half - local], axis=2).reshape(-1, 6)
     face = int(np.argmin(depth.max(axis=0)))
     normal = rotation[:, face // 2] * (1.0 if face % 2 == 0 else -1.0)
     k = int(np.argmax(depth[:, face]))
@@ -108,5 +105,4 @@ def _between_rounded(here: Array, there: Array, radius: float, other: float) -> 
 
 def _axis_samples(part: Part) -> Array:
     """Sample the axes of a shape densely, shape (k, 3) [m]."""
-    share = np.linspace(0.0, 1.0, 801)[:, None]
-    return np.concatenate([a + share * (b - a) for a, b in part.axes])
+    return np.concatenate([segment_samples(start, end, 801) for start, end in part.axes])

@@ -124,15 +124,25 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
 
 def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
     """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
-    share = np.linspace(0.0, 1.0, 101)[:, None]
-    places = [a + share * (b - a) for a, b in axes]
-    rods = []
-    for k, (here, there) in enumerate(pairwise(places)):
-        apart = scipy.spatial.distance.cdist(here, there)
-        first, second = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        ends = np.stack([here[first], there[second]])
-        rods.append(_capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, ends, JOINT_RADIUS))
-    return rods
+    samples = [segment_samples(*ends, 101) for ends in axes]
+    return [
+        _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, nearest_pair(*neighbours), JOINT_RADIUS)
+        for k, neighbours in enumerate(pairwise(samples))
+    ]
+
+
+def segment_samples(start: Array, end: Array, count: int) -> Array:
+    """Return positions at equal intervals on a segment, shape (count, 3) [m]."""
+    share = np.linspace(0.0, 1.0, count)[:, None]
+    samples: Array = start + share * (end - start)
+    return samples
+
+
+def nearest_pair(first: Array, second: Array) -> Array:
+    """Return the two closest positions of two sets, shapes (k, 3), as rows, shape (2, 3) [m]."""
+    distances = scipy.spatial.distance.cdist(first, second)
+    i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    return np.stack([first[i], second[j]])
 
 
 def _capsule(name: str, colour: str, ends: Array, radius: float) -> Part:

@@ -188,13 +188,9 @@ def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> 
         for hold in held:
             numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
     for k, (place, stances) in enumerate(numbers.items()):
-        inward = grasp_map.normals[_point_at(grasp_map, np.array(place))]
-        page.label(f"{name}/number{k}", ", ".join(stances), np.array(place) + LABEL_LIFT * inward)
-
-
-def _point_at(grasp_map: GraspMap, place: Array) -> int:
-    """Return the index of the point at a position [m]."""
-    return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
+        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(place), axis=1))
+        above = np.array(place) + LABEL_LIFT * grasp_map.normals[point]
+        page.label(f"{name}/number{k}", ", ".join(stances), above)
 
 
 def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:

@@ -67,21 +67,14 @@ def _add_playing(viewer: Viewer) -> None:
     page.text("where")
     most = max(viewer.duration, 0.1)
     page.item("time", gui.add_slider("time [s]", 0.0, most, 0.01, 0.0), viewer.scrub)
-    pressed = gui.add_button_group("", (BACK, PLAY, ON))
-    pressed.on_click(lambda event: _press(viewer, str(event.target.value)))
+    actions = {BACK: lambda: viewer.jump(-1), PLAY: viewer.toggle, ON: lambda: viewer.jump(1)}
+    buttons = gui.add_button_group("", tuple(actions))
+    buttons.on_click(lambda event: actions[str(event.target.value)]())
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
     page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
     no_data = (np.zeros(2), np.zeros(2))
     for name in PLOTS:
         page.items[name] = gui.add_uplot(no_data, ({}, {}), height=150, visible=False)
-
-
-def _press(viewer: Viewer, label: str) -> None:
-    """Call the method of a button."""
-    if label == PLAY:
-        viewer.toggle()
-    else:
-        viewer.jump(1 if label == ON else -1)
 
 
 def _add_changing(viewer: Viewer) -> None:

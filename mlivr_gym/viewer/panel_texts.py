@@ -11,7 +11,9 @@ def summary(live: LivePlan, cause: str | None = None) -> str:
     """Summarise a plan, or say why none exists; the cause is None while it is searched for."""
     x, y, z = live.query.goal
     query = f"{' '.join(live.query.start)} → ({x:.2f}, {y:.2f}, {z:.2f}), {live.query.cost} cost"
-    spent = f"{live.expanded} states explored, {_time(live.seconds)}"
+    seconds = live.seconds
+    time = f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
+    spent = f"{live.expanded} states explored, {time}"
     if live.plan is None:
         explanation = "*searching for the cause ...*" if cause is None else cause
         return f"**No plan:** {live.message}.\n\n{explanation}\n\n{query}  \n{spent}"
@@ -26,11 +28,6 @@ def summary(live: LivePlan, cause: str | None = None) -> str:
         steps, length = len(live.previous.steps), live.previous.base_translation
         lines.append(f"previous plan: {steps} steps, {length:.3f} m (pale)")
     return "  \n".join(lines)
-
-
-def _time(seconds: float) -> str:
-    """Format a time, in milliseconds or seconds."""
-    return f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
 def comparison_table(first: Plan | None, second: Plan) -> str:
