@@ -76,8 +76,8 @@ def witness_points(first: Part, second: Part | Box) -> WitnessPoints:
     if isinstance(second, Part) and second.box is not None:
         second = second.box
     if isinstance(second, Part):
-        pair = nearest_pair(axis, _axis_samples(second))
-        return _between_rounded(*pair, first.radius, second.radius)
+        here, there = nearest_pair(axis, _axis_samples(second))
+        return _between_rounded(here, there, first.radius, second.radius)
     rotation, half = np.array(second.rotation), np.array(second.half)
     local = (axis - np.array(second.centre)) @ rotation
     nearest = np.clip(local, -half, half)

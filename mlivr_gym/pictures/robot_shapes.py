@@ -124,7 +124,7 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
 
 def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
     """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
-    samples = [segment_samples(*ends, 101) for ends in axes]
+    samples = [segment_samples(start, end, 101) for start, end in axes]
     return [
         _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, nearest_pair(*neighbours), JOINT_RADIUS)
         for k, neighbours in enumerate(pairwise(samples))

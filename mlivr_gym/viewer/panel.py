@@ -67,7 +67,11 @@ def _add_playing(viewer: Viewer) -> None:
     page.text("where")
     most = max(viewer.duration, 0.1)
     page.item("time", gui.add_slider("time [s]", 0.0, most, 0.01, 0.0), viewer.scrub)
-    actions = {BACK: lambda: viewer.jump(-1), PLAY: viewer.toggle, ON: lambda: viewer.jump(1)}
+    actions: dict[str, Callable[[], None]] = {
+        BACK: lambda: viewer.jump(-1),
+        PLAY: viewer.toggle,
+        ON: lambda: viewer.jump(1),
+    }
     buttons = gui.add_button_group("", tuple(actions))
     buttons.on_click(lambda event: actions[str(event.target.value)]())
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
