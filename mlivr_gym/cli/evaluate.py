@@ -117,18 +117,9 @@ def _report(name: str, means: dict[str, Any]) -> None:
 
 
 def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
-    """Return the policy of a name on the command line.
+    """Return the policy of a name: one of `PLANNERS`, `"pretrained"`, or the path of a checkpoint.
 
-    Parameters
-    ----------
-    name
-        One of `PLANNERS`, `"pretrained"`, or the path of a checkpoint without suffix.
-    env
-        Environment in which the policy acts.
-    seed
-        Seed of random policies.
-    beam
-        Width of a beam search that a learned policy guides; None for no search.
+    `beam` is the width of a beam search that a learned policy guides; None for no search.
 
     Raises
     ------

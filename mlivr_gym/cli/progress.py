@@ -39,17 +39,7 @@ class Progress:
     """
 
     def __init__(self, what: str, total: int | None = None, quiet: bool = False) -> None:
-        """Start the clock of a phase of work.
-
-        Parameters
-        ----------
-        what
-            The work, or the things that are counted.
-        total
-            Their number, if it is known.
-        quiet
-            Whether nothing is displayed.
-        """
+        """Start the clock of a phase: `what` names the work or what is counted, up to `total`."""
         self._quiet = quiet
         self._has_line, self._drawn_at, self._ended = False, 0.0, threading.Event()
         self._lock = threading.Lock()

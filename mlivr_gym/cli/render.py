@@ -134,24 +134,10 @@ def draw(
     obstacles: Sequence[Box] = (),
     route: Route | None = None,
 ) -> None:
-    """Render the shots of each picture side by side with MuJoCo.
+    """Render pictures with MuJoCo, or with matplotlib if no GL library can be used.
 
-    If no GL library can be used they are drawn with matplotlib.
-
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    pictures
-        Shots of each picture, by the PNG file to write.
-    size
-        Width and height of one shot [px].
-    obstacles
-        Boxes in addition to those of the map.
-    route
-        Route of a plan, drawn in each shot; if given, shots have captions.
+    `pictures` are the shots of each picture, which are placed side by side, by the PNG file to
+    write; `size` is that of one shot [px]. With the route of a plan, shots have captions.
     """
     width, height = size
     strip = strip_height(height) if route is not None else 0

@@ -40,16 +40,9 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 
 
 def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
-    """Draw short labels with white outlines on a picture.
+    """Draw labels, each a text and its colour, with white outlines on a picture.
 
-    Parameters
-    ----------
-    picture
-        The picture, shape (height, width, 3).
-    pixels
-        Column and row of each label, shape (k, 2) [px]; labels outside are omitted.
-    labels
-        Text and colour of each label.
+    `pixels` are column and row of each label, shape (k, 2) [px]; labels outside are omitted.
     """
     from PIL import Image as Pillow
     from PIL import ImageDraw

@@ -194,14 +194,7 @@ def film_cameras(
 ) -> list[Camera]:
     """Return the camera of each picture; it follows the base along x at a constant distance.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    configurations
-        Configuration of the robot in each picture.
-    aspect
-        Width of a picture divided by its height.
+    `aspect` is the width of a picture divided by its height.
     """
     shapes = LimbShapes(robot)
     around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)

@@ -51,21 +51,9 @@ class Part(NamedTuple):
 
 
 def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
-    """Compute the corners of the faces of a capsule.
+    """Compute the corners of the faces of a capsule, shape (f, 4, 3) [m].
 
-    Parameters
-    ----------
-    ends
-        Ends of the capsule's axis, shape (2, 3) [m].
-    radius
-        Radius [m].
-    around
-        Number of faces round the axis.
-
-    Returns
-    -------
-    Array
-        Shape (f, 4, 3) [m].
+    `ends` are the ends of its axis, shape (2, 3) [m]; it has `around` faces round the axis.
     """
     rings = max(around // 4, 2)
     along = ends[1] - ends[0]
@@ -206,19 +194,10 @@ def _lit(colour: str, faces: Array) -> Array:
 
 
 def outline(faces: Array, across: Array) -> Array:
-    """Compute the outline of a convex shape in an orthographic projection.
+    """Compute the outline of a convex shape in an orthographic projection, shape (k, 2) [m].
 
-    Parameters
-    ----------
-    faces
-        Corners of the shape's faces, shape (f, 4, 3) [m].
-    across
-        Horizontal and vertical axis of the picture in the world frame, shape (2, 3).
-
-    Returns
-    -------
-    Array
-        Corners of the outline in the picture, shape (k, 2) [m].
+    `faces` are the corners of its faces, shape (f, 4, 3) [m]; `across` are the horizontal and
+    vertical axis of the picture in the world frame, shape (2, 3).
     """
     seen = faces.reshape(-1, 3) @ across.T
     corners: Array = seen[scipy.spatial.ConvexHull(seen).vertices]

@@ -233,18 +233,10 @@ def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Ar
 
 
 def aim_camera(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
-    """Move the camera so that it sees all of some positions, and return its position [m].
+    """Move the camera so that it sees all of some positions (k, 3) [m]; return its position [m].
 
-    Parameters
-    ----------
-    page
-        The page.
-    places
-        Positions to see, shape (k, 3) [m].
-    aspect
-        Width of the picture divided by its height.
-    elevation
-        Angle of the line of sight above the horizon [deg].
+    `aspect` is the width of the picture divided by its height; the line of sight has an elevation
+    [deg] above the horizon.
     """
     x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)

@@ -48,21 +48,9 @@ class PolicyView:
         self._policy: LearnedPolicy = load_policy("pretrained", self._env)
 
     def probabilities(self, state: State, goal: Array, tolerance: float) -> Array:
-        """Compute the probability of each action, which is 0 if the action is masked out.
+        """Compute the probability of each action, shape (N, m), 0 for actions masked out.
 
-        Parameters
-        ----------
-        state
-            The state.
-        goal
-            Goal position, shape (3,) [m].
-        tolerance
-            Radius of the goal region [m].
-
-        Returns
-        -------
-        Array
-            Probabilities by limb and point, shape (N, m).
+        The goal is given by its position [m] and the radius of the goal region [m].
 
         Raises
         ------

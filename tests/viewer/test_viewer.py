@@ -97,9 +97,9 @@ def test_a_click_starts_a_limb(viewer):
     assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
 
 
-def test_a_click_tells_why_a_point_cannot_be_held(viewer):
+def test_a_click_explains_why_a_point_cannot_be_held(viewer):
     viewer.clicked(*sight(viewer, "D2b:4"))
-    told = said(viewer, "told")
+    told = said(viewer, "explanation")
     assert told.startswith("**D2b:4**, deck")
     assert "limb 0: point 'D2b:4' is held by limb 1" in told
 
