@@ -164,7 +164,10 @@ class Viewer:
             self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
             self._marked = ()
             self._show_plots()
-            page.write("summary", summary(live) + self._comparison())
+            text = summary(live)
+            if self.second is not None:
+                text += comparison_table(live.plan, self.second.plan)
+            page.write("summary", text)
             page.items["time"].max = max(self.duration, 0.1)
             self.seek(0.0)
 
@@ -387,7 +390,3 @@ class Viewer:
                     places = np.concatenate([places, places + SECOND_OFFSET])
                     elevation = drawing.SECOND_ELEVATION
                 self.hide_walls_from(drawing.aim_camera(self.page, places, self._aspect, elevation))
-
-    def _comparison(self) -> str:
-        """Return a table that compares both plans, `""` for one plan."""
-        return "" if self.second is None else comparison_table(self.live.plan, self.second.plan)
