@@ -25,8 +25,14 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.rounded_lines import RoundedLines
-from mlivr_gym.pictures.figures import tints, write_figure
-from mlivr_gym.pictures.flat_views import FROM_ABOVE, FROM_THE_SIDE, NAMES, TOWARD_THE_EYE, View
+from mlivr_gym.pictures.figures import point_colours, write_figure
+from mlivr_gym.pictures.flat_views import (
+    FROM_ABOVE,
+    FROM_THE_SIDE,
+    VIEW_DIRECTIONS,
+    VIEW_NAMES,
+    View,
+)
 from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
@@ -49,7 +55,7 @@ Span = tuple[float, float, float, float]
 
 def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) -> None:
     """Draw shapes of a robot flat, the farther ones first."""
-    toward = np.array(TOWARD_THE_EYE[view])
+    toward = np.array(VIEW_DIRECTIONS[view])
     for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
         edge = outline(part.faces, np.eye(3)[list(view)])
         colour = pale(part.colour, paleness)
@@ -59,12 +65,14 @@ def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) 
 def shown(figure: Figure, place: Span, graph: PairGraph, view: View, span: Span) -> Any:
     """Axes of a flat view of the points of a part of the map."""
     axes = figure.add_axes(place, aspect="equal")
-    axes.scatter(*graph.grasp_map.positions[:, view].T, s=3, color=tints(graph.grasp_map), zorder=1)
+    axes.scatter(
+        *graph.grasp_map.positions[:, view].T, s=3, color=point_colours(graph.grasp_map), zorder=1
+    )
     axes.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)
     axes.set_ylabel("xyz"[view[1]] + " [m]", fontsize=8)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(NAMES[view], fontsize=9.5, loc="left", color="0.25")
+    axes.set_title(VIEW_NAMES[view], fontsize=9.5, loc="left", color="0.25")
     axes.set(xlim=span[:2], ylim=span[2:])
     return axes
 

@@ -17,7 +17,7 @@ from reports import command_line
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.paper import default_setup
-from mlivr_gym.pictures.walk_figure import Leg, walk_figure
+from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure
 from mlivr_gym.planners import Planner
 
 
@@ -28,7 +28,7 @@ def main() -> None:
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])
     how: dict[str, Any] = {"cost": "weighted", "regrasp_price": 0.05}
     planner.prepare(goal, **how)
-    legs: list[Leg] = []
+    walked_plans: list[WalkedPlan] = []
     interruptions = 0
     while True:
         began = time.perf_counter()
@@ -41,7 +41,7 @@ def main() -> None:
         for limb, point in plan.actions[:take]:
             stance = tuple(point if i == limb else held for i, held in enumerate(stance))
             print(f"    limb {limb} takes {point}")
-        legs.append(Leg(plan, take))
+        walked_plans.append(WalkedPlan(plan, take))
         here = plan.motion.base_positions[take]
         if np.linalg.norm(here - goal) <= plan.query.goal_tolerance:
             break
@@ -56,10 +56,10 @@ def main() -> None:
             ahead = [point for held in plan.stances[3:] for point in held if point not in stance]
             graph.occupy(sorted(set(ahead))[:4])
             print(f"  points {', '.join(sorted(set(ahead))[:4])} are occupied")
-    steps = sum(leg.taken for leg in legs)
+    steps = sum(walked.steps_taken for walked in walked_plans)
     print(f"arrived after {steps} steps and {interruptions} interruptions")
     out.mkdir(parents=True, exist_ok=True)
-    walk_figure(graph.grasp_map, legs, out / "interrupted_walk.png")
+    walk_figure(graph.grasp_map, walked_plans, out / "interrupted_walk.png")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from reports import case_3, command_line
 
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.film import film_pictures, film_samples, save_film, usual_speed
+from mlivr_gym.pictures.film import default_speed, film_pictures, film_samples, save_film
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
@@ -46,7 +46,7 @@ def main() -> None:
         assert execution.failure is None
         recordings.append(execution.recording)
     longest = max(recordings, key=lambda recording: float(recording.times[-1]))
-    speed, sides = usual_speed(longest), []
+    speed, sides = default_speed(longest), []
     times = longest.times[film_samples(longest, speed)]
     for words, recording in zip(PACES, recordings, strict=True):
         samples = np.searchsorted(recording.times, times - 1e-9).clip(0, len(recording.times) - 1)

@@ -37,7 +37,7 @@ from planning_report import NOTHING
 from table1 import study_markdown
 from truth import told
 
-from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, rows_of, table_markdown
+from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
 
 ROOT = Path(__file__).parent.parent
@@ -53,7 +53,7 @@ def table1(data: dict[str, Any]) -> str:
     """Table I of the paper beside what was measured."""
     lines = [HEAD, HEAD_LINE]
     for case, title in CASES.items():
-        lines += rows_of(data, case, title)
+        lines += table_rows(data, case, title)
     return "\n".join(lines) + "\n"
 
 

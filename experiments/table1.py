@@ -19,7 +19,7 @@ from reports import command_line, pair_graph, publish, read, table
 from tqdm import tqdm
 
 from mlivr_gym import State
-from mlivr_gym.cli.table1 import impossible, run_cases
+from mlivr_gym.cli.table1 import broken_relations, run_cases
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.paper import CASES, MODES
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
@@ -170,7 +170,7 @@ def main() -> None:
         study = {"transition_study": transition_study(args.pairs), "pareto": pareto(args.pairs)}
         publish(args.out, "table1_study", study, study_markdown)
         print(study_markdown(study))
-        failed = impossible(data)
+        failed = broken_relations(data)
     draw_pareto(study["pareto"], study["transition_study"]["pairs"], args.out / "pareto.png")
     if failed:
         raise SystemExit(f"relations that do not hold: {failed}")

@@ -89,7 +89,7 @@ def pair(seed: int) -> dict[str, Any]:
             try:
                 found = planner.plan(
                     start.stance, goal, CASES[case].cost, heuristic=HEURISTICS[mode],
-                    goal_face="overhead", start_pose=start.given_to(planner.graph),
+                    goal_face="overhead", start_pose=start.pose_for(planner.graph),
                 )  # fmt: skip
             except StanceError:
                 found = None
@@ -97,7 +97,7 @@ def pair(seed: int) -> dict[str, Any]:
     best = planner_of(2, "faithful", 0)
     assert isinstance(best.graph, PairGraph)
     optimal = best.plan(
-        start.stance, goal, "base", goal_face="overhead", start_pose=start.given_to(best.graph)
+        start.stance, goal, "base", goal_face="overhead", start_pose=start.pose_for(best.graph)
     )
     out["optimal"] = optimal.plan.base_translation if optimal.plan else None
     return out

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
-from mlivr_gym.viewer.live_plan import Asked, LivePlan
+from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.panel import add_panel
 from mlivr_gym.viewer.viewer import Viewer
@@ -39,10 +39,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
     out = parser.parse_args().out
-    live = LivePlan(stance_graph(), Asked(START, GOAL, "steps"))
+    live = LivePlan(stance_graph(), LiveQuery(START, GOAL, "steps"))
     live.replan()
     assert live.plan is not None
-    live.block(live.plan.steps[0].to_point)
+    live.toggle_occupied(live.plan.steps[0].to_point)
     viewer = Viewer(Page("127.0.0.1", 0, "mlivr-gym"), live)
     add_panel(viewer)
     viewer.refresh()

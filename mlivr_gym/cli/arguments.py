@@ -1,4 +1,4 @@
-"""Arguments that several commands share, and what is made of them."""
+"""Options that several commands share, and the maps, graphs and queries that they describe."""
 
 from __future__ import annotations
 
@@ -20,148 +20,156 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
-LARGEST_SEED = 2**31
-"""Largest seed; each episode takes the next, and NumPy's old generator takes 32 bits."""
+MAX_SEED = 2**31
+"""Largest seed: each episode takes the next one, and NumPy's old generator accepts 32 bits."""
 
-MOST_EPISODES = 10**6
-"""Most episodes of one command."""
+MAX_EPISODES = 10**6
+"""Maximum number of episodes of one command."""
 
-MOST_THREADS = 1024
-"""Most threads of PyTorch."""
+MAX_THREADS = 1024
+"""Maximum number of threads of PyTorch."""
 
-WIDEST_BEAM = 1000
-"""Most walks that a beam search keeps."""
+MAX_BEAM_WIDTH = 1000
+"""Maximum width of a beam search."""
 
 
 Add: TypeAlias = Callable[..., argparse.ArgumentParser]
-"""Adds a command to the parser's, whose name and help it knows."""
+"""`add_parser` of the subcommands, with the name and the help line of one command."""
 
 
 def command(
-    add: Add, run: Callable[[argparse.Namespace], int | None], **told: Any
+    add: Add,
+    run: Callable[[argparse.Namespace], int | None],
+    description: str,
+    groups: tuple[str, ...] = (),
 ) -> argparse.ArgumentParser:
-    """Add a command to the parser's.
+    """Add a command to the command line and return its parser.
 
     Parameters
     ----------
     add
-        What adds it.
+        Function that adds the command's parser.
     run
-        What it does with its arguments; returns its exit code, or None for success.
-    **told
-        `groups`, the names of `GROUPS` it has besides those of what is printed, and
-        arguments of `add_parser`.
+        Function that runs the command; returns its exit code, or None for success.
+    description
+        First paragraph of its help.
+    groups
+        Names of the `GROUPS` of options that it has in addition to `"output"`.
     """
-    groups = (*told.pop("groups", ()), "output")
-    parser = add(parents=[GROUPS[group]() for group in groups], **told)
+    parents = [GROUPS[group]() for group in (*groups, "output")]
+    parser = add(parents=parents, description=description)
     parser.set_defaults(run=run)
     return parser
 
 
 def option(
-    parser: argparse._ActionsContainer, usage: str, told: str, default: Any = None, **rest: Any
+    parser: argparse._ActionsContainer, usage: str, text: str, default: Any = None, **more: Any
 ) -> None:
-    """Add an option as its usage reads.
+    """Add an option that is written as it appears in the usage line.
 
     Parameters
     ----------
     parser
         The parser, or a group of it.
     usage
-        `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` any.
-    told
-        Its help, to which the default is added.
+        `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` one or more.
+    text
+        Help text, to which the default is added.
     default
-        What it is if it is not given, whose type its values have.
-    **rest
+        Default value, which also determines the type of the values.
+    **more
         Further arguments of `add_argument`.
     """
     names = [word for word in usage.split() if word.startswith("-")]
     values = usage.split()[len(names) :]
     if not values:
-        parser.add_argument(*names, action="store_true", help=told, **rest)
+        parser.add_argument(*names, action="store_true", help=text, **more)
         return
     first = default[0] if isinstance(default, tuple) else default
     if isinstance(first, int | float):
-        rest["type"] = type(first)
-    if "choices" not in rest:
-        rest["metavar"] = tuple(values) if len(values) > 1 else values[0].removesuffix("...")
+        more["type"] = type(first)
+    if "choices" not in more:
+        more["metavar"] = tuple(values) if len(values) > 1 else values[0].removesuffix("...")
     if len(values) > 1 or values[0].endswith("..."):
-        rest["nargs"] = len(values) if len(values) > 1 else "+"
-    elif default is not None and default != []:
-        told += " (default: %(default)s)"
-    parser.add_argument(*names, default=default, help=told, **rest)
+        more["nargs"] = len(values) if len(values) > 1 else "+"
+    if default is not None and default != []:
+        shown = " ".join(map(str, default)) if isinstance(default, tuple) else default
+        text += f" (default: {shown})"
+    parser.add_argument(*names, default=default, help=text, **more)
 
 
-def _group() -> argparse.ArgumentParser:
-    """A parser for `parents`."""
+def _parent_parser() -> argparse.ArgumentParser:
+    """Return an empty parser for argparse's `parents`."""
     return argparse.ArgumentParser(add_help=False)
 
 
 def world_arguments() -> argparse.ArgumentParser:
-    """The arguments of robot, map and thresholds, for `parents`."""
-    parser = _group()
-    option(parser, "--robot ROBOT", "mlivr2, mlivr3, mlivr4 or a JSON file", "mlivr2")
+    """Return the parent parser of robot, map and settings."""
+    parser = _parent_parser()
+    option(parser, "--robot ROBOT", "mlivr2, mlivr3, mlivr4, or a robot as a JSON file", "mlivr2")
     option(parser, "--map FILE", "map as a JSON file (default: the measured JEM)")
-    option(parser, "--no-manipulability", "do without both thresholds")
-    option(parser, "--no-transitions", "do not check that steps can be executed")
-    option(parser, "--no-collisions", "let limbs touch each other and the cabin")
-    option(parser, "--clearance M", "least distance between shapes [m]", 0.02)
-    option(parser, "--limb-threshold W", "least w_m", 0.1)
-    option(parser, "--base-threshold W", "least w_b (default: 0.001 (2/N)^3)", type=float)
+    option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
+    option(parser, "--no-transitions", "do not check that steps are executable")
+    option(parser, "--no-collisions", "do not check collisions")
+    option(parser, "--clearance M", "minimum distance between collision shapes [m]", 0.02)
+    option(parser, "--limb-threshold W", "minimum limb manipulability w_m of a stance", 0.1)
+    text = "minimum base manipulability w_b of a stance (default: 0.001 (2/N)^3 for N limbs)"
+    option(parser, "--base-threshold W", text, type=float)
     return parser
 
 
 def output_arguments() -> argparse.ArgumentParser:
-    """The arguments of what is printed, for `parents`."""
-    parser = _group()
-    told = "print the result as one JSON object in place of text, also where the command fails"
-    option(parser, "--json", told)
-    option(parser, "-q --quiet", "print neither text nor progress")
+    """Return the parent parser of printed output."""
+    parser = _parent_parser()
+    text = "print one JSON object in place of text, even if the command fails"
+    option(parser, "--json", text)
+    option(parser, "-q --quiet", "print neither text nor progress; errors are still printed")
     return parser
 
 
 def obstacle_arguments() -> argparse.ArgumentParser:
-    """The arguments of obstacles and occupied points, for `parents`."""
-    parser, boxes = _group(), {"type": float, "action": "append"}
+    """Return the parent parser of obstacles and occupied points."""
+    parser, boxes = _parent_parser(), {"type": float, "action": "append"}
     option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
-    told = "a box or keep-out zone, lower and upper corner [m]; may be repeated"
-    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", told, [], **boxes)
-    option(parser, "--occupied POINT...", "points that may not be grasped", [])
+    text = "box that the robot must not touch, by its lower and upper corner [m]; may be repeated"
+    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
+    option(parser, "--occupied POINT...", "ids of points that no limb may grasp", [])
     return parser
 
 
 def query_arguments() -> argparse.ArgumentParser:
-    """The arguments of start, goal and search, for `parents`."""
-    parser = _group()
-    option(parser, "--start POINT...", "point id of each limb")
+    """Return the parent parser of start, goal and search."""
+    parser = _parent_parser()
+    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(
         parser,
         "--start-pose X Y Z QW QX QY QZ",
-        "base pose at the start, if the robot stands in another than that of its stance [m] "
-        "(default: that one)",
+        "base pose at the start: position [m] and quaternion (default: the posture of the stance)",
         type=float,
     )
-    told = "joint angles at the start, six for each limb [rad] (default: any that hold the points)"
-    option(parser, "--start-joints Q...", told, type=float)
+    text = "joint angles at the start, six for each limb [rad] (default: any that hold the points)"
+    option(parser, "--start-joints Q...", text, type=float)
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
-    option(parser, "--tolerance M", "radius of the goal [m]", 0.2)
-    option(parser, "--goal-face FACE", "all limbs are to hold points of this face at the goal")
-    told = "base, steps, weighted, or time: fastest of several plans"
-    option(parser, "--cost COST", told, "base")
-    option(parser, "--regrasp-price M", "metres charged for a regrasp, with weighted", type=float)
-    option(parser, "--method METHOD", "astar, dijkstra, greedy or algorithm1", "astar")
-    option(parser, "--heuristic HEURISTIC", "cost_to_go, consistent, paper or zero")
+    option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
+    option(parser, "--goal-face FACE", "face whose points all limbs must hold at the goal")
+    text = "cost to minimise: base, steps, weighted, or time (the fastest of several plans)"
+    option(parser, "--cost COST", text, "base")
+    text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
+    option(parser, "--regrasp-price M", text, type=float)
+    text = "search method: astar, dijkstra, greedy or algorithm1"
+    option(parser, "--method METHOD", text, "astar")
+    text = "cost_to_go, consistent, paper or zero (default: cost_to_go for two limbs, else "
+    option(parser, "--heuristic HEURISTIC", f"{text}consistent)")
     option(
         parser,
         "--inflation E",
-        "the plan costs at most E times the least (default: 1 for two limbs; with more the "
-        "first plan found is taken, and within what factor it is proved is told)",
+        "accept a plan that is proved to cost at most E times the minimum (default: 1 for two "
+        "limbs; for more the first plan is accepted, and the proved factor is printed)",
         type=float,
     )
-    told = "more than two limbs: look for a plan and improve it for S seconds at most"
-    option(parser, "--time-limit S", told, type=float)
-    option(parser, "--limit LIMIT", "most states explored", 200_000)
+    text = "search and improve the plan for at most S seconds; for three or more limbs"
+    option(parser, "--time-limit S", text, type=float)
+    option(parser, "--limit LIMIT", "maximum number of states explored", 200_000)
     return parser
 
 
@@ -171,11 +179,11 @@ GROUPS = {
     "query": query_arguments,
     "output": output_arguments,
 }
-"""Arguments that several commands have, by name."""
+"""Groups of options that several commands share, by name."""
 
 
 def search_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `Planner.plan` besides start, goal and cost."""
+    """Return the arguments of `Planner.plan` other than start, goal and cost."""
     names = (
         "goal_face", "start_pose", "start_joints", "method", "heuristic", "inflation", "limit",
         "time_limit",
@@ -184,12 +192,12 @@ def search_options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:
-    """The map of `--map`, by default the measured JEM."""
+    """Return the map of `--map`, by default the measured JEM."""
     return GraspMap.load(args.map) if args.map else jem_map()
 
 
 def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
-    """The stance graph of the arguments, with the obstacles of commands that take some."""
+    """Build the stance graph of the arguments, with the obstacles if the command has any."""
     _check_world(args)
     settings = Settings(
         limb_threshold=args.limb_threshold,
@@ -215,9 +223,15 @@ def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
 def chosen_task(
     graph: PairGraph | LazyGraph, args: argparse.Namespace
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
-    """Start (point ids) and goal [m].
+    """Return the start as point ids, and the goal position [m].
 
-    As given, else the calibrated ones on the JEM with two limbs, else a seeded draw.
+    What is not given is that of Table I for two limbs on the JEM; otherwise it is drawn with a
+    fixed seed.
+
+    Raises
+    ------
+    NoPlanError
+        If the start cannot be held.
     """
     start, goal = args.start, args.goal
     if start is None or goal is None:
@@ -226,7 +240,7 @@ def chosen_task(
             start, goal = start or setup["start"], goal or setup["goal"]
         else:
             if start is not None:
-                graph.indices(start)  # what is no stance at all is refused as such
+                graph.indices(start)  # an unknown point is invalid input, not a missing plan
             try:
                 pose = (getattr(args, "start_pose", None), getattr(args, "start_joints", None))
                 given = graph.state(start, *pose) if start is not None else None
@@ -238,36 +252,35 @@ def chosen_task(
 
 
 def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:
-    """Refuse arguments of world, obstacles and query that what was chosen decides itself.
+    """Refuse options of world, obstacles and query that another option already determines.
 
     Parameters
     ----------
     args
         All arguments.
     chosen
-        The argument that decides.
+        Name of the option that determines them.
     taken
-        Arguments that have a meaning beside it.
+        Names of the options that keep their effect.
 
     Raises
     ------
     SettingError
-        naming one that would have no effect.
+        If an option without effect was given.
     """
     parsers = (world_arguments(), obstacle_arguments(), query_arguments())
-    decided = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}
-    refuse_without_effect(
-        args, f"beside --{chosen}, which decides it", *(name for name in decided if name in args)
-    )
+    fixed = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}
+    why = f"with --{chosen}, which determines it"
+    refuse_without_effect(args, why, *(name for name in fixed if name in args))
 
 
 def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> None:
-    """Refuse arguments that have no effect where they are given, for a reason.
+    """Refuse options that have no effect on this command line, for a reason.
 
     Raises
     ------
     SettingError
-        naming the first of them.
+        If one of the options was given; the message names the first.
     """
     for name in sorted(names):
         if getattr(args, name) != args.default(name):
@@ -275,7 +288,7 @@ def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> No
 
 
 def _check_world(args: argparse.Namespace) -> None:
-    """Refuse thresholds and a clearance that nothing is compared with."""
+    """Refuse thresholds or a clearance whose check is switched off."""
     if args.no_manipulability:
         refuse_without_effect(args, "with --no-manipulability", "limb_threshold", "base_threshold")
     if args.no_collisions:
@@ -283,12 +296,12 @@ def _check_world(args: argparse.Namespace) -> None:
 
 
 def check_counts(args: argparse.Namespace) -> None:
-    """Refuse a seed, a number of episodes or threads, or a width of a beam that cannot be."""
+    """Check the ranges of seed, number of episodes, beam width and number of threads."""
     for name, least, most in (
-        ("seed", 0, LARGEST_SEED),
-        ("episodes", 1, MOST_EPISODES),
-        ("beam", 1, WIDEST_BEAM),
-        ("threads", 1, MOST_THREADS),
+        ("seed", 0, MAX_SEED),
+        ("episodes", 1, MAX_EPISODES),
+        ("beam", 1, MAX_BEAM_WIDTH),
+        ("threads", 1, MAX_THREADS),
     ):
         value = getattr(args, name, None)
         if value is not None:
@@ -296,7 +309,7 @@ def check_counts(args: argparse.Namespace) -> None:
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `MlivrEnv` from the command line, without defaults."""
+    """Return those arguments of `MlivrEnv` that differ from their defaults."""
     _check_world(args)
     names = (
         "robot", "map", "clearance", "base_threshold", "limb_threshold", "reward", "grasp_failure",
@@ -308,6 +321,6 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _switched_off(args: argparse.Namespace) -> dict[str, bool]:
-    """Checks of the stance graph that are left out."""
+    """Return the checks of the stance graph that are switched off, as settings."""
     names = ("manipulability", "transitions", "collisions")
     return {name: False for name in names if getattr(args, f"no_{name}")}

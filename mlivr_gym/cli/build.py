@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import about, claim, file_size
+from mlivr_gym.cli.outputs import check_outputs, file_size, rough_duration
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
@@ -15,45 +15,48 @@ from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, 
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world",),
-        description="Work out the complete table of a robot on a map and keep it in the package's "
-        "cache folder, where plans and environments find it: of two limbs all steps, of three and "
-        "four all nodes and what each step between them keeps at most. Before it begins it tells "
-        "about how long that takes. What was stopped goes on where it was.",
+        description="Compute the complete table of a robot on a map and store it in the cache "
+        "folder, where planners and environments find it. For two limbs it contains all steps; "
+        "for three and four limbs, all nodes and, for each step between them, an upper bound of "
+        "the branches kept. The command first prints an estimate of time and size. If it is "
+        "interrupted, run it again to continue.",
     )
-    told = "file to pass on, too, which is found in a cache folder under the name that is printed"
-    option(parser, "--out FILE", told, type=Path)
+    text = "also write the table to this file; in a cache folder it needs the name that is printed"
+    option(parser, "--out FILE", text, type=Path)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Work the table out and keep it."""
+    """Compute the table and store it."""
     graph, folder = chosen_graph(args), cache_folder()
     name = name_of(graph)
     if folder is None and args.out is None:
-        raise SettingError(f"{CACHE_VARIABLE} is empty, so nothing is kept: name a file with --out")
-    claim(args.out)
-    with Progress("looking what is to do", quiet=args.quiet):
+        raise SettingError(
+            f"{CACHE_VARIABLE} is empty, so the table would not be stored; name a file with --out"
+        )
+    check_outputs(args.out)
+    with Progress("estimating time and size", quiet=args.quiet):
         needed = estimate_table(graph)
     if needed is not None:
         if folder is not None and args.out is None:
-            claim(folder / f".{name}", folder=folder)  # whether it may be written
+            check_outputs(folder / f".{name}", folder=folder)
         args.result |= {"about_seconds": needed.seconds, "about_bytes": needed.size}
         print(
-            f"{needed.candidates}: about {about(needed.seconds)}, "
+            f"{needed.candidates}: about {rough_duration(needed.seconds)}, "
             f"and a file of about {file_size(needed.size)}"
-            + (f"; {needed.done} parts are done already" if needed.done else ""),
+            + (f"; {needed.done} parts are already computed" if needed.done else ""),
             flush=True,
         )
-    with Progress("building [%]", PER_CENT, quiet=args.quiet) as progress:
+    with Progress("computing the table [%]", PER_CENT, quiet=args.quiet) as progress:
         path = build_table(graph, progress.show_share)
     if args.out:
         write_built(graph, args.out)
-        print(f"{args.out} (in a cache folder: {name})")
+        print(f"table: {args.out} (name it {name} in a cache folder)")
     if path is not None:
-        print(f"{'kept' if needed else 'there already'}: {path}")
+        print(f"{'stored' if needed else 'already stored'}: {path}")
     args.result |= {"file": args.out or path, "kept": path, "name": name}
     return SUCCESS if path or args.out else FAILED

@@ -21,54 +21,56 @@ from mlivr_gym.files import FileError
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
-        description="List the tables and the machine code that are kept between runs, with their "
-        "size and when they were used last. All of it is made again where it is needed.",
+        description="List the tables and the machine code that are stored between runs, with "
+        "their sizes and when they were last used. Whatever is removed is computed again when it "
+        "is needed.",
     )
-    how = parser.add_mutually_exclusive_group()
-    option(how, "--clear", "remove all of it")
-    told = "remove what was not used for longest until no more than, say, 2GB is kept"
-    option(how, "--limit SIZE", told)
+    group = parser.add_mutually_exclusive_group()
+    option(group, "--clear", "remove all of them")
+    text = "remove the least recently used until at most this size remains, such as 500MB or 2GB"
+    option(group, "--limit SIZE", text)
 
 
 def run(args: argparse.Namespace) -> None:
-    """List what is kept, or remove some of it."""
+    """List the cached files, or remove some of them."""
     files = cached_files()
     if args.clear or args.limit:
-        gone = files if args.clear else least_recently_used(files, _bytes(args.limit))
-        faults = remove(gone)
+        removed = files if args.clear else least_recently_used(files, _bytes(args.limit))
+        faults = remove(removed)
         files = cached_files()
-        args.result |= {"removed": len(gone) - len(faults)}
+        args.result |= {"removed": len(removed) - len(faults)}
         if faults:
             raise FileError(f"cannot remove {faults[0].filename!r}: {faults[0].strerror}")
-        print(f"{len(gone)} removed, {file_size(sum(one.size for one in gone))}")
-    tables = [one for one in files if one.what != MACHINE_CODE]
-    code = [one for one in files if one.what == MACHINE_CODE]
-    size = sum(one.size for one in files)
+        print(f"removed: {len(removed)} files, {file_size(sum(file.size for file in removed))}")
+    tables = [file for file in files if file.what != MACHINE_CODE]
+    code = [file for file in files if file.what == MACHINE_CODE]
+    size = sum(file.size for file in files)
     args.result |= {
         "folder": cache_folder(),
         "bytes": size,
-        "tables": [one._asdict() for one in tables],
-        "machine_code": {"folder": kernel_root(), "bytes": sum(one.size for one in code)},
+        "tables": [file._asdict() for file in tables],
+        "machine_code": {"folder": kernel_root(), "bytes": sum(file.size for file in code)},
     }
-    for one in tables:
-        print(_line(one))
+    for file in tables:
+        print(_line(file))
     if code:
-        last, many = max(one.used for one in code), sum(one.size for one in code)
-        print(_line(CachedFile(kernel_root(), MACHINE_CODE, many, last)))
+        last_used, code_size = max(file.used for file in code), sum(file.size for file in code)
+        print(_line(CachedFile(kernel_root(), MACHINE_CODE, code_size, last_used)))
     print(f"{file_size(size)} in {cache_folder() or kernel_root()}")
 
 
-def _line(one: CachedFile) -> str:
-    when = datetime.fromtimestamp(one.used).strftime("%Y-%m-%d %H:%M")
-    return f"{file_size(one.size):>9}  {when}  {one.path.name}  {one.what}"
+def _line(file: CachedFile) -> str:
+    """Return the line of a file: size, time of last use, name and content."""
+    when = datetime.fromtimestamp(file.used).strftime("%Y-%m-%d %H:%M")
+    return f"{file_size(file.size):>9}  {when}  {file.path.name}  {file.what}"
 
 
 def _bytes(size: str) -> int:
-    """A size as it is given, in bytes."""
+    """Return the number of bytes of a size such as `"2GB"`."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([kMGT]?B)?", size, re.IGNORECASE)
     units = [unit.lower() for unit in UNITS]
     if match is None:

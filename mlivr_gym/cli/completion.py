@@ -1,4 +1,4 @@
-"""The command `mlivr-gym completion`: completion of commands, options and their values."""
+"""The command `mlivr-gym completion`: a shell script that completes commands, options, values."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _mlivr_gym() {{
 }}
 complete -o default -F _mlivr_gym mlivr-gym
 """
-"""What both shells take; files are completed where nothing else fits."""
+"""Script for both shells; if nothing else fits, file names are completed."""
 
 
 def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = add(
-        description="Print a script by which a shell completes commands, options and values.",
+        description="Print a script with which bash or zsh completes commands, options and values.",
     )
-    parser.add_argument("shell", choices=("bash", "zsh"), help="the shell; both take one script")
+    parser.add_argument("shell", choices=("bash", "zsh"), help="the shell; both get one script")
     parser.set_defaults(run=run)
 
 
@@ -41,11 +41,11 @@ def run(args: argparse.Namespace) -> None:
 
 
 def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
-    """The script for some commands."""
+    """Return the completion script of the commands with these parsers."""
     named, cases = _values(), []
     for name, parser in parsers.items():
         words: list[str] = []
-        for action in parser._actions:  # argparse has no public way to its options
+        for action in parser._actions:  # argparse offers no public access to its options
             values = tuple(map(str, action.choices or ()))
             if not action.option_strings:
                 words += values
@@ -60,7 +60,7 @@ def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
 
 
 def _values() -> dict[str, tuple[str, ...]]:
-    """Values of options that are names, of one command or whatever the command."""
+    """Return the values of options that take a name, by option or by command and option."""
     from mlivr_gym.agents.hyperparameters import METHODS as TRAININGS
     from mlivr_gym.agents.test_set import SPLITS
     from mlivr_gym.cli.evaluate import PLANNERS

@@ -10,18 +10,18 @@ from mlivr_gym.extras import need
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world",),
-        description="Episodes of the A* expert with action masks as a Minari data set; "
-        "needs minari[create,hdf5].",
+        description="Write episodes of the A* expert with action masks as a Minari data set. "
+        "Needs the extra 'data'.",
     )
     option(parser, "--id ID", "id of the data set", "mlivr/jem/astar-v0")
-    option(parser, "--episodes N", "episodes", 200)
+    option(parser, "--episodes N", "number of episodes", 200)
     option(parser, "--seed N", "seed of the first episode", 0)
-    option(parser, "--reward REWARD", "steps or base", "steps")
+    option(parser, "--reward REWARD", "reward of a step: steps or base", "steps")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -31,11 +31,13 @@ def run(args: argparse.Namespace) -> None:
     from mlivr_gym.agents.dataset import write_dataset
 
     with Progress("episodes", args.episodes, args.quiet) as progress:
-        given = args.id, args.episodes, args.seed, environment_arguments(args)
-        dataset = write_dataset(*given, progress=progress.show)
+        env_arguments = environment_arguments(args)
+        dataset = write_dataset(
+            args.id, args.episodes, args.seed, env_arguments, progress=progress.show
+        )
     episodes, steps = int(dataset.total_episodes), int(dataset.total_steps)
     args.result |= {"id": args.id, "episodes": episodes, "steps": steps}
     print(
         f"{args.id}: {episodes} episodes, {steps} steps; "
-        f"load with mlivr_gym.agents.dataset.load_dataset({args.id!r})"
+        f"load it with mlivr_gym.agents.dataset.load_dataset({args.id!r})"
     )

@@ -1,4 +1,4 @@
-"""The command `mlivr-gym doctor`: what there is on this machine, and what is missing."""
+"""The command `mlivr-gym doctor`: a check of the installation on this machine."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mlivr_gym.errors import one_line
 from mlivr_gym.stances.build import COMPILED
 
 BACKENDS = ("egl", "glfw", "osmesa")
-"""Values of `MUJOCO_GL`: without a screen, with one, and in software."""
+"""Values of `MUJOCO_GL`: rendering without a screen, with one, and in software."""
 
 PROBE = """
 import mujoco
@@ -33,33 +33,33 @@ with mujoco.Renderer(model, 16, 16) as renderer:
     renderer.update_scene(mujoco.MjData(model))
     renderer.render()
 """
-"""Renders one picture, in a process of its own, since MuJoCo takes one backend a process."""
+"""Program that renders one picture; each backend needs a process, since MuJoCo loads only one."""
 
-LONGEST_PROBE = 60.0
-"""How long a backend may take [s]."""
+PROBE_TIMEOUT = 60.0
+"""Time limit of a backend [s]."""
 
 REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == ['\"](\w+)['\"])?$")
-"""A requirement in the metadata: the package, its versions, and the extra that asks for it."""
+"""A requirement in the metadata: the package, its versions, and the extra that needs it."""
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     command(
         add,
         run,
-        description="Tell the versions of the package and of what it needs, which extras are "
-        "installed, which GL libraries render, and where machine code and step tables are kept. "
-        "Exit code 1 if something that every command needs is missing.",
+        description="Check the installation: versions of the package and its requirements, "
+        "extras that are installed, GL libraries that can render, and where machine code and step "
+        "tables are stored. The exit code is 1 if something that every command needs is missing.",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look at everything, and tell it."""
-    with Progress("trying the GL libraries", quiet=args.quiet):
+    """Check everything and print the results."""
+    with Progress("testing the GL libraries", quiet=args.quiet):
         gl = {name: gl_fault(name) for name in BACKENDS}
     needed = requirements()
     core, extras = needed.pop("", {}), needed
-    compiler = _compiler()
+    compiler = _cache_report()
     args.result |= {
         "mlivr_gym": __version__,
         "folder": Path(__file__).parent.parent,
@@ -72,15 +72,15 @@ def run(args: argparse.Namespace) -> int:
     }
     print(f"mlivr-gym {__version__} in {Path(__file__).parent.parent}")
     print(f"Python {platform.python_version()} on {platform.platform()}")
-    print("needed: " + _listed(core))
+    print("required packages: " + _version_list(core))
     for name, packages in extras.items():
         missing = [package for package, version in packages.items() if version is None]
-        how = f"; pip install 'mlivr-gym[{name}]'" if missing else ""
-        print(f"extra [{name}]: {_listed(packages)}{how}")
+        remedy = f"; pip install 'mlivr-gym[{name}]'" if missing else ""
+        print(f"extra [{name}]: {_version_list(packages)}{remedy}")
     for name, fault in gl.items():
-        print(f"GL by {name}: {fault or 'works'}")
+        print(f"GL library {name}: {fault or 'works'}")
     if all(gl.values()):
-        print("  no GL library works: pictures are drawn with matplotlib, and there are no films")
+        print("  no GL library works: matplotlib draws the pictures, and films cannot be made")
     for name, value in compiler.items():
         print(f"{name.replace('_', ' ')}: {value}")
     absent = [package for package, version in core.items() if version is None]
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def requirements() -> dict[str, dict[str, str | None]]:
-    """Installed version, or None, of each package that is needed, by extra; `""` is the core."""
+    """Return the installed version, or None, of each requirement, by extra; `""` is the core."""
     found: dict[str, dict[str, str | None]] = {"": {}}
     try:
         listed = metadata.requires("mlivr-gym") or []
@@ -103,7 +103,7 @@ def requirements() -> dict[str, dict[str, str | None]]:
 
 
 def gl_fault(backend: str) -> str:
-    """Why MuJoCo cannot render with a backend here, in one line; empty if it can."""
+    """Return why MuJoCo cannot render with a backend here, in one line; `""` if it can."""
     environment = os.environ | {"MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
     if backend == "glfw":
         environment.pop("PYOPENGL_PLATFORM")
@@ -113,15 +113,15 @@ def gl_fault(backend: str) -> str:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=LONGEST_PROBE,
+            timeout=PROBE_TIMEOUT,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return f"no answer within {LONGEST_PROBE:g} s"
+        return f"no result within {PROBE_TIMEOUT:g} s"
     if done.returncode == 0:
         return ""
     lines = [line for line in done.stderr.splitlines() if re.match(r"\S*(Error|Exception)\b", line)]
-    return one_line(lines[-1]) if lines else f"ended with {done.returncode}"
+    return one_line(lines[-1]) if lines else f"ended with exit code {done.returncode}"
 
 
 def _version(package: str) -> str | None:
@@ -131,14 +131,14 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _listed(packages: dict[str, str | None]) -> str:
+def _version_list(packages: dict[str, str | None]) -> str:
     return ", ".join(f"{name} {version or 'MISSING'}" for name, version in packages.items())
 
 
-def _compiler() -> dict[str, Any]:
-    """What is known of compiled code and of the folders where answers are kept."""
+def _cache_report() -> dict[str, Any]:
+    """Return the state of compiled code and of the cache folders."""
     tables, code = cache_folder(), kernel_root()
-    kept = list(tables.glob("pairs-*.npz")) if tables is not None else []
+    stored = list(tables.glob("pairs-*.npz")) if tables is not None else []
     why = why_compiled(COMPILED.parent.name)
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"
@@ -148,15 +148,17 @@ def _compiler() -> dict[str, Any]:
         "machine_code_kept_in": str(code),
         "machine_code_kept": "yes"
         if any(code.glob("*/compiled"))
-        else "not yet: what is not ready-made is compiled by the first plan, or `mlivr-gym warmup`",
-        "step_tables_kept_in": str(tables) if tables is not None else f"nowhere: {CACHE_VARIABLE}",
-        "step_tables_kept": len(kept),
+        else "not yet: the first plan, or `mlivr-gym warmup`, compiles what is not ready-made",
+        "step_tables_kept_in": str(tables)
+        if tables is not None
+        else f"nowhere: {CACHE_VARIABLE} is empty",
+        "step_tables_kept": len(stored),
         "cache_can_be_written": _can_be_written(code),
     }
 
 
 def _can_be_written(folder: Path) -> bool:
-    """Whether files can be written to a folder, which may have to be made first."""
+    """Return whether files can be written to a folder, which may not exist yet."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)

@@ -21,7 +21,7 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError, choice, shortened
 from mlivr_gym.extras import need
 
-if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL library
+if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
     from mlivr_gym.agents.policies import Policy
     from mlivr_gym.envs.env import MlivrEnv
@@ -29,45 +29,45 @@ if TYPE_CHECKING:  # agents and environment import MuJoCo, which loads a GL libr
 PLANNERS = (
     "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
 )  # fmt: skip
-"""What can be measured besides learned policies."""
+"""Planners and baselines that can be evaluated in addition to learned policies."""
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world",),
-        description="Success, steps and base translation over seeded episodes, "
-        "or over the frozen test set.",
+        description="Evaluate a policy or a planner: success, steps and base translation over "
+        "seeded episodes, or over the tasks of the frozen test set (--split).",
     )
-    told = f"pretrained, a checkpoint, or {', '.join(PLANNERS)}"
-    option(parser, "--policy POLICY", told, "pretrained")
-    option(parser, "--episodes N", "episodes", 20)
+    text = f"pretrained, the path of a checkpoint without suffix, or {', '.join(PLANNERS)}"
+    option(parser, "--policy POLICY", text, "pretrained")
+    option(parser, "--episodes N", "number of episodes", 20)
     option(parser, "--seed N", "seed of the first episode", 0)
     option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
-    told = "let the pointer policy guide a beam search of this width"
-    option(parser, "--beam W", told, type=int)
-    told = "a split of the frozen test set in place of seeded episodes"
-    option(parser, "--split SPLIT", f"same, half, dense or occupied: {told}")
+    text = "width of a beam search guided by the pointer policy (default: no beam search)"
+    option(parser, "--beam W", text, type=int)
+    text = "split of the test set, in place of seeded episodes: same, half, dense or occupied"
+    option(parser, "--split SPLIT", text)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measure what acts, in every world that is asked for, and print the means."""
+    """Evaluate a policy in every requested world, and print the means."""
     from mlivr_gym.agents.evaluation import evaluate
     from mlivr_gym.envs.env import MlivrEnv
 
     check_counts(args)
     if args.split is not None:
-        refuse_without_effect(args, "with --split, which has its own tasks", "episodes", "map")
+        refuse_without_effect(args, "with --split, which determines it", "episodes", "map")
     if args.policy in PLANNERS:
         refuse_without_effect(args, f"with --policy {args.policy}", "beam")
     arguments = environment_arguments(args)
     results = []
     for world, episodes in _worlds(args):
-        with Progress("making the environment", quiet=args.quiet):
+        with Progress("building the environment", quiet=args.quiet):
             env = MlivrEnv(**(arguments | world))
-            policy = make_acting(args.policy, env, args.seed, args.beam)
+            policy = policy_by_name(args.policy, env, args.seed, args.beam)
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
-    """Arguments of each world's environment besides the given ones, and its episodes or tasks."""
+    """Return the environment arguments of each world, and its number of episodes or its tasks."""
     from mlivr_gym.agents.test_set import SPLITS, load_test_set
 
     if args.split is None:
@@ -86,10 +86,10 @@ def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
 
 
 def summary_of(results: list[Evaluation]) -> dict[str, Any]:
-    """Means over the episodes of all worlds, as `--json` tells them.
+    """Return the means over the episodes of all worlds that `--json` prints.
 
-    Steps and base translation [m] are those of the episodes that reach the goal, and None if none
-    does; the time of the first action [s] is that of all.
+    Steps and base translation [m] are means over the episodes that reach the goal, None if none
+    does; the time of the first action [s] is a mean over all episodes.
     """
     success = np.concatenate([result.success for result in results])
     steps = np.concatenate([result.steps for result in results])[success]
@@ -104,31 +104,27 @@ def summary_of(results: list[Evaluation]) -> dict[str, Any]:
     }
 
 
-def _report(name: str, told: dict[str, Any]) -> None:
+def _report(name: str, means: dict[str, Any]) -> None:
     """Print success, steps, base translation and the time of the first action."""
-    print(f"{name}: {told['successes']} of {told['episodes']} episodes reach the goal")
-    if told["successes"]:
+    print(f"{name}: {means['successes']} of {means['episodes']} episodes reach the goal")
+    if means["successes"]:
         print(
-            f"  where it is reached: {told['mean_steps']:.2f} steps, "
-            f"{told['mean_base_translation']:.3f} m of base translation"
+            f"  means over these: {means['mean_steps']:.2f} steps, "
+            f"{means['mean_base_translation']:.3f} m of base translation"
         )
-    first = 1e3 * told["mean_first_action_time"]
-    print(f"  first action after {first:.1f} ms on average, world included")
+    first = 1e3 * means["mean_first_action_time"]
+    print(f"  first action after {first:.1f} ms on average, environment and policy together")
 
 
-def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
-    """What acts, by the name that `evaluate` takes.
+def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
+    """Return the policy of a name: one of `PLANNERS`, `"pretrained"`, or the path of a checkpoint.
 
-    Parameters
-    ----------
-    name
-        One of `PLANNERS`, `"pretrained"`, or the path of a checkpoint without suffix.
-    env
-        The environment it shall act in.
-    seed
-        Seed of what is random.
-    beam
-        Width of the beam search that a learned policy guides, if it shall.
+    `beam` is the width of a beam search that a learned policy guides; None for no search.
+
+    Raises
+    ------
+    SettingError
+        If the name is unknown and no such checkpoint exists.
     """
     from mlivr_gym.agents import policies
 
@@ -145,8 +141,8 @@ def make_acting(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None
     checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
     if name != "pretrained" and not checkpoint:
         raise SettingError(
-            f"policy is {shortened(name)}; it must be pretrained, a checkpoint, or "
-            f"{', '.join(PLANNERS)}"
+            f"policy is {shortened(name)}; it must be pretrained, the path of a checkpoint "
+            f"without suffix, or one of {', '.join(PLANNERS)}"
         )
     need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     from mlivr_gym.agents.learned import beam_policy, load_policy

@@ -1,4 +1,4 @@
-"""What the help of each command shows of its use."""
+"""Example command lines that the help of each command shows."""
 
 EXAMPLES = {
     "plan": (
@@ -45,10 +45,10 @@ EXAMPLES = {
         'eval "$(mlivr-gym completion zsh)"      # in ~/.zshrc, after compinit',
     ),
 }
-"""Command lines by command."""
+"""Example command lines of each command."""
 
 
 def examples(*commands: str) -> str:
-    """The examples of some commands as the end of a help."""
+    """Return the examples of some commands as the last paragraph of a help text."""
     lines = [line for command in commands for line in EXAMPLES[command]]
     return "examples:\n" + "".join(f"  {line}\n" for line in lines)

@@ -1,8 +1,8 @@
-"""How the command ends: its exit codes, and what an interruption does.
+"""Exit codes of the command, and how it handles an interruption by Ctrl-C.
 
-A compiled search runs for a minute without a look at signals, which Python handles only in
-between. So `prompt_interrupts` lets a thread wait for the signal too, which ends the process where
-the main one does not answer.
+Python handles signals between its own instructions only, while a compiled search may run for a
+minute. Hence `handle_interrupts` has a second thread that waits for the signal and ends the
+process if the main thread does not respond in time.
 """
 
 from __future__ import annotations
@@ -21,55 +21,52 @@ SUCCESS, FAILED, REFUSED, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
 
 EXIT_CODES = """exit codes:
   0    success
-  1    a run that failed: a walk in the simulation, a relation of Table I
-  2    wrong usage, or input that cannot be used
-  3    no plan: there is none, the start cannot be held, or the limit was reached
+  1    the run failed: a plan failed in simulation, a relation of Table I does not hold,
+       a table could not be stored, or `doctor` found that a requirement is missing
+  2    wrong usage or invalid input
+  3    no plan: none exists, the start cannot be held, or the limit was reached
   130  interrupted
 """
 
 GRACE = 1.0
-"""How long Python may take to come to an interruption [s] before the process is ended."""
+"""Time that Python may take to respond to an interruption before the process is ended [s]."""
 
 LONG_GRACE = 60.0
-"""The same where a checkpoint is to be written [s]."""
+"""The same for commands that write a checkpoint when they are interrupted [s]."""
 
 
-def say_interrupted(reason: str = "") -> None:
-    """Print that the command was interrupted, in one line behind a progress bar."""
+def print_interrupted(reason: str = "") -> None:
+    """Print that the command was interrupted, in place of a progress line on a terminal."""
     start = "\r\033[K" if sys.stderr.isatty() else ""
     print(f"{start}mlivr-gym: {reason or 'interrupted'}", file=sys.stderr, flush=True)
 
 
 @contextmanager
-def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
-    """Let Ctrl-C end the process also while compiled code runs.
+def handle_interrupts(grace: float = GRACE) -> Iterator[None]:
+    """Let Ctrl-C end the process even while compiled code runs.
 
-    Where Python comes to handle the signal, the block ends with a `KeyboardInterrupt`, also if a
-    library made another error of it; else the process ends. Nothing changes outside the main
-    thread, where somebody else handles or ignores the signal, and on Windows.
-
-    Parameters
-    ----------
-    grace
-        How long Python may take to come to it [s].
+    If Python responds to the signal within `grace` seconds, the block ends with a
+    `KeyboardInterrupt`, even if a library turned it into another error; otherwise the process
+    ends. Nothing changes outside the main thread, on Windows, or if the signal is already handled
+    or ignored by other code.
     """
-    ours = threading.current_thread() is threading.main_thread() and sys.platform != "win32"
-    if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    is_main = threading.current_thread() is threading.main_thread() and sys.platform != "win32"
+    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
-    answered, interrupted = threading.Event(), False
+    handled, interrupted = threading.Event(), False
 
-    def answer(signum: int, frame: FrameType | None) -> None:
+    def interrupt(signum: int, frame: FrameType | None) -> None:
         nonlocal interrupted
         interrupted = True
-        answered.set()
+        handled.set()
         raise KeyboardInterrupt
 
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    before = signal.signal(signal.SIGINT, answer)
+    before = signal.signal(signal.SIGINT, interrupt)
     wakeup = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    watch = threading.Thread(target=_watch, args=(reader, answered, grace), daemon=True)
+    watch = threading.Thread(target=_watch, args=(reader, handled, grace), daemon=True)
     watch.start()
     try:
         yield
@@ -80,16 +77,16 @@ def prompt_interrupts(grace: float = GRACE) -> Iterator[None]:
     finally:
         signal.set_wakeup_fd(wakeup)
         signal.signal(signal.SIGINT, before)
-        os.close(writer)  # the thread reads the end of the pipe
+        os.close(writer)  # ends the thread, which then reads the end of the pipe
         watch.join()
         os.close(reader)
 
 
-def _watch(reader: int, answered: threading.Event, grace: float) -> None:
-    """End the process if a signal that arrives on the pipe is not answered in time."""
+def _watch(reader: int, handled: threading.Event, grace: float) -> None:
+    """End the process if a signal that arrives on the pipe is not handled in time."""
     while signals := os.read(reader, 64):
-        if signal.SIGINT in signals and not answered.wait(grace):
+        if signal.SIGINT in signals and not handled.wait(grace):
             with suppress(OSError):
-                say_interrupted()
+                print_interrupted()
             os._exit(INTERRUPTED)
-        answered.clear()
+        handled.clear()

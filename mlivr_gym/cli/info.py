@@ -17,36 +17,38 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     command(
         add,
         run,
-        groups=("world", "obstacles"),
+        "Describe a map, a robot, the settings and their stance graph: numbers of points, stances "
+        "and steps, and why pairs of points are not stances.",
+        ("world", "obstacles"),
     )
 
 
 def run(args: argparse.Namespace) -> None:
     """Describe map, robot, settings and stance graph."""
-    with Progress("making the stance graph", quiet=args.quiet):
-        told = summary_of(chosen_graph(args))
-    args.result |= told
-    for part, found in told.items():
+    with Progress("building the stance graph", quiet=args.quiet):
+        summary = summary_of(chosen_graph(args))
+    args.result |= summary
+    for part, entries in summary.items():
         print(f"{part.replace('_', ' ')}:")
-        for name, value in found.items():
-            print(f"  {name.replace('_', ' ')}: {_words(value)}")
+        for name, value in entries.items():
+            print(f"  {name.replace('_', ' ')}: {_text(value)}")
 
 
-def _words(value: Any) -> str:
-    """A value as text."""
+def _text(value: Any) -> str:
+    """Format a value; a pair is a range."""
     if isinstance(value, dict):
         return ", ".join(f"{name} {entry}" for name, entry in value.items()) or "none"
     if isinstance(value, tuple | list):
-        return " to ".join(map(_words, value)) if len(value) == 2 else str(list(value))
+        return " to ".join(map(_text, value)) if len(value) == 2 else str(list(value))
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
-    """A stance graph as it is told: lengths in metres, ranges as the least and the largest."""
+    """Describe a stance graph: lengths in metres, ranges as minimum and maximum."""
     grasp_map, robot = graph.grasp_map, graph.robot
     return {
         "map": {
@@ -74,29 +76,29 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "pairs_within_span": len(graph.pairs),
             "obstacles": len(graph.obstacles),
             "occupied": len(graph.occupied),
-            **(_of_pairs(graph) if isinstance(graph, PairGraph) else {"stances": "as searched"}),
+            **(_pair_summary(graph) if isinstance(graph, PairGraph) else {"stances": "on demand"}),
         },
     }
 
 
-def _of_pairs(graph: PairGraph) -> dict[str, Any]:
-    """How many stances and steps there are of two limbs, and why other pairs are no stances.
+def _pair_summary(graph: PairGraph) -> dict[str, Any]:
+    """Count stances and steps of two limbs, and the pairs of points that each rule excludes.
 
-    `departure` counts those that a limb cannot leave with `w_m` above the path floor, thresholds
-    or not. Pairs that are farther apart than the span are not tried.
+    `departure` is `PairGraph.no_departure`, which applies without thresholds, too. Pairs at a
+    distance above the span are not evaluated.
     """
-    out = {
+    excluded = {
         "reach": graph.considered - graph.reachable,
         **graph.removed,
         "departure": graph.no_departure,
     }
-    out["manipulability"] = graph.considered - len(graph) - sum(out.values())
+    excluded["manipulability"] = graph.considered - len(graph) - sum(excluded.values())
     count, part = connected_parts(graph.points, len(graph.grasp_map))
     return {
         "pairs_farther_than_span": graph.farther_than_span,
         "stances_reachable": graph.reachable,
         "stances": len(graph),
-        "stances_left_out": out,
+        "stances_left_out": excluded,
         "stances_now": int((graph.mask > 0).all(axis=1).sum()),
         "geometries": graph.solver.geometries,
         "steps_before_checks": int((graph.degree**2).sum() - 2 * len(graph)),

@@ -1,4 +1,4 @@
-"""The command `mlivr-gym`."""
+"""The command `mlivr-gym`: parse its arguments, run one of its subcommands and report the end."""
 
 from __future__ import annotations
 
@@ -25,49 +25,50 @@ from mlivr_gym.cli.exits import (
     NO_PLAN,
     REFUSED,
     SUCCESS,
-    prompt_interrupts,
-    say_interrupted,
+    handle_interrupts,
+    print_interrupted,
 )
 from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 
 COMMANDS = {
-    "plan": "plan from a stance to a goal",
+    "plan": "plan a path from a start stance to a goal position",
     "simulate": "execute a plan in MuJoCo",
-    "table1": "the four cases of the paper's Table I",
-    "info": "what map, robot and stance graph hold",
-    "render": "picture of the scene",
-    "view": "look at plans in a browser, and change them there",
+    "table1": "reproduce the four cases of the paper's Table I",
+    "info": "describe a map, a robot and their stance graph",
+    "render": "draw the robot in a stance, or a plan",
+    "view": "show a plan in the browser and change it there",
     "train": "train a policy",
-    "evaluate": "measure a policy or planner",
-    "dataset": "write planner episodes as a Minari data set",
-    "warmup": "compile for this machine what a first plan needs, and say where it is kept",
-    "build": "work out once all that is known of a robot on a map",
-    "cache": "list what is kept between runs, limit its size, or clear it",
-    "doctor": "what works here: versions, extras, GL, compiled code",
-    "completion": "print a script by which bash or zsh completes commands and options",
+    "evaluate": "evaluate a policy or a planner",
+    "dataset": "write episodes of the expert as a Minari data set",
+    "warmup": "compile the code that the first plan needs",
+    "build": "compute the complete table of a robot on a map",
+    "cache": "list or remove the tables and machine code stored between runs",
+    "doctor": "check this installation: versions, extras, rendering, compiled code",
+    "completion": "print a script for completion in bash or zsh",
 }
-"""What each command does, in the order of the help; the module of its name has the rest."""
+"""Help line of each command, in the order of the help; the module of that name implements it."""
 
 
 class _UsageError(Exception):
-    """Arguments that no command understands."""
+    """Arguments that the parser cannot interpret."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence."""
+    """Argument parser that reports an error in one line, and where the usage is explained."""
 
     def error(self, message: str) -> NoReturn:
-        raise _UsageError(one_line(message))
+        raise _UsageError(f"{one_line(message)}; see `{self.prog} --help`")
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser of the whole command, with the arguments of those commands that are named.
+    """Return the parser of all commands, with the options of those that `given` names.
 
-    Only their modules are imported: others bring in Numba and more, which takes a second.
+    Only the modules of these are imported, since importing Numba and others takes a second.
     """
     parser: argparse.ArgumentParser = _Parser(
         prog="mlivr-gym",
-        description="Plan hand-over-hand motion through a space station module.",
+        description="Plan, simulate and learn how a robot with several limbs climbs hand over "
+        "hand through a space station module.",
         epilog=f"{examples('plan', 'render', 'simulate', 'evaluate')}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -75,8 +76,8 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     named = COMMANDS if "completion" in given else {*given}
-    for name, told in COMMANDS.items():
-        add = partial(commands.add_parser, name, help=told)
+    for name, summary in COMMANDS.items():
+        add = partial(commands.add_parser, name, help=summary)
         if name in named:
             import_module(f"mlivr_gym.cli.{name}").add_command(add)
         else:
@@ -89,55 +90,66 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit code."""
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a file's name need not be text
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        Words of the command line; by default those of `sys.argv`.
+
+    Returns
+    -------
+    int
+        One of the codes that `EXIT_CODES` explains.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):  # file names may not be valid text
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
         args = _parser(given).parse_args(given)
-    except _UsageError as wrong:
-        print(f"mlivr-gym: {wrong}", file=sys.stderr)
-        if "--json" in given:  # which the parser has not come to
-            _tell_json(REFUSED, str(wrong), {})
+    except _UsageError as error:
+        print(f"mlivr-gym: {error}", file=sys.stderr)
+        if "--json" in given:  # the parser may have stopped before this option
+            _print_json(REFUSED, str(error), {})
         return REFUSED
     args.result = {}
     try:
         with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
-            code, error = _run(args)
+            code, message = _run(args)
         if args.json:
-            _tell_json(code, error, args.result)
+            _print_json(code, message, args.result)
     except BrokenPipeError:
         return FAILED
     return code
 
 
-def _tell_json(code: int, error: str, result: dict[str, Any]) -> None:
-    """Print how the command ended as one JSON object."""
-    told = {"exit_code": code} | ({"error": error} if error else {}) | result
-    print(json.dumps(plain(told), indent=1), flush=True)
+def _print_json(code: int, error: str, result: dict[str, Any]) -> None:
+    """Print exit code, error message and result of a command as one JSON object."""
+    fields = {"exit_code": code} | ({"error": error} if error else {}) | result
+    print(json.dumps(json_value(fields), indent=1), flush=True)
 
 
 def _run(args: argparse.Namespace) -> tuple[int, str]:
-    """Run the command; its exit code, and the error that was told if there was one."""
+    """Run a command and return its exit code and the error message that it printed, or `""`."""
     try:
-        with prompt_interrupts(args.grace):
+        with handle_interrupts(args.grace):
             return args.run(args) or SUCCESS, ""
     except MlivrError as error:
         print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))
     except KeyboardInterrupt as stop:
-        say_interrupted(str(stop))
+        print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
 
 
-def plain(value: Any) -> Any:
-    """A result as JSON knows it: of NumPy's arrays, of paths, and of numbers that are none."""
+def json_value(value: Any) -> Any:
+    """Convert a result to types of JSON: arrays to lists, paths to strings, NaN to None."""
     if isinstance(value, dict):
-        return {str(name): plain(entry) for name, entry in value.items()}
+        return {str(name): json_value(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [json_value(entry) for entry in value]
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return json_value(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if value is None or isinstance(value, str | int) else str(value)

@@ -1,7 +1,7 @@
-"""Files that a command will write, claimed before it begins.
+"""Checks of the files that a command will write, made before it starts.
 
-A command writes nothing before all that can be refused has been: so it claims its files, works
-everything out, and writes in the end. What is refused or fails leaves nothing behind.
+A command first checks its output files, then computes everything, and writes at the end. Hence a
+command that is refused or fails leaves no files behind.
 """
 
 from __future__ import annotations
@@ -12,45 +12,45 @@ from pathlib import Path
 
 from mlivr_gym.files import FileError
 
-MOST_NAMED = 3
-"""Most earlier files that are named; of others their number is told."""
+MAX_NAMED = 3
+"""Maximum number of replaced files that are listed by name; the others are counted."""
 
 UNITS = ("B", "kB", "MB", "GB", "TB")
-"""Units of sizes, each a thousand of the one before."""
+"""Units of file sizes, each a thousand times the one before it."""
 
 
 def file_size(count: float) -> str:
-    """A number of bytes in words."""
+    """Format a number of bytes with a unit, such as `"1.5 MB"`."""
     unit = 0
     while count >= 999.5 and unit + 1 < len(UNITS):
         count, unit = count / 1000.0, unit + 1
     return f"{count:.3g} {UNITS[unit]}"
 
 
-def about(seconds: float) -> str:
-    """A time that is not known exactly in words."""
+def rough_duration(seconds: float) -> str:
+    """Format an estimated time, in seconds, minutes or hours."""
     if seconds < 90.0:
         return f"{max(round(seconds), 1)} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
-    """Refuse files that could not be written, and say which earlier ones will be replaced.
+def check_outputs(*files: str | Path | None, folder: str | Path | None = None) -> None:
+    """Refuse files that cannot be written, and announce which existing files will be replaced.
 
-    That is said on standard error, also with `--quiet`, and before anything is worked out, so that
-    an interruption still keeps them.
+    The announcement goes to standard error, even with `--quiet`, before anything is computed, so
+    that an interruption still saves the old files.
 
     Parameters
     ----------
     files
-        The files; None for those that were not asked for.
+        The files; None for those that were not requested.
     folder
-        A folder that `make_folder` will make, in which they lie; else theirs must be there.
+        Folder of the files that `make_folder` will make later; other folders must exist.
 
     Raises
     ------
     FileError
-        If a file cannot be written, or two would be one.
+        If a file cannot be written, or if two outputs have the same name.
     """
     replaced: list[str] = []
     seen: set[Path] = set()
@@ -63,19 +63,21 @@ def claim(*files: str | Path | None, folder: str | Path | None = None) -> None:
             place = path.resolve()
             if path.exists():
                 replaced.append(str(path))
-        except (OSError, ValueError) as error:  # such as a null character in the name
+        except (OSError, ValueError) as error:  # a ValueError for a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {_reason(error)}") from None
         if place in seen:
-            raise FileError(f"cannot write {str(file)!r}: it would be written twice")
+            raise FileError(
+                f"cannot write {str(file)!r}: two outputs have this name; give each its own"
+            )
         seen.add(place)
     if replaced:
-        more = len(replaced) - MOST_NAMED
-        names = ", ".join(replaced[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-        print(f"mlivr-gym: will be replaced: {names}", file=sys.stderr, flush=True)
+        more = len(replaced) - MAX_NAMED
+        names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+        print(f"mlivr-gym: existing files to be replaced: {names}", file=sys.stderr, flush=True)
 
 
 def make_folder(folder: str | Path) -> Path:
-    """Make a folder, and those that it lies in.
+    """Make a folder and its missing parents.
 
     Raises
     ------
@@ -86,23 +88,25 @@ def make_folder(folder: str | Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise FileError(f"cannot make folder {str(folder)!r}: {_reason(error)}") from None
+        raise FileError(f"cannot create folder {str(folder)!r}: {_reason(error)}") from None
     return path
 
 
 def _check(path: Path, folder: Path | None) -> None:
+    """Raise an `OSError` if a file cannot be written; `folder` may be made later."""
     if not path.name or path.is_dir():
-        raise IsADirectoryError("it is a folder")
+        raise IsADirectoryError("it is a folder; give the name of a file")
     parent = path.parent
     while path.parent == folder and not parent.exists() and parent != parent.parent:
-        parent = parent.parent  # what there is of the folder
+        parent = parent.parent  # the nearest folder that exists
     if not parent.exists():
-        raise FileNotFoundError(f"there is no folder {str(parent)!r}")
+        raise FileNotFoundError(f"folder {str(parent)!r} does not exist")
     if not parent.is_dir():
-        raise NotADirectoryError(f"{str(parent)!r} is no folder")
+        raise NotADirectoryError(f"{str(parent)!r} is not a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
-        raise PermissionError(f"folder {str(parent)!r} may not be written")
+        raise PermissionError(f"no permission to write in folder {str(parent)!r}")
 
 
 def _reason(error: OSError | ValueError) -> str:
+    """Return the message of an error without its number and file name."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error)

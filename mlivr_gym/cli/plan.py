@@ -14,7 +14,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
     search_options,
 )
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
@@ -25,25 +25,26 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
-        groups=("world", "obstacles", "query"),
-        description="Plan from a start stance to a goal position of the base. "
-        "Start and goal have defaults.",
+        "Plan from a start stance to a goal position of the base. Without --start and --goal, "
+        "those of the paper's Table I are used; on another map, or for more limbs, they are drawn "
+        "with a fixed seed.",
+        ("world", "obstacles", "query"),
     )
-    option(parser, "--out FILE", "write the plan as JSON")
-    option(parser, "--picture FILE", "draw the plan as PNG, and as SVG beside it")
-    told = "choose other base poses on the footholds found, for less translation"
-    option(parser, "--refined", told)
+    option(parser, "--out FILE", "write the plan to a JSON file")
+    option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
+    text = "shorten the base path afterwards by other base poses on the same footholds"
+    option(parser, "--refined", text)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Plan, describe the plan, and write what is asked for."""
+    """Plan, describe the plan, and write the requested files."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
-    claim(args.out, *pictures)
-    with Progress("making the stance graph", quiet=args.quiet):
+    check_outputs(args.out, *pictures)
+    with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
     result = find_plan(graph, args)
     plan = result.unwrap()
@@ -51,13 +52,13 @@ def run(args: argparse.Namespace) -> None:
         with Progress("refining the plan", quiet=args.quiet):
             before, plan = plan.base_translation, Planner(graph).refined(plan)
         saved = 100.0 * (1.0 - plan.base_translation / before)
-        print(f"refined: {plan.base_translation:.3f} m, {saved:.1f} % less translation")
+        print(f"refined: {plan.base_translation:.3f} m of base translation, {saved:.1f} % less")
     args.result |= summary_of(plan) | {"files": [f for f in (args.out, *pictures) if f]}
     if args.out:
         plan.save(args.out)
         print(f"plan: {args.out}")
     if pictures:
-        from mlivr_gym.pictures.plan_figure import plan_figure  # most plans are not drawn
+        from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
 
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
         plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
@@ -65,11 +66,11 @@ def run(args: argparse.Namespace) -> None:
 
 
 STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "path", "swing")
-"""What `--json` tells of a step."""
+"""Fields of a step that `--json` prints."""
 
 
 def summary_of(plan: Plan) -> dict[str, Any]:
-    """A plan as `--json` tells it: lengths in metres, times in seconds."""
+    """Return the fields of a plan that `--json` prints: lengths in metres, times in seconds."""
     spent = plan.statistics
     return {
         "robot": plan.world.robot.name,
@@ -92,7 +93,7 @@ def summary_of(plan: Plan) -> dict[str, Any]:
 def fastest_cost(
     planner: Planner, start: tuple[str, ...], goal: tuple[float, ...], args: argparse.Namespace
 ) -> tuple[str, float | None]:
-    """Cost and price of a regrasp of the fastest plan; tells those that were considered."""
+    """Return cost and regrasp price of the fastest plan, and print the plans compared."""
     from mlivr_gym.fastest import fastest_plan  # imports MuJoCo, hence GL
 
     without = (
@@ -100,30 +101,33 @@ def fastest_cost(
         "start_joints",
     )  # fmt: skip
     refuse_without_effect(args, "with --cost time", *without)
-    with Progress("looking for the fastest plan", quiet=args.quiet):
-        found = fastest_plan(
+    with Progress("searching for the fastest plan", quiet=args.quiet):
+        timed_plans = fastest_plan(
             planner, start, goal, goal_tolerance=args.tolerance, goal_face=args.goal_face
         )
-    for one in found:
-        plan, charged = one.plan, "" if one.price is None else f", price {one.price:g} m"
-        print(
-            f"  {one.seconds:5.1f} s: {len(plan.steps)} steps, {plan.base_translation:.3f} m "
-            f"(best for cost {one.cost}{charged})"
+    for timed in timed_plans:
+        plan, price = (
+            timed.plan,
+            "" if timed.price is None else f", regrasp price {timed.price:g} m",
         )
-    return found[0].cost, found[0].price
+        print(
+            f"  {timed.seconds:5.1f} s: {len(plan.steps)} steps, {plan.base_translation:.3f} m "
+            f"(optimal for cost {timed.cost}{price})"
+        )
+    return timed_plans[0].cost, timed_plans[0].price
 
 
-CUT_OFF = ("goal outside the reachable set", "search exhausted")
-"""Reasons for which there is no plan whose cause is looked for."""
+UNREACHABLE = ("goal outside the reachable set", "search exhausted")
+"""Reasons for the absence of a plan whose cause is then searched for."""
 
 
 def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
-    """Plan between start and goal of the arguments, and describe the plan.
+    """Plan from the start to the goal of the arguments, and print the plan.
 
     Raises
     ------
     NoPlanError
-        If there is no plan.
+        If no plan exists; the message says which rule excludes it.
     """
     if args.method in ("dijkstra", "greedy"):
         names = ("inflation",) if args.method == "greedy" else ("heuristic", "inflation")
@@ -131,10 +135,10 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
     if isinstance(graph, LazyGraph):
-        with Progress("table of all nodes", quiet=args.quiet):
+        with Progress("loading the node table", quiet=args.quiet):
             table = None if graph.obstacles else node_table(graph)
         if table is None:
-            name = "sets of points within reach [%]"
+            name = "computing the stance sets [%]"
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
@@ -144,15 +148,16 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
-    if result.reason in CUT_OFF:
-        how = {name: getattr(args, name) for name in ("goal_face", "start_pose", "start_joints")}
-        with Progress("looking for the cause", quiet=args.quiet):
-            cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **how)
+    if result.reason in UNREACHABLE:
+        options = search_options(args)
+        query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
+        with Progress("searching for the cause", quiet=args.quiet):
+            cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
         raise NoPlanError(f"{result.message}; {cause.message}")
     plan = result.unwrap()
     print(
         f"from {' '.join(start)} to {goal}: {result.message}, "
-        f"w_m >= {plan.w_m_min:.3f}, w_b >= {plan.w_b_min:.5f}"
+        f"minimum w_m {plan.w_m_min:.3f}, minimum w_b {plan.w_b_min:.5f}"
     )
     for k, step in enumerate(plan.steps, 1):
         print(
@@ -161,7 +166,9 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         )
     bound = plan.statistics.bound
     if bound is not None and graph.limbs > 2:
-        print(f"cost {plan.statistics.cost:.3f}, proved within {bound:.2f} times the least")
+        print(
+            f"cost {plan.statistics.cost:.3f}, proved to be at most {bound:.2f} times the minimum"
+        )
     print(
         f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
         f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "

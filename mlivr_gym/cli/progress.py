@@ -1,7 +1,7 @@
-"""How far a command is, told on standard error.
+"""Progress of a command, shown on standard error.
 
-On a terminal one line is drawn anew; elsewhere, as in a log, a line is written now and then. What
-takes less than two seconds says nothing.
+On a terminal one line is redrawn; elsewhere, as in a log, a new line is written from time to time.
+Work that takes less than two seconds shows nothing.
 """
 
 from __future__ import annotations
@@ -12,65 +12,56 @@ import time
 
 from mlivr_gym.compiled.warming import is_showing
 
-PATIENCE = 2.0
-"""What takes less says nothing [s]."""
+SHOW_AFTER = 2.0
+"""Time after which progress is first shown [s]."""
 
-LONGEST_SILENCE = 60.0
-"""How long a log hears nothing at most [s]; at first the time doubles from line to line."""
+LOG_INTERVAL = 60.0
+"""Maximum time between two lines of a log [s]; until then the interval doubles."""
 
-REDRAWN = 0.2
-"""How often a line on a terminal is drawn anew at most [s]."""
+REDRAW_INTERVAL = 0.2
+"""Minimum time between two updates of the line on a terminal [s]."""
 
 WIDTH = 24
-"""Characters of a bar."""
+"""Width of a progress bar in characters."""
 
 PER_CENT = 100
-"""Total of what is told by shares."""
+"""Total of progress that is reported as a share."""
 
 
 class Progress:
-    """What a command is doing, for how long, and how far it is.
+    """Display of what a command is doing, for how long, and how much of it is done.
 
-    While it is entered a thread looks at the clock, so that also what never calls `show` is told:
+    Inside its `with` block a thread updates the time, so that work without calls of `show` is
+    displayed, too:
 
-        with Progress("making the stance graph"):
+        with Progress("building the stance graph"):
             graph = stance_graph()
     """
 
     def __init__(self, what: str, total: int | None = None, quiet: bool = False) -> None:
-        """Begin.
-
-        Parameters
-        ----------
-        what
-            What is done or counted.
-        total
-            How many there are, if that is known.
-        quiet
-            Whether nothing is to be told.
-        """
+        """Start the clock of a phase: `what` names the work or what is counted, up to `total`."""
         self._quiet = quiet
-        self._line, self._told, self._ended = False, 0.0, threading.Event()
+        self._has_line, self._drawn_at, self._ended = False, 0.0, threading.Event()
         self._lock = threading.Lock()
         self.begin(what, total)
 
     def begin(self, what: str, total: int | None = None) -> None:
-        """Begin something else."""
+        """Start the clock of another phase of work."""
         self.what, self._total, self._done, self._remark = what, total, 0, ""
         self._began = time.perf_counter()
-        self._next = PATIENCE
+        self._next = SHOW_AFTER
 
     def show_share(self, done: float) -> None:
-        """Tell which share of a total of `PER_CENT` is done."""
+        """Display the share that is done, from 0 to 1, for a total of `PER_CENT`."""
         self.show(int(PER_CENT * done))
 
     def show(self, done: int, remark: str = "") -> None:
-        """Tell how many are done, and something about them."""
+        """Display how many are done, with a remark."""
         self._done, self._remark = done, remark
-        self._tell()
+        self._update()
 
     def __enter__(self) -> Progress:
-        """Look at the clock from now on."""
+        """Start the thread that updates the time."""
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
         return self
@@ -80,34 +71,34 @@ class Progress:
         self._ended.set()
         self._thread.join()
         with self._lock:
-            if self._line:
+            if self._has_line:
                 print("\r\033[K", end="", file=sys.stderr, flush=True)
 
     def _watch(self) -> None:
         while not self._ended.wait(0.5):
-            self._tell()
+            self._update()
 
-    def _tell(self) -> None:
-        """Draw the line, or write one, if it is time."""
+    def _update(self) -> None:
+        """Redraw the line of a terminal, or write a line to a log, if enough time has passed."""
         now = time.perf_counter()
         spent = now - self._began
-        if self._quiet or spent < PATIENCE:
+        if self._quiet or spent < SHOW_AFTER:
             return
         with self._lock:
             if sys.stderr.isatty():
-                if now - self._told >= REDRAWN and not is_showing():
-                    self._told, self._line = now, True
+                if now - self._drawn_at >= REDRAW_INTERVAL and not is_showing():
+                    self._drawn_at, self._has_line = now, True
                     print(f"\r\033[K{self._text(spent)}", end="", file=sys.stderr, flush=True)
             elif spent >= self._next:
-                self._next = spent + min(spent, LONGEST_SILENCE)
+                self._next = spent + min(spent, LOG_INTERVAL)
                 print(self._text(spent), file=sys.stderr, flush=True)
 
     def _text(self, spent: float) -> str:
-        """The line, with the time that remains if that can be told."""
-        told, remaining = f"{self._done} {self.what}" if self._done else self.what, ""
+        """Return the line, with an estimate of the remaining time if the total is known."""
+        text, remaining = f"{self._done} {self.what}" if self._done else self.what, ""
         if self._total is not None:
             bar = "#" * int(WIDTH * self._done / max(self._total, 1))
-            told = f"{self.what} [{bar:.<{WIDTH}}] {self._done}/{self._total}"
+            text = f"{self.what} [{bar:.<{WIDTH}}] {self._done}/{self._total}"
             if self._done:
                 remaining = f", {spent * (self._total - self._done) / self._done:.0f} s remain"
-        return f"{told}, {spent:.0f} s{remaining}" + (f"; {self._remark}" if self._remark else "")
+        return f"{text}, {spent:.0f} s{remaining}" + (f"; {self._remark}" if self._remark else "")

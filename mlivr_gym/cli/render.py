@@ -18,7 +18,7 @@ from mlivr_gym.cli.arguments import (
     option,
     refuse_ignored,
 )
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
@@ -36,45 +36,45 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world",),
-        description="Picture of the MuJoCo scene with the robot in a stance. Of a plan, "
-        "one picture of its start and its goal side by side, "
-        "or of the stance chosen with --stance, with its base path, its goal and its footholds.",
+        description="Render the MuJoCo scene with the robot in a stance. For a plan, render its "
+        "start and goal stance side by side, or the one chosen with --stance, with base path, "
+        "goal and footholds.",
     )
-    option(parser, "--start POINT...", "point id of each limb")
-    option(parser, "--plan FILE", "a plan; its start and goal stance are drawn")
-    option(parser, "--stance K", "of the plan, draw the stance after K steps alone", type=int)
+    option(parser, "--start POINT...", "ids of the points held, one for each limb")
+    option(parser, "--plan FILE", "plan to be drawn, in its start and goal stance")
+    option(parser, "--stance K", "draw only the stance of the plan after K steps", type=int)
     option(parser, "--out FILE", "PNG file", "scene.png")
-    option(parser, "--size W H", "pixels of each stance's picture", (1280, 640))
-    told = "also export the simulation model as MJCF, in the (first) stance drawn"
-    option(parser, "--mjcf FILE", told)
+    option(parser, "--size W H", "width and height of the picture of one stance [px]", (1280, 640))
+    text = "also export the simulation model as MJCF, in the first stance drawn"
+    option(parser, "--mjcf FILE", text)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Draw a stance, or stances of a plan, and export the scene if that is asked for."""
+    """Draw a stance, or stances of a plan, and export the scene if requested."""
     _check(args)
-    claim(args.out, args.mjcf)
+    check_outputs(args.out, args.mjcf)
     obstacles: Sequence[Box]
     route = None
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
         robot, obstacles = plan.world.robot, plan.world.obstacles
-        drawn, route = _of_plan(plan, args.stance), Route.of(grasp_map, plan)
+        drawn, route = _plan_shots(plan, args.stance), Route.of(grasp_map, plan)
         held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
-        with Progress("making the stance graph", quiet=args.quiet):
+        with Progress("building the stance graph", quiet=args.quiet):
             graph = chosen_graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start
         held = graph.configuration(graph.state(start)), graph.ids(graph.state(start).stance)
         drawn = [Shot(held[0])]
-    scene = _exported(grasp_map, robot, obstacles, held) if args.mjcf else None
+    scene = _mjcf(grasp_map, robot, obstacles, held) if args.mjcf else None
     with Progress("drawing", quiet=args.quiet):
         draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
@@ -86,16 +86,16 @@ def run(args: argparse.Namespace) -> None:
 def _check(args: argparse.Namespace) -> None:
     """Refuse arguments that contradict each other, and sizes that cannot be rendered."""
     if args.plan and args.start:
-        raise SettingError("give either --plan or --start, not both")
+        raise SettingError("give only one of --plan and --start")
     if args.stance is not None and not args.plan:
-        raise SettingError("--stance needs --plan: it chooses among the stances of a plan")
+        raise SettingError("--stance needs --plan: it selects one of the plan's stances")
     if args.plan:
         refuse_ignored(args, "plan", ("map", "start"))
     SIZE.read(args.size, FieldPath("--size", SettingError))
 
 
-def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:
-    """A plan at its start and its goal, or at the stance that is chosen."""
+def _plan_shots(plan: Plan, stance: int | None) -> list[Shot]:
+    """Return the shots of a plan: start and goal, or the chosen stance alone."""
     last = len(plan.stances) - 1
     if stance is not None and not 0 <= stance <= last:
         raise SettingError(
@@ -105,18 +105,18 @@ def _of_plan(plan: Plan, stance: int | None) -> list[Shot]:
 
 
 class Shot(NamedTuple):
-    """One robot in one picture."""
+    """A picture of the robot in one configuration."""
 
     configuration: Configuration
-    """Where it is."""
+    """Configuration of the robot."""
     ghosts: Sequence[Configuration] = ()
-    """Where translucent copies of it stand."""
+    """Configurations of translucent copies of it."""
     caption: str = ""
-    """What stands below, if the picture is large enough."""
+    """Caption, which is written below pictures that are large enough."""
 
 
 def shots_of(plan: Plan, stances: Sequence[int]) -> list[Shot]:
-    """A plan at some of its stances, with those that follow as ghosts."""
+    """Return a shot of each given stance of a plan, with the later stances as ghosts."""
     last, shots = len(plan.stances) - 1, []
     for k in stances:
         name = {0: ": the start", last: ": the goal"}.get(k, "")
@@ -134,31 +134,17 @@ def draw(
     obstacles: Sequence[Box] = (),
     route: Route | None = None,
 ) -> None:
-    """Render robots with MuJoCo, those of one picture side by side.
+    """Render pictures with MuJoCo, or with matplotlib if no GL library can be used.
 
-    Where there is no GL library they are drawn with matplotlib.
-
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    pictures
-        What each picture shows, by the PNG file to write.
-    size
-        Width and height of one robot's picture [px].
-    obstacles
-        Boxes besides the map's.
-    route
-        What is shown of a plan; with it, captions.
+    `pictures` are the shots of each picture, which are placed side by side, by the PNG file to
+    write; `size` is that of one shot [px]. With the route of a plan, shots have captions.
     """
     width, height = size
     strip = strip_height(height) if route is not None else 0
     try:
         renderer = SceneRenderer(grasp_map, robot, width, height - strip, obstacles)
     except RenderError as error:
-        print(f"no GL, drawing with matplotlib instead: {error}", flush=True)
+        print(f"no GL library can be used, so matplotlib draws instead: {error}", flush=True)
         for path, shots in pictures.items():
             shown = [shot.configuration for shot in shots]
             configuration_figure(grasp_map, robot, shown, path, path.stem, route)
@@ -176,13 +162,13 @@ def draw(
         print(f"picture: {path}", flush=True)
 
 
-def _exported(
+def _mjcf(
     grasp_map: GraspMap,
     robot: RobotSpec,
     obstacles: Sequence[Box],
     held: tuple[Configuration, Sequence[str]],
 ) -> str:
-    """The simulation model of a stance as MJCF."""
+    """Export the simulation model in a stance as MJCF."""
     from mlivr_gym.simulation.export import exported_model  # imports MuJoCo, hence GL
 
     configuration, stance = held

@@ -1,6 +1,6 @@
-"""The command `mlivr-gym simulate`: execute a plan in MuJoCo; leave measurements, plots and a film.
+"""The command `mlivr-gym simulate`: execute a plan in MuJoCo; write measurements, plots and a film.
 
-What imports MuJoCo is imported when the command runs, since MuJoCo loads a GL library.
+Modules that need MuJoCo are imported when the command runs, since MuJoCo loads a GL library.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import (
-    LONGEST,
+    DEFAULT_SIZE,
+    LONGEST_FILM,
     RATE,
     SPEED,
-    USUAL_SIZE,
-    check_kind,
+    check_film_format,
+    default_speed,
     film,
     film_samples,
-    usual_speed,
 )
 from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
@@ -58,63 +58,67 @@ FILES = (
     "simulation.png",
     "simulation.svg",
 )
-"""What the command writes, besides the film."""
+"""Files that the command writes in addition to the film."""
 
 RATES = Tuples((), 0.5, 2000.0, "Hz")
-"""Samples a second of a trajectory's files."""
+"""Valid sampling rates of the trajectory files."""
 
-MOST_FRAMES = 5000
-"""Most pictures of a film; they are kept until it is written."""
+MAX_FRAMES = 5000
+"""Maximum number of frames of a film; they are held in memory until it is written."""
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world", "obstacles", "query"),
-        description="Execute a plan in MuJoCo: one from a file, "
-        "or one that is made first as with `plan`.",
+        description="Execute a plan in MuJoCo: a plan from a file (--plan), of a case of Table I "
+        "(--case), or planned first with the options of `plan`.",
     )
-    option(parser, "--plan FILE", "a plan to execute; without it, one is made first")
-    told = "start, goal, map and cost of a case of Table I"
-    option(parser, "--case CASE", told, type=int, choices=(1, 2, 3, 4))
-    told = "as fast as the limits allow, as gentler ones do, or the paper's 50 s a step"
-    option(parser, "--pace PACE", told, "fast", choices=("fast", "gentle", "paper"))
-    told = "duration of every step [s], refused if it breaks a limit; without it, the shortest"
-    option(parser, "--duration S", told, type=float)
-    option(parser, "--timestep S", "time step [s]", 0.002)
-    told = "guided to the points by a sensor, following the trajectory alone, or the paper's PD"
+    option(parser, "--plan FILE", "execute the plan of this file instead of planning first")
+    text = "use start, goal, map and cost of this case of Table I"
+    option(parser, "--case CASE", text, type=int, choices=(1, 2, 3, 4))
+    text = (
+        "as fast as the default limits allow, as gentler limits allow, or the paper's 50 s a step"
+    )
+    option(parser, "--pace PACE", text, "fast", choices=("fast", "gentle", "paper"))
+    text = "duration of every step [s], which must keep the limits (default: the shortest)"
+    option(parser, "--duration S", text, type=float)
+    option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
+    text = "feedforward with sensor guidance on approach, feedforward alone, or the paper's PD"
     controllers = ("full", "feedforward", "paper")
-    option(parser, "--controller CONTROLLER", f"{told} control", "full", choices=controllers)
-    told = "whether robot and module differ from what the controller knows"
-    option(parser, "--disturbances WHICH", told, "none", choices=("none", "all"))
+    option(parser, "--controller CONTROLLER", f"{text} control", "full", choices=controllers)
+    text = (
+        "make robot and module differ from the model of the controller: not at all, or in all ways"
+    )
+    option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
     option(parser, "--seed N", "seed of the disturbances", 1)
-    option(parser, "--out FOLDER", "where results go", "walk")
-    option(parser, "--rate HZ", "samples a second of the trajectory's files", 10.0)
-    option(parser, "--film NAME", ".gif or .mp4", "walk.gif")
-    option(parser, "--no-film", "do without a film")
-    option(parser, "--size W H", "pixels of the film", USUAL_SIZE)
+    option(parser, "--out FOLDER", "folder of the results", "walk")
+    option(parser, "--rate HZ", "sampling rate of the trajectory files [Hz]", 10.0)
+    option(parser, "--film NAME", "file name of the film, .gif or .mp4", "walk.gif")
+    option(parser, "--no-film", "make no film")
+    option(parser, "--size W H", "width and height of the film [px]", DEFAULT_SIZE)
     option(
         parser,
         "--speed X",
-        "how many times faster than the clock the film runs, at "
-        f"{RATE} pictures a second; without it, so that it takes {LONGEST:g} s at most",
+        f"speed of the film relative to simulated time, at {RATE} frames a second "
+        f"(default: such that the film takes at most {LONGEST_FILM:g} s)",
         type=float,
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Execute a plan from a file, of a case of Table I, or made first."""
+    """Execute a plan from a file, of a case of Table I, or planned first."""
     _check_film(args)
     if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
-        raise SettingError("give either --plan, or --case, or --start and --goal")
+        raise SettingError("give only one of --plan, --case, and --start with --goal")
     if args.plan:
         refuse_ignored(args, "plan", ("map",))
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
     files = [*FILES, *([] if args.no_film else [args.film])]
-    claim(*(Path(args.out) / name for name in files), folder=args.out)
+    check_outputs(*(Path(args.out) / name for name in files), folder=args.out)
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
@@ -132,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan) -> int:
-    """Execute a plan, print and save what was measured; 0 if it succeeded, 1 if it failed."""
+    """Execute a plan, print and save the measurements, and return the exit code."""
     from mlivr_gym.simulation.execution import execute
     from mlivr_gym.simulation.timing import plan_trajectory
 
@@ -140,7 +144,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
     world = plan.world
     simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, args.seed)
     trajectory = plan_trajectory(graph, plan, setup.timing, 1.0 / args.rate)
-    with Progress("steps carried out", len(plan.steps), args.quiet) as progress:
+    with Progress("steps executed", len(plan.steps), args.quiet) as progress:
         execution = execute(
             graph, plan, setup.timing, progress=progress.show, simulation=simulation
         )
@@ -158,7 +162,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
 
 
 def _setup(args: argparse.Namespace) -> Setup:
-    """How the plan is carried out."""
+    """Return the setup of the execution: pace, controller, physics and disturbances."""
     RATES.read(args.rate, FieldPath("--rate", SettingError))
     from mlivr_gym.motion.clocks import Durations
     from mlivr_gym.simulation.limits import PACES
@@ -172,44 +176,45 @@ def _setup(args: argparse.Namespace) -> Setup:
     if args.pace == "paper":
         if args.duration is not None:
             raise SettingError(
-                "--duration has no effect beside --pace paper, which is 50 s a step; leave it out"
+                "--duration has no effect with --pace paper, which takes 50 s a step; leave it out"
             )
         return replace(setup, timing=Durations())
     return replace(setup, timing=replace(PACES[args.pace], step_duration=args.duration))
 
 
 def _check_film(args: argparse.Namespace) -> None:
-    """Refuse a film that cannot be rendered or written."""
+    """Refuse a film whose size, speed or format is invalid."""
     SIZE.read(args.size, FieldPath("--size", SettingError))
     Maybe(SPEED).read(args.speed, FieldPath("--speed", SettingError))
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:
-        check_kind(args.film)
+        check_film_format(args.film)
 
 
 def _report(execution: Execution) -> None:
-    """Print how the walk went."""
+    """Print the result of an execution: captures, peaks and the failure if there is one."""
     summary, peaks, failure = execution.summary(), execution.peaks, execution.failure
     print(
-        f"{summary['steps_done']} of {summary['steps']} steps carried out, "
+        f"{summary['steps_done']} of {summary['steps']} steps executed, "
         f"{execution.simulated_time:.1f} s simulated in {execution.simulation_time:.1f} s"
     )
     for capture in execution.captures:
         print(
-            f"  {capture.time:6.1f} s: limb {capture.limb} took hold of {capture.point}, "
-            f"{1e3 * capture.distance:.1f} mm off"
+            f"  {capture.time:6.1f} s: limb {capture.limb} grasped {capture.point}, "
+            f"position error {1e3 * capture.distance:.1f} mm"
         )
     print(
-        f"peaks: joint torque {peaks.joint_torque.max():.2f} N m, "
-        f"RMS {peaks.torque_rms:.2f} N m, grasp force {peaks.grasp_force.max():.1f} N,\n"
+        f"maxima: joint torque {peaks.joint_torque.max():.2f} N m "
+        f"(RMS over all joints {peaks.torque_rms:.2f} N m), "
+        f"grasp force {peaks.grasp_force.max():.1f} N,\n"
         f"  grasp torque {peaks.grasp_torque.max():.1f} N m, "
-        f"base error {1e3 * peaks.base_error:.1f} mm"
+        f"base position error {1e3 * peaks.base_error:.1f} mm"
     )
     if failure is not None:
         print(
-            f"failed at {failure.time:.2f} s, step {failure.step + 1}, {failure.phase}: "
-            f"{failure.kind}, {failure.message}"
+            f"failed at {failure.time:.2f} s in the {failure.phase} of step {failure.step + 1} "
+            f"({failure.kind}): {failure.message}"
         )
 
 
@@ -228,15 +233,18 @@ def _save(execution: Execution, out: Path) -> None:
 def _film(
     args: argparse.Namespace, graph: PairGraph | LazyGraph, execution: Execution, path: Path
 ) -> None:
-    """Render a film, or say why there is none."""
+    """Render the film, or print why it cannot be made."""
     plan, recording = execution.plan, execution.recording
-    speed = usual_speed(recording) if args.speed is None else args.speed
+    speed = default_speed(recording) if args.speed is None else args.speed
     frames = len(film_samples(recording, speed))
-    if frames > MOST_FRAMES:
-        print(f"no film: --speed {speed:g} makes {frames} pictures; {MOST_FRAMES} at most")
+    if frames > MAX_FRAMES:
+        print(
+            f"no film: at speed {speed:g} it would have {frames} frames, more than {MAX_FRAMES}; "
+            "choose a higher --speed"
+        )
         return
     try:
-        with Progress("pictures rendered", frames, args.quiet) as progress:
+        with Progress("frames rendered", frames, args.quiet) as progress:
             film(
                 graph.grasp_map,
                 plan.world.robot,

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.envs_assets import asset_path
@@ -42,10 +42,10 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
-"""Modes whose plans are drawn, and what their files' names end with."""
+"""Modes whose plans are drawn, and the suffixes of their file names."""
 
-TEXT = asset_path("table1.md")
-"""What the table says, with its figures as fields."""
+TEMPLATE = asset_path("table1.md")
+"""Template of the table in Markdown, with its numbers as fields."""
 
 FILES = (
     "table1.json",
@@ -59,23 +59,24 @@ FILES = (
     "scene_start.png",
     "scene_goal.png",
 )
-"""What the command writes."""
+"""Files that the command writes."""
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
-        description="Plan the four cases, draw and tabulate them.",
+        description="Reproduce Table I of the paper: plan its four cases in three modes, draw the "
+        "plans, and compare the results with the paper's.",
     )
-    option(parser, "--out FOLDER", "where results go", "table1")
+    option(parser, "--out FOLDER", "folder of the results", "table1")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the table and its pictures; 1 if a relation does not hold that cannot but hold."""
+    """Write the table and its pictures; return 1 if a relation fails that every optimum meets."""
     out = Path(args.out)
-    claim(*(out / name for name in FILES), folder=out)
+    check_outputs(*(out / name for name in FILES), folder=out)
     with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
         plans, data = run_cases(out, progress.show)
     print(report(data))
@@ -85,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     grasp_map = jem_map()
     route = Route.of(grasp_map, plan)
     draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles, route)
-    failed = impossible(data)
+    failed = broken_relations(data)
     args.result |= data | {"impossible": failed}
     args.result |= {"folder": out, "files": FILES}
     print(f"table: {out / 'table1.md'}, {out / 'table1.json'}; pictures: {out / 'case*.png'}, .svg")
@@ -94,8 +95,8 @@ def run(args: argparse.Namespace) -> int:
     return FAILED if failed else SUCCESS
 
 
-def impossible(data: dict[str, Any]) -> list[str]:
-    """Relations that do not hold although optimal plans cannot but hold them."""
+def broken_relations(data: dict[str, Any]) -> list[str]:
+    """Return the relations that do not hold although they follow from optimality."""
     return [
         f"{name} ({MODES[mode].title})"
         for mode, found in data["relations"].items()
@@ -106,32 +107,32 @@ def impossible(data: dict[str, Any]) -> list[str]:
 
 
 def report(data: dict[str, Any]) -> str:
-    """Steps, base translation and states explored of each case, in as many columns as modes."""
+    """Return a table of steps, base translation and states explored, by case and mode."""
     rows = [["case", *(mode["title"] for mode in data["modes"].values())]]
     for case in map(str, CASES):
-        found = [rows_of_mode[case] for rows_of_mode in data["measured"].values()]
-        words = "{steps} steps, {base_translation:.3f} m, {expanded} states"
-        rows.append([case, *(words.format(**row) for row in found)])
+        results = [rows_of_mode[case] for rows_of_mode in data["measured"].values()]
+        cell = "{steps} steps, {base_translation:.3f} m, {expanded} states"
+        rows.append([case, *(cell.format(**row) for row in results)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
 
 def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Plan], dict[str, Any]]:
-    """Plan the four cases in each of `paper.MODES`, from one start pose.
+    """Plan and draw the four cases in each of `paper.MODES`, and write the table.
 
-    Draws them, and writes `table1.json` and `table1.md`.
+    All plans start at the same base pose. The table is written as `table1.json` and `table1.md`.
 
     Parameters
     ----------
     out
-        Folder for the results; made if it is missing.
+        Folder of the results; made if it is missing.
     progress
-        Called with the number of cases planned, each in one mode.
+        Function called with the number of plans made so far.
 
     Returns
     -------
     tuple[dict[int, Plan], dict[str, Any]]
-        The plans with collisions checked, and the data of the table.
+        The plans with collisions checked, by case, and the data of the table.
     """
     make_folder(out)
     setup = default_setup()
@@ -157,10 +158,10 @@ def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Pla
         "measured": rows,
         "paper": {str(k): v for k, v in PAPER.items()},
         "relations": {
-            mode: relations({int(k): row for k, row in found.items()})
-            for mode, found in rows.items()
+            mode: relations({int(k): row for k, row in rows_of_mode.items()})
+            for mode, rows_of_mode in rows.items()
         },
-        "left_out_without_thresholds": limits_without_thresholds(setup),
+        "left_out_without_thresholds": excluded_without_thresholds(setup),
     }
     write_whole(out / "table1.json", json.dumps(data, indent=1) + "\n")
     write_whole(out / "table1.md", table_markdown(data))
@@ -168,38 +169,38 @@ def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Pla
 
 
 class Start(NamedTuple):
-    """Where all cases begin."""
+    """Stance and base pose at which all cases start."""
 
     stance: tuple[str, ...]
     pose: tuple[float, ...]
-    """Base pose x, y, z [m] and quaternion w, x, y, z: that with collisions checked."""
+    """Base pose x, y, z [m] and quaternion w, x, y, z; its posture is chosen with collisions."""
 
     @classmethod
     def of(cls, setup: dict[str, Any]) -> Start:
-        """The start of a setup."""
+        """Return the start of a setup, in the posture with collisions checked."""
         return cls.at(case_graph(2, setup, "collisions"), tuple(setup["start"]))
 
     @classmethod
     def at(cls, graph: PairGraph, stance: tuple[str, ...]) -> Start:
-        """A stance in the posture that a graph gives it."""
+        """Return the start at a stance, in its posture in a stance graph."""
         posture = graph.posture(graph.indices(stance))
-        turn = quaternion(posture.base_rotation)[0].tolist()
-        return cls(stance, (*posture.base_position[0].tolist(), *turn))
+        orientation = quaternion(posture.base_rotation)[0].tolist()
+        return cls(stance, (*posture.base_position[0].tolist(), *orientation))
 
-    def given_to(self, graph: PairGraph) -> tuple[float, ...] | None:
-        """The pose as a planner takes it: None where the stance has it anyway."""
+    def pose_for(self, graph: PairGraph) -> tuple[float, ...] | None:
+        """Return the pose as argument of a planner: None if it is the posture in this graph."""
         return graph.given_pose_of(self.stance, np.array(self.pose[:3]), np.array(self.pose[3:]))
 
 
 def plan_case(
     case: int, setup: dict[str, Any], start: Start, mode: str
 ) -> tuple[Plan, dict[str, Any], Array]:
-    """Plan, row and explored base paths of a case in one of `paper.MODES`.
+    """Plan a case in one of `paper.MODES`; return plan, row of the table and search tree.
 
     Raises
     ------
     NoPlanError
-        If there is no plan.
+        If no plan exists.
     """
     began = time.perf_counter()
     graph = case_graph(case, setup, mode)
@@ -209,12 +210,12 @@ def plan_case(
         start.stance,
         setup["goal"],
         CASES[case].cost,
-        # The paper's own search explores states in its own order, which decides where its heuristic
-        # overestimates.
+        # The paper's heuristic may overestimate, so that the result depends on the order of
+        # expansions: its own search is needed to reproduce it.
         method="algorithm1" if MODES[mode].heuristic == "paper" else "astar",
         heuristic=MODES[mode].heuristic,
         goal_face=setup["goal_face"],
-        start_pose=start.given_to(graph),
+        start_pose=start.pose_for(graph),
     )
     plan = result.unwrap()
     row = {
@@ -222,7 +223,7 @@ def plan_case(
         "stances": len(graph),
         "expanded": plan.statistics.expanded,
         "backward": plan.statistics.backward,
-        "distinct": _distinct(result.tree, mode),
+        "distinct": _distinct_stances(result.tree, mode),
         "base_translation": plan.base_translation,
         "refined": planner.refined(plan).base_translation,
         "steps": len(plan.steps),
@@ -235,18 +236,18 @@ def plan_case(
     return plan, row, result.tree
 
 
-def _distinct(tree: Array, mode: str) -> int | None:
-    """Stances explored; not known of a search in several rounds, whose last alone is told."""
+def _distinct_stances(tree: Array, mode: str) -> int | None:
+    """Count the stances explored; None for a search in stages, whose tree is of the last one."""
     if MODES[mode].heuristic == "cost_to_go":
         return None
     return len(np.unique(tree[:, 1].round(9), axis=0)) + 1
 
 
-def limits_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
-    """What rules out stances in Case 1, which has no thresholds.
+def excluded_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
+    """Count the stances that are excluded in Case 1, which has no thresholds.
 
-    That is the floor of departures, and the robot's span. The span is compared with one that no
-    two limbs can reach, where steps are checked and where they are not.
+    These are excluded by the path floor of departures and by the robot's span. The effect of the
+    span is measured by a comparison with an unlimited span, with and without the check of steps.
     """
     graph = case_graph(1, setup, "steps")
     unchecked = replace(graph.settings, transitions=False)
@@ -270,23 +271,23 @@ def limits_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
 
 
 def table_markdown(data: dict[str, Any]) -> str:
-    """The table as Markdown, the paper's row above the measured ones."""
+    """Return the table as Markdown, with the paper's row of each case above the measured ones."""
     cases = [HEAD, HEAD_LINE]
     for case in map(str, CASES):
-        cases += rows_of(data, case, case)
+        cases += table_rows(data, case, case)
     names = " | ".join(mode["title"] for mode in data["modes"].values())
-    found = [f"| relation | why it may hold | {names} |", "|---|---|" + "---|" * len(data["modes"])]
+    lines = [f"| relation | why it may hold | {names} |", "|---|---|" + "---|" * len(data["modes"])]
     first = next(iter(data["relations"].values()))
     for name, relation in first.items():
         held = ["yes" if r[name]["held"] else "**no**" for r in data["relations"].values()]
-        found.append(f"| {name} | {relation['kind']} | {' | '.join(held)} |")
+        lines.append(f"| {name} | {relation['kind']} | {' | '.join(held)} |")
     setup, limits = data["setup"], data["left_out_without_thresholds"]
-    return TEXT.read_text(encoding="utf-8").format(
+    return TEMPLATE.read_text(encoding="utf-8").format(
         start=" and ".join(setup["start"]),
         goal=tuple(setup["goal"]),
         face=setup["goal_face"],
         cases="\n".join(cases),
-        relations="\n".join(found),
+        relations="\n".join(lines),
         percent=100.0 * limits["by_span_unchecked"] / limits["unchecked_wide"],
         **limits,
     )
@@ -299,8 +300,8 @@ HEAD = (
 HEAD_LINE = "|---|---|---|---|---|---|---|---|---|---|---|---|"
 
 
-def rows_of(data: dict[str, Any], case: str, title: str) -> list[str]:
-    """Rows of a case: the paper's, and one for each mode."""
+def table_rows(data: dict[str, Any], case: str, title: str) -> list[str]:
+    """Return the rows of a case: the paper's, and one for each mode."""
     p = data["paper"][case]
     rows = [
         f"| {title} | paper | d | {p['expanded']:.0f} | | | {p['base_translation']:.1f} | "

@@ -17,35 +17,36 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.extras import need
 from mlivr_gym.files import FileError
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world",),
-        description="Train a policy for two limbs. Every step of the map is checked first, once: "
-        "one to two minutes for the JEM. Ctrl-C ends it early and leaves a checkpoint of what was "
-        "learned so far.",
+        description="Train a policy for two limbs. All steps of the map are checked once before: "
+        "one to two minutes for the JEM. Ctrl-C ends the training early and writes a checkpoint "
+        "of the policy so far.",
     )
-    option(parser, "--method METHOD", "bc, dagger, ppo or finetune", "dagger")
-    option(parser, "--network NETWORK", "pointer or mlp", "pointer")
-    option(parser, "--seed N", "seed", 0)
-    option(parser, "--reward REWARD", "steps or base", "steps")
+    text = "behaviour cloning (bc), dagger, ppo, or ppo from a checkpoint (finetune)"
+    option(parser, "--method METHOD", text, "dagger")
+    option(parser, "--network NETWORK", "network of the policy: pointer or mlp", "pointer")
+    option(parser, "--seed N", "seed of the training", 0)
+    option(parser, "--reward REWARD", "reward of a step: steps or base", "steps")
     option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
-    option(parser, "--shaping", "add potential-based shaping to the reward, for ppo")
+    option(parser, "--shaping", "add potential-based shaping to the reward, for ppo and finetune")
     option(parser, "--hyperparameters FILE", "JSON file (default: training.json of the package)")
-    option(parser, "--out PATH", "checkpoint without suffix", "policy")
-    told = "checkpoint to start from, without suffix; finetune needs one"
-    option(parser, "--init PATH", told)
-    told = "threads of PyTorch; these networks are small, and more are slower"
-    option(parser, "--threads N", told, 1)
-    option(parser, "--logs FOLDER", "write TensorBoard logs")
+    option(parser, "--out PATH", "path of the checkpoint without suffix", "policy")
+    text = "checkpoint to start from, without suffix; required by finetune"
+    option(parser, "--init PATH", text)
+    text = "threads of PyTorch; the networks are small, so more threads are slower"
+    option(parser, "--threads N", text, 1)
+    option(parser, "--logs FOLDER", "write TensorBoard logs to this folder")
     parser.set_defaults(grace=LONG_GRACE)
 
 
@@ -60,13 +61,17 @@ def run(args: argparse.Namespace) -> int:
 
     out = Path(args.out)
     if not out.name:
-        raise FileError(f"cannot write a checkpoint to {args.out!r}: it is a folder")
-    claim(out.with_suffix(".pt"), out.with_suffix(".json"))
+        raise FileError(
+            f"cannot write a checkpoint to {args.out!r}: it is a folder; add the name of a file"
+        )
+    check_outputs(out.with_suffix(".pt"), out.with_suffix(".json"))
     settings = hyperparameters(args.method, args.hyperparameters)
     if "ppo" not in settings:
-        refuse_without_effect(args, f"with --method {args.method}, without rewards", "shaping")
+        refuse_without_effect(
+            args, f"with --method {args.method}, which uses no rewards", "shaping"
+        )
     torch.set_num_threads(args.threads)
-    with Progress("checking every step of the map", quiet=args.quiet) as progress:
+    with Progress("checking all steps of the map", quiet=args.quiet) as progress:
         policy = train(
             args.method,
             args.network,
@@ -76,18 +81,20 @@ def run(args: argparse.Namespace) -> int:
             init=args.init,
             out=args.out,
             command=shlex.join(["mlivr-gym", *sys.argv[1:]]),
-            progress=_teller(progress),
+            progress=_progress_callback(progress),
             logs=args.logs,
         )
     args.result |= policy.config | {"files": [out.with_suffix(end) for end in (".pt", ".json")]}
-    print(f"{out.with_suffix('.pt')} and .json: trained in {policy.config['seconds']:.0f} s")
+    print(
+        f"trained in {policy.config['seconds']:.0f} s; checkpoint: {out.with_suffix('.pt')}, .json"
+    )
     return SUCCESS
 
 
-def _teller(progress: Progress) -> Callable[[str, int, int, dict[str, float]], None]:
-    """Tells a phase of the training, how far it is, and its figures."""
+def _progress_callback(progress: Progress) -> Callable[[str, int, int, dict[str, float]], None]:
+    """Return a function that displays a phase of the training, its progress and its figures."""
 
-    def tell(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
+    def show(phase: str, done: int, total: int, figures: dict[str, float]) -> None:
         if progress.what != phase:
             progress.begin(phase, total)
         shown = [
@@ -97,4 +104,4 @@ def _teller(progress: Progress) -> Callable[[str, int, int, dict[str, float]], N
         ]
         progress.show(done, ", ".join(shown))
 
-    return tell
+    return show

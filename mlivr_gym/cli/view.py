@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     search_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.outputs import claim
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
@@ -34,38 +34,39 @@ if TYPE_CHECKING:
     from mlivr_gym.viewer.live_plan import LivePlan
 
 HOST, PORT = "127.0.0.1", 8080
-"""Where the page is served by default: on this computer alone."""
+"""Default address of the page, which this computer alone can reach."""
 
 FILES = "plan.json", "simulation.npz"
-"""What is read of the folder of an execution."""
+"""Files that are read from the folder of an execution."""
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     parser = command(
         add,
         run,
         groups=("world", "obstacles", "query"),
-        description="Serve a page on which a plan or an execution is played, and on which a click "
-        "on a point, a new goal, another cost or a box plans anew. "
-        "With --out, write a page that plays without a server. Needs the extra 'viewer'.",
+        description="Serve a page in the browser that plays a plan or an execution. The plan "
+        "is planned anew when a point is clicked, or goal, cost or obstacles are changed there. "
+        "With --out, write one HTML file that plays without a server. Needs the extra 'viewer'.",
     )
-    told = "a plan; a second one is shown beside the first"
-    option(parser, "--plan FILE", told, [], action="append")
-    option(parser, "--execution FOLDER", "what `mlivr-gym simulate` has written")
-    option(parser, "--out FILE", "write one HTML file that plays, and serve nothing")
-    told = "network interface that answers; the default is this computer alone"
-    option(parser, "--host HOST", told, HOST)
-    option(parser, "--port PORT", "port, the next free one if it is taken; 0 for any", PORT)
+    text = "plan to show; given twice, the second plan is compared with the first"
+    option(parser, "--plan FILE", text, [], action="append")
+    option(parser, "--execution FOLDER", "folder that `mlivr-gym simulate` has written")
+    option(parser, "--out FILE", "write a page to this HTML file instead of serving it")
+    text = "network interface of the server; the default is reachable from this computer alone"
+    option(parser, "--host HOST", text, HOST)
+    text = "port of the server, or the next free one if it is taken; 0 for any free port"
+    option(parser, "--port PORT", text, PORT)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write a page, or serve one until it is interrupted."""
+    """Write a page, or serve one until Ctrl-C."""
     need("viser", "trimesh", extra="viewer")
     _check(args)
-    claim(args.out)
-    with Progress("making the stance graph and the plan", quiet=args.quiet):
-        live, recording = _found(args)
+    check_outputs(args.out)
+    with Progress("building the stance graph and planning", quiet=args.quiet):
+        live, recording = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
         from mlivr_gym.viewer.export import write_html
@@ -81,43 +82,45 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse arguments that contradict each other."""
+    """Refuse options that contradict each other."""
     if len(args.plan) > 2:
-        raise SettingError(f"--plan is given {len(args.plan)} times; two plans can be compared")
+        raise SettingError(f"--plan is given {len(args.plan)} times; give it at most twice")
     if args.execution and args.plan:
-        raise SettingError("give either --plan or --execution, whose folder has the plan")
+        raise SettingError(
+            "give only one of --plan and --execution; the folder of an execution has its plan"
+        )
     if args.out and len(args.plan) > 1:
-        raise SettingError("--out takes one plan; two are compared on the page that is served")
+        raise SettingError("--out takes one plan; leave it out to compare two on a served page")
     if args.plan or args.execution:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
     Whole(0, 65535).read(args.port, FieldPath("--port", SettingError))
 
 
-def _found(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
-    """The plan to begin with, and what was measured of its execution."""
+def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
+    """Return the first live plan, and the recording of its execution if there is one."""
     from mlivr_gym.viewer.frames import load_recording
-    from mlivr_gym.viewer.live_plan import Asked, LivePlan
+    from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
     if args.plan or args.execution:
         folder = Path(args.execution or "")
         file = args.plan[0] if args.plan else folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
         recording = load_recording(folder / FILES[1], plan) if args.execution else None
-        graph = graph_of(plan, args)
-        return LivePlan(graph, Asked.of_plan(graph, plan), plan), recording
+        graph = graph_of_plan(plan, args)
+        return LivePlan(graph, LiveQuery.of_plan(graph, plan), plan), recording
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(Planner(graph), start, goal, args)
-    asked = Asked(start, (x, y, z), cost, price, **search_options(args))
+    asked = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, asked)
     live.replan()
     return live, None
 
 
-def graph_of(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
-    """The stance graph of a plan, with the obstacles and the occupied points that it knew."""
+def graph_of_plan(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
+    """Build the stance graph of a plan with its obstacles and occupied points."""
     graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
     graph.add_obstacles(plan.world.obstacles)
     graph.occupy(plan.world.occupied)
@@ -125,7 +128,7 @@ def graph_of(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
 
 
 def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None) -> int:
-    """Serve the page until it is interrupted."""
+    """Serve the page until Ctrl-C."""
     from mlivr_gym.viewer.frames import plan_frames
     from mlivr_gym.viewer.page import Page
     from mlivr_gym.viewer.panel import add_panel
@@ -136,8 +139,8 @@ def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None
         second = Plan.load(args.plan[1], live.graph.grasp_map)
         if second.world.robot != live.graph.robot:
             raise PlanError(
-                f"plan {args.plan[1]!r} is of robot {second.world.robot.name!r}, the first one of "
-                f"{live.graph.robot.name!r}"
+                f"plan {args.plan[1]!r} is for robot {second.world.robot.name!r}, the first one "
+                f"for {live.graph.robot.name!r}; only plans of the same robot can be compared"
             )
     viewer = Viewer(Page(args.host, args.port, "mlivr-gym"), live, recording)
     try:
@@ -150,7 +153,7 @@ def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None
         print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)
         viewer.run()
     except KeyboardInterrupt:
-        return SUCCESS  # which is how it is stopped
+        return SUCCESS  # Ctrl-C is how the server is stopped
     finally:
         viewer.close()
     return SUCCESS

@@ -15,17 +15,18 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
 def add_command(add: Add) -> None:
-    """Add the command by `add_parser`, which is told its name and help."""
+    """Add the command to the command line."""
     command(
         add,
         run,
-        description="Compile for this machine what a first plan needs, once for each version. "
-        "The first plan does the same; an image or an installation can do it beforehand.",
+        description="Compile the code that the first plan needs, once for each version of the "
+        "package. The first plan does the same; use this command to do it beforehand, for "
+        "instance while a container image is built.",
     )
 
 
 def run(args: argparse.Namespace) -> None:
-    """Plan once, so that all is compiled."""
+    """Plan once, which compiles all kernels that a plan needs."""
     began = time.perf_counter()
     with Progress("compiling and planning", quiet=args.quiet):
         Planner(stance_graph()).plan(START, GOAL, "steps").unwrap()
@@ -33,4 +34,4 @@ def run(args: argparse.Namespace) -> None:
     args.result |= {"seconds": seconds, "machine_code": kernel_root(), "step_tables": tables}
     print(f"ready after {seconds:.1f} s")
     print(f"machine code: {kernel_root()}")
-    print(f"step tables: {'not kept' if tables is None else tables}")
+    print(f"step tables: {'not stored' if tables is None else tables}")

@@ -1,4 +1,4 @@
-"""Figure of what configurations touch."""
+"""Figure of the contacts of configurations: an overview and a close-up of each."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, Contact
-from mlivr_gym.pictures.contact_words import Places, in_words, nearest_places, sentence
+from mlivr_gym.pictures.contact_names import (
+    WitnessPoints,
+    contact_sentence,
+    shape_name,
+    witness_points,
+)
 from mlivr_gym.pictures.figures import box_corners, box_faces, new_figure, write_figure
 from mlivr_gym.pictures.robot_shapes import (
     GHOST_PALENESS,
@@ -33,14 +38,14 @@ HALF_SIDE = 0.9
 HALF_CLOSE_UP = 0.16
 """Half the height of a close-up [m]."""
 
-MOST_CONTACTS = 4
-"""Most contacts that are named in a panel."""
+MAX_CONTACTS = 4
+"""Maximum number of contacts that are listed in a panel."""
 
 MARK_COLOUR = "#c2255c"
 """Colour of the mark at a contact."""
 
 BOX_COLOURS = {"track": "#8f959c", "handrail": "#1a59bf", "stanchion": "#5c636a"}
-"""Colours of boxes; others are light grey."""
+"""Colours of boxes by kind; other boxes are light grey."""
 
 
 _GAP_STYLE: dict[str, Any] = {
@@ -49,14 +54,14 @@ _GAP_STYLE: dict[str, Any] = {
 
 
 class Panel(NamedTuple):
-    """One configuration that touches something."""
+    """A configuration with contacts, as one panel of the figure."""
 
     title: str
-    """Heading."""
+    """Heading of the panel."""
     configuration: Configuration
-    """Where the robot is."""
+    """Configuration of the robot."""
     contacts: Sequence[Contact]
-    """What it touches there, the worst first."""
+    """Contacts of the robot in it, the worst first."""
 
 
 def blocked_figure(
@@ -68,22 +73,23 @@ def blocked_figure(
     *,
     clearance: float,
 ) -> None:
-    """What configurations touch, as PNG and SVG: the robot as a solid, and below a close-up.
+    """Draw the contacts of configurations as PNG and SVG.
 
-    The close-up shows the worst contact, and the clearance that shapes must keep [m].
+    Each panel shows the robot among the boxes, and below it a close-up of the worst contact with
+    the clearance that shapes must keep [m].
     """
     figure = new_figure(6.6 * len(panels), 10.2)
     boxes = {scene_name(BOX, box.id): box for box in (*grasp_map.boxes, *obstacles)}
     for k, panel in enumerate(panels):
         parts = {part.name: part for part in robot_parts(robot, panel.configuration)}
         first = panel.contacts[0]
-        places = nearest_places(parts[first.first], (parts | boxes)[first.second])
+        places = witness_points(parts[first.first], (parts | boxes)[first.second])
         place, width = (k + 0.02) / len(panels), 0.96 / len(panels)
         axes: Any = figure.add_axes(
             (place, 0.36, width, 0.55), projection="3d", computed_zorder=False
         )
         _overview(axes, panel, parts, boxes, places)
-        lines = _lines(panel.contacts, parts, boxes)
+        lines = _contact_lines(panel.contacts, parts, boxes)
         figure.text(place + 0.01, 0.975, panel.title, fontsize=10.5, va="top", linespacing=1.4)
         figure.text(place + 0.01, 0.925, lines, fontsize=9, color=MARK_COLOUR, va="top")
         flat = figure.add_axes((place + 0.03, 0.045, width - 0.06, 0.29))
@@ -93,7 +99,7 @@ def blocked_figure(
 
 
 def _add_legend(figure: Any, robot: RobotSpec) -> None:
-    """Say which limb has which colour, and what is orange."""
+    """Add a legend of the colours of limbs, joints and shapes in contact."""
     from matplotlib.patches import Patch
 
     names = {f"limb {i}": LIMB_COLOURS[i] for i in range(robot.limbs)}
@@ -107,14 +113,19 @@ def _add_legend(figure: Any, robot: RobotSpec) -> None:
     )
 
 
-def _lines(contacts: Sequence[Contact], parts: Mapping[str, Part], boxes: Mapping[str, Box]) -> str:
-    """The contacts in words."""
+def _contact_lines(
+    contacts: Sequence[Contact], parts: Mapping[str, Part], boxes: Mapping[str, Box]
+) -> str:
+    """Describe the worst contact of each shape of the robot, one line each."""
     shapes: dict[str, Part | Box] = {**parts, **boxes}
-    worst = {c.first: c for c in reversed(contacts)}  # of each shape of the robot
-    told = [c for c in contacts if worst[c.first] is c][:MOST_CONTACTS]
-    lines = [sentence(c, nearest_places(parts[c.first], shapes[c.second]).gap, boxes) for c in told]
-    if len(contacts) > len(told):
-        count = len(contacts) - len(told)
+    worst = {c.first: c for c in reversed(contacts)}
+    listed = [c for c in contacts if worst[c.first] is c][:MAX_CONTACTS]
+    lines = [
+        contact_sentence(c, witness_points(parts[c.first], shapes[c.second]).gap, boxes)
+        for c in listed
+    ]
+    if len(contacts) > len(listed):
+        count = len(contacts) - len(listed)
         lines.append(f"and {count} more {'contact' if count == 1 else 'contacts'}")
     return "\n".join(lines)
 
@@ -124,9 +135,9 @@ def _overview(
     panel: Panel,
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
-    places: Places,
+    places: WitnessPoints,
 ) -> None:
-    """Draw the robot, what stands round it, and a ring about the worst contact."""
+    """Draw the robot, the boxes round it, and a ring about the worst contact."""
     from mpl_toolkits.mplot3d import proj3d
 
     centre = panel.configuration[0]
@@ -138,7 +149,7 @@ def _overview(
         getattr(axes, f"set_{name}label")(f"{name} [m]")
     axes.set_box_aspect((1, 1, 1), zoom=1.05)
     axes.tick_params(labelsize=7)
-    # From the side away from what is touched, so that it stands behind the robot.
+    # The view is from the side where the touched shape stands behind the robot.
     away = -places.normal
     axes.view_init(elev=-14 if away[2] < -0.7 else 16, azim=-66 if away[1] <= 0.3 else 66)
     x, y, _ = proj3d.proj_transform(*places.first, axes.get_proj())
@@ -151,7 +162,7 @@ def _overview(
 def _draw_boxes(
     axes: Any, boxes: Mapping[str, Box], centre: Array, touching: Collection[str]
 ) -> None:
-    """Draw the boxes round a centre, those whose names are given in orange."""
+    """Draw the boxes round a centre; those in `touching` are orange."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     for name, box in boxes.items():
@@ -172,10 +183,10 @@ def _close_up(
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
     contact: Contact,
-    places: Places,
+    places: WitnessPoints,
     clearance: float,
 ) -> None:
-    """Draw a contact in true scale, seen along a line that keeps its gap in the picture."""
+    """Draw a contact to scale, in a view in which the gap lies in the picture plane."""
     across = _view(parts[contact.first], places.normal)
     middle = 0.5 * (places.first + places.second)
     shapes: dict[str, Part | Box] = {**parts, **boxes}
@@ -183,7 +194,7 @@ def _close_up(
     inside = [
         name
         for name, shape in shapes.items()
-        if _reaches_in(shape, middle, toward)
+        if _is_in_depth(shape, middle, toward)
         and (isinstance(shape, Part) or shape.kind in BOX_COLOURS or name == contact.second)
     ]
     for name in sorted(inside, key=lambda n: float(_middle(shapes[n]) @ toward)):
@@ -213,7 +224,7 @@ def _close_up(
             zorder=5,
         )
     _mark(axes, places, across, middle)
-    first, second = in_words(contact.first, boxes), in_words(contact.second, boxes)
+    first, second = shape_name(contact.first, boxes), shape_name(contact.second, boxes)
     axes.set_title(
         f"close-up: {first} and {second}; dashed: the clearance of {1e3 * clearance:.0f} mm",
         fontsize=9.5,
@@ -227,8 +238,8 @@ def _close_up(
     axes.text(start, height + 0.008, "100 mm", fontsize=8.5, zorder=7)
 
 
-def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
-    """Mark the two nearest places, and write the gap beside them."""
+def _mark(axes: Any, places: WitnessPoints, across: Array, middle: Array) -> None:
+    """Mark the two witness points and write the gap next to them."""
     ends = (np.stack([places.first, places.second]) - middle) @ across.T
     axes.plot(*ends.T, color=MARK_COLOUR, linewidth=2.0, marker="o", markersize=4, zorder=8)
     behind = {"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
@@ -239,14 +250,14 @@ def _mark(axes: Any, places: Places, across: Array, middle: Array) -> None:
     )
 
 
-def _gap(places: Places) -> str:
-    """How near the shapes come, in words."""
+def _gap(places: WitnessPoints) -> str:
+    """Format the distance of two shapes, or how deep they overlap."""
     gap = 1e3 * places.gap
     return f"{gap:.0f} mm apart" if gap > 0.0 else f"{-gap:.0f} mm deep"
 
 
 def _view(part: Part, normal: Array) -> Array:
-    """The picture's axes in the world, shape (2, 3): the gap and the capsule's axis lie in it."""
+    """Return the axes of a picture plane that contains the gap and the capsule's axis, (2, 3)."""
     start, end = part.axes[0]
     depth = np.cross(end - start, normal)
     if np.linalg.norm(depth) < 1e-6:
@@ -260,11 +271,12 @@ def _view(part: Part, normal: Array) -> Array:
 
 
 def _middle(shape: Part | Box) -> Array:
+    """Return the centre of a shape, shape (3,) [m]."""
     return shape.faces.mean(axis=(0, 1)) if isinstance(shape, Part) else np.array(shape.centre)
 
 
-def _reaches_in(shape: Part | Box, middle: Array, toward: Array) -> bool:
-    """Whether some of a shape lies within a close-up's depth of its middle."""
+def _is_in_depth(shape: Part | Box, middle: Array, toward: Array) -> bool:
+    """Return whether a part of a shape lies within the depth range of a close-up."""
     corners = shape.faces.reshape(-1, 3) if isinstance(shape, Part) else box_corners(shape)
     depth = (corners - middle) @ toward
     return bool(depth.min() < HALF_CLOSE_UP and depth.max() > -HALF_CLOSE_UP)

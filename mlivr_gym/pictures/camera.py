@@ -1,4 +1,4 @@
-"""The camera that looks at a scene: what it sees where, and from how far it sees all."""
+"""The camera of a scene: projection of positions to pixels, and the distance to see all of them."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from mlivr_gym.schema import FieldPath, Tuples
 from mlivr_gym.values import LONGEST
 
 FIELD_OF_VIEW = 45.0
-"""Vertical angle that a picture shows [deg]: MuJoCo's."""
+"""Vertical field of view [deg], MuJoCo's default."""
 
 
 class Camera(NamedTuple):
-    """A camera turned towards a place."""
+    """A pinhole camera that looks at a target position."""
 
     lookat: tuple[float, float, float]
-    """Place in the middle of the picture [m]."""
+    """Target position, in the centre of the picture [m]."""
     distance: float = 5.8
-    """Distance from there [m]."""
+    """Distance of the camera from the target [m]."""
     azimuth: float = 82.0
     """Angle of the line of sight about z, from x [deg]."""
     elevation: float = -5.0
-    """Angle of the line of sight over the horizon [deg]."""
+    """Angle of the line of sight above the horizon [deg]."""
 
     @property
     def axes(self) -> Array:
-        """The picture's axes right, up and ahead in the world, shape (3, 3)."""
+        """Axes right, up and ahead of the camera as rows, in the world frame, shape (3, 3)."""
         azimuth, elevation = np.deg2rad([self.azimuth, self.elevation])
         ahead = np.array(
             [
@@ -42,9 +42,19 @@ class Camera(NamedTuple):
         return np.stack([right, np.cross(right, ahead), ahead])
 
     def pixels(self, places: Array, width: int, height: int) -> Array:
-        """Where places, shape (k, 3) [m], are in a picture: columns and rows, shape (k, 2) [px].
+        """Project positions to a picture.
 
-        NaN where they are behind the camera.
+        Parameters
+        ----------
+        places
+            Positions in the world frame, shape (k, 3) [m].
+        width, height
+            Size of the picture [px].
+
+        Returns
+        -------
+        Array
+            Column and row of each position, shape (k, 2) [px]; NaN behind the camera.
         """
         right, up, ahead = self.axes @ (places - np.array(self.lookat)).T
         depth = self.distance + ahead
@@ -53,28 +63,28 @@ class Camera(NamedTuple):
         return np.stack([0.5 * width + scale * right, 0.5 * height - scale * up], axis=1)
 
     def seeing(self, places: Array, radius: float, aspect: float) -> Camera:
-        """The same camera as near as it can be while balls stay inside its picture.
+        """Return this camera at the smallest distance at which it sees whole balls.
 
         Parameters
         ----------
         places
-            Middles of the balls, shape (k, 3) [m].
+            Centres of the balls, shape (k, 3) [m].
         radius
-            Their radius [m].
+            Radius of the balls [m].
         aspect
-            Width of the picture over its height.
+            Width of the picture divided by its height.
         """
         slope = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
         right, up, ahead = self.axes @ (places - np.array(self.lookat)).T
         needed = []
         for off, steep in ((np.abs(up), slope), (np.abs(right), slope * aspect)):
-            # A ball touches the edge when its middle is radius / cos from the plane of the edge.
+            # A ball touches the picture's edge if its centre is radius / cos from the edge's plane.
             needed.append((off + radius * np.hypot(1.0, steep)) / steep - ahead)
         return self._replace(distance=float(np.max(needed)))
 
 
 def _camera(value: Any, place: FieldPath) -> Camera:
-    """A camera whose fields are numbers."""
+    """Check that an argument is a camera with valid fields."""
     if not isinstance(value, Camera):
         raise place.refused(value, "a Camera")
     kinds = (Tuples((3,), most=LONGEST, unit="m"), Tuples((), 0.0, LONGEST, "m"))
@@ -83,4 +93,4 @@ def _camera(value: Any, place: FieldPath) -> Camera:
 
 
 CAMERA = Via(_camera)
-"""A `Camera`."""
+"""Kind of an argument that is a `Camera`."""

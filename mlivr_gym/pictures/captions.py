@@ -1,4 +1,4 @@
-"""Words on rendered pictures."""
+"""Captions and labels on rendered pictures."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 
-LEAST_HEIGHT = 120
-"""Pictures that are lower than this have no words, which could not be read [px]."""
+MIN_CAPTION_HEIGHT = 120
+"""Minimum height of a picture with text, which could not be read on smaller ones [px]."""
 
 Image = NDArray[np.uint8]
 
 
 def strip_height(height: int) -> int:
-    """Height of the strip below a picture of this height in all that a caption stands in [px]."""
-    return 0 if height < LEAST_HEIGHT else max(22, height // 18)
+    """Return the height of the caption in a picture of total height `height` [px]."""
+    return 0 if height < MIN_CAPTION_HEIGHT else max(22, height // 18)
 
 
 def with_caption(picture: Image, caption: str, height: int) -> Image:
-    """A picture with a strip below it, in which one line stands; `height` is that of both [px]."""
+    """Add a line of text below a picture; `height` is the total height with the text [px]."""
     strip = strip_height(height)
     if not strip:
         return picture
@@ -40,14 +40,14 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 
 
 def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
-    """A picture with short words, each on a white edge, at columns and rows of shape (k, 2) [px].
+    """Draw labels, each a text and its colour, with white outlines on a picture.
 
-    Those outside are left out. A label is its text and its colour.
+    `pixels` are column and row of each label, shape (k, 2) [px]; labels outside are omitted.
     """
     from PIL import Image as Pillow
     from PIL import ImageDraw
 
-    if picture.shape[0] < LEAST_HEIGHT - strip_height(LEAST_HEIGHT):
+    if picture.shape[0] < MIN_CAPTION_HEIGHT - strip_height(MIN_CAPTION_HEIGHT):
         return picture
     image = Pillow.fromarray(picture)
     draw = ImageDraw.Draw(image)
@@ -64,7 +64,7 @@ def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) ->
 
 @cache
 def _font(size: int) -> Any:
-    """The typeface of the figures."""
+    """Return matplotlib's default font in a size [px]."""
     import matplotlib
     from PIL import ImageFont
 

@@ -1,4 +1,4 @@
-"""Figures drawn with matplotlib: what they share."""
+"""Elements that the figures drawn with matplotlib share, and how figures are written."""
 
 from __future__ import annotations
 
@@ -16,32 +16,31 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-"""Corners of each face of a box, in the order of `box_corners`."""
-
+"""Corners of each face of a box, as indices into `box_corners`."""
 
 BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
 """Colours of base paths, green as in the paper, and of goals."""
 
-MOST_VERTICES, RASTER_DPI = 2000, 90
-"""Paths with more vertices are an image in an SVG, of this many dots per inch.
+MAX_VERTICES, RASTER_DPI = 2000, 90
+"""Areas with more vertices are rasterised in an SVG, at this many dots per inch.
 
-They would fill the file: lines are thinned out when they are drawn, the edges of areas are not.
+Otherwise they would dominate its size: matplotlib simplifies lines, but not the edges of areas.
 """
 
 SALT = "mlivr-gym"
-"""What the names of parts in an SVG are made from, besides the parts."""
+"""Salt of the ids in an SVG, which makes them the same each time."""
 
-FACE_TINTS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
+FACE_COLOURS = {"deck": "#8a6d3b", "overhead": "#5a7d9a", "forward": "#7a7a7a", "aft": "#a3a3a3"}
 """Colours of points by the face they lie on; other faces are grey."""
 
 
-def tints(grasp_map: GraspMap) -> list[str]:
-    """Colour of each point of a map."""
-    return [FACE_TINTS.get(face, "#8c8c8c") for face in grasp_map.faces]
+def point_colours(grasp_map: GraspMap) -> list[str]:
+    """Return the colour of each point of a map."""
+    return [FACE_COLOURS.get(face, "#8c8c8c") for face in grasp_map.faces]
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A figure of a size [inch] that no window shows."""
+    """Create a figure of a size [inch] that opens no window."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -51,12 +50,12 @@ def new_figure(width: float, height: float) -> Any:
 
 
 def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
-    """A 3-D figure of the map: tracks as thin lines, points as dots, equal scale."""
+    """Create a 3-D figure of a map, to scale: tracks are thin lines, points are dots."""
     figure = new_figure(12.8, 6.4)
     axes: Any = figure.add_axes((-0.06, -0.14, 1.08, 1.22), projection="3d", computed_zorder=False)
     for segment in grasp_map.segments:
         axes.plot(*np.array([segment.start, segment.end]).T, color="0.82", linewidth=1.2, zorder=1)
-    style = {"s": 4, "color": tints(grasp_map), "depthshade": False, "zorder": 2}
+    style = {"s": 4, "color": point_colours(grasp_map), "depthshade": False, "zorder": 2}
     axes.scatter(*grasp_map.positions.T, label="graspable points", **style)
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     span = np.maximum(high - low, 0.3)
@@ -74,13 +73,13 @@ def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
 
 
 def draw_base_path(axes: Any, line: Array, stances: Array, label: str) -> None:
-    """Draw a base path, shape (k, 3), thick, the bases of its stances, (s, 3) [m], as squares."""
+    """Draw a base path, shape (k, 3), and the bases of stances, shape (s, 3) [m], as squares."""
     axes.plot(*line.T, color=BASE_COLOUR, linewidth=3.0, zorder=5, label=label)
     axes.scatter(*stances.T, color=BASE_COLOUR, marker="s", s=30, depthshade=False, zorder=5)
 
 
 def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
-    """Draw a goal [m] as a star, and the ball in which the base is to end."""
+    """Draw a goal position [m] as a star, and the goal region as a ball."""
     style = {"color": GOAL_COLOUR, "edgecolor": "black", "depthshade": False, "zorder": 7}
     axes.scatter(*np.array(goal), s=150, marker="*", label="goal", **style)
     turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
@@ -90,14 +89,14 @@ def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
 
 
 def add_heading(figure: Any, title: str, remark: str | None = None) -> None:
-    """Write a heading, and below it a remark, at the upper left of a figure of `map_axes`."""
+    """Write a heading and a remark below it, at the upper left of a figure."""
     figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13, parse_math=False)
     if remark is not None:
         figure.text(0.02, 0.91, remark, fontsize=9.5, color="0.25")
 
 
 def add_legend(figure: Any) -> None:
-    """Put the legend at the upper right of a figure of `map_axes`."""
+    """Add a legend at the upper right of a figure."""
     legend = figure.legend(
         loc="upper right", bbox_to_anchor=(0.985, 0.985), ncols=2, fontsize=8.5, frameon=False
     )
@@ -106,7 +105,7 @@ def add_legend(figure: Any) -> None:
 
 
 def box_corners(box: Box) -> Array:
-    """The eight corners of a box, shape (8, 3) [m]."""
+    """Return the eight corners of a box, shape (8, 3) [m]."""
     signs = np.array(
         [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64
     )
@@ -115,41 +114,41 @@ def box_corners(box: Box) -> Array:
 
 
 def box_faces(box: Box) -> Array:
-    """Corners of the six faces of a box, shape (6, 4, 3) [m]."""
+    """Return the corners of the six faces of a box, shape (6, 4, 3) [m]."""
     corners = box_corners(box)
     return np.array([corners[list(face)] for face in FACES])
 
 
 def figure_files(path: str | Path) -> tuple[Path, Path]:
-    """The PNG file of a figure and the SVG file beside it; `path` names either."""
+    """Return the PNG and the SVG file of a figure; `path` names either."""
     given = Path(path)
     png, svg = (given.parent / f"{given.stem}{ending}" for ending in (".png", ".svg"))
     return (png, given) if given.suffix.lower() == ".svg" else (given, svg)
 
 
 def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
-    """Write a figure as PNG and as SVG; see `write_figure`."""
+    """Write a figure as PNG and SVG, with 3-D axes unclipped; see `write_figure`."""
     for axes in figure.axes:
         if axes.name == "3d":
-            # The clip box of 3-D axes is a square in their middle, narrower than the module.
+            # The clip box of 3-D axes is a central square that is narrower than the module.
             for artist in axes.get_children():
                 artist.set_clip_on(False)
     write_figure(figure, path, vector=vector)
 
 
 def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
-    """Write a figure as it is as PNG and as SVG, each whole or not at all.
+    """Write a figure as PNG and SVG; each file is written completely or not at all.
 
-    The same figure gives the same bytes: nothing in the files is drawn by chance or dated.
+    The same figure always gives the same bytes: the files contain no random ids and no dates.
 
     Parameters
     ----------
     figure
         The figure.
     path
-        File to write; `figure_files` says which the two are.
+        Name of either file; see `figure_files`.
     vector
-        Write the SVG too.
+        Whether the SVG is written, too.
 
     Raises
     ------
@@ -166,7 +165,7 @@ def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
         buffer = io.BytesIO()
         for axes in figure.axes:
             for paths in axes.collections:
-                if sum(len(path.vertices) for path in paths.get_paths()) > MOST_VERTICES:
+                if sum(len(path.vertices) for path in paths.get_paths()) > MAX_VERTICES:
                     paths.set_rasterized(True)
         with rc_context({"svg.hashsalt": SALT}):
             figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)
@@ -174,7 +173,7 @@ def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
-    """Write a picture, shape (height, width, 3), as PNG, whole or not at all."""
+    """Write a picture of shape (height, width, 3) as PNG, completely or not at all."""
     from PIL import Image
 
     buffer = io.BytesIO()

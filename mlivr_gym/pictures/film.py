@@ -1,4 +1,4 @@
-"""Films of a walk: animated GIF, or MP4 where `imageio` with its FFmpeg is installed."""
+"""Films of executed plans: animated GIF, or MP4 if `imageio` with its FFmpeg is installed."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ from mlivr_gym.world.grasp_map import GraspMap
 if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Recording
 
-USUAL_SIZE = (512, 288)
-"""Width and height of a film whose size is not chosen [px]."""
+DEFAULT_SIZE = (512, 288)
+"""Default width and height of a film [px]."""
 
 COLOURS = 96
 """Colours of a GIF's palette; more make the file larger and the picture hardly better."""
 
 RATE = 25
-"""Pictures a second."""
+"""Frames per second."""
 
-LONGEST = 8.0
-"""Length of a film whose speed is not chosen, at most [s]."""
+LONGEST_FILM = 8.0
+"""Maximum duration of a film at the default speed [s]."""
 
 PAUSE = 1.0
-"""For how long the last picture stays [s]."""
+"""Time for which the last frame stays [s]."""
 
 SPEED = Tuples((), 0.1, 1000.0)
-"""How many times faster than the clock a film may run."""
+"""Valid speeds of a film relative to simulated time."""
 
 AZIMUTH, ELEVATION = 84.0, -8.0
-"""Direction in which the camera looks [deg]."""
+"""Angles of the camera's line of sight [deg]."""
 
 
 def _recording(value: Any, place: FieldPath) -> Recording:
-    """A recording of a simulation."""
+    """Check that an argument is a recording of a simulation."""
     from mlivr_gym.simulation.recording import Recording
 
     recording: Recording = Of(Recording).read(value, place)
@@ -79,16 +79,16 @@ def film(
     path: str | Path,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = USUAL_SIZE,
+    size: tuple[int, int] = DEFAULT_SIZE,
     speed: float | None = None,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Film a recording from the side, the camera beside the robot, without the forward wall.
+    """Film a recording from the side; the forward wall is hidden and the camera follows the robot.
 
-    The camera is as near as it can be while the robot stays inside every picture. Of the plan it
-    shows base path, goal and footholds, and below each picture time, speed of the film, step and
-    phase. There are `RATE` pictures a second; the last one stays for `PAUSE`.
+    The camera is as close as possible while the robot stays inside every frame. With a plan the
+    film shows base path, goal and footholds, and a caption with time, speed, step and phase. It
+    has `RATE` frames a second; the last one stays for `PAUSE`.
 
     Parameters
     ----------
@@ -97,29 +97,29 @@ def film(
     robot
         The robot.
     recording
-        What the robot did.
+        Motion of the robot in simulation.
     path
-        File to write; `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
+        File to write: `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
     plan
-        The plan that was carried out; without one, none of it is shown.
+        The plan that was executed; None to show the robot alone.
     size
         Width and height [px].
     speed
-        How many times faster than the clock it runs; by default `usual_speed`.
+        Speed of the film relative to simulated time; by default `default_speed`.
     obstacles
-        Boxes besides the map's.
+        Boxes in addition to those of the map.
     progress
-        Called with the number of pictures done.
+        Function called with the number of frames rendered so far.
 
     Raises
     ------
     RenderError
-        If there is no GL library, or the kind of file cannot be written.
+        If no GL library can be used, or films of this format cannot be written.
     FileError
         If the file cannot be written.
     """
-    check_kind(path)
-    speed = usual_speed(recording) if speed is None else speed
+    check_film_format(path)
+    speed = default_speed(recording) if speed is None else speed
     pictures = film_pictures(
         grasp_map, robot, recording, film_samples(recording, speed), plan=plan, size=size,
         speed=speed, obstacles=obstacles, progress=progress,
@@ -127,14 +127,14 @@ def film(
     save_film(pictures, path)
 
 
-def usual_speed(recording: Recording) -> float:
-    """The least power of two as a speed with which a film of a recording lasts `LONGEST`."""
+def default_speed(recording: Recording) -> float:
+    """Return the smallest power of two at which a film takes at most `LONGEST_FILM`."""
     duration = float(recording.times[-1] - recording.times[0])
-    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST)))
+    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST_FILM)))
 
 
 def film_samples(recording: Recording, speed: float) -> IntArray:
-    """The samples of a recording that a film shows, one for each `1 / RATE` of its time."""
+    """Return the indices of the samples that a film shows, one for each frame."""
     begin, end = float(recording.times[0]), float(recording.times[-1])
     times = np.append(np.arange(begin, end, speed / RATE), end)
     samples: IntArray = np.searchsorted(recording.times, times - 1e-9)
@@ -142,18 +142,18 @@ def film_samples(recording: Recording, speed: float) -> IntArray:
 
 
 def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
-    """Write pictures, shape (height, width, 3), as a film of `RATE` pictures a second.
+    """Write pictures of shape (height, width, 3) as a film of `RATE` frames a second.
 
     The last one stays for `PAUSE`.
 
     Raises
     ------
     RenderError
-        If the kind of file cannot be written.
+        If films of this format cannot be written.
     FileError
         If the file cannot be written.
     """
-    kind = check_kind(path)
+    kind = check_film_format(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
     write_whole(path, _gif(pictures) if kind == ".gif" else _mp4(pictures))
 
@@ -165,12 +165,12 @@ def film_pictures(
     samples: IntArray,
     *,
     plan: Plan | None = None,
-    size: tuple[int, int] = USUAL_SIZE,
+    size: tuple[int, int] = DEFAULT_SIZE,
     speed: float = 1.0,
     obstacles: Sequence[Box] = (),
     progress: Callable[[int], None] | None = None,
 ) -> list[NDArray[np.uint8]]:
-    """The pictures of a film, one for each of some samples of a recording; see `film`."""
+    """Render one picture for each of the given samples of a recording; see `film`."""
     width, height = size
     picture_height = height - (strip_height(height) if plan is not None else 0)
     renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles)
@@ -181,8 +181,7 @@ def film_pictures(
     for done, (k, configuration, camera) in enumerate(zip(samples, shown, cameras, strict=True), 1):
         picture = renderer.render(*configuration, camera=camera, route=route)
         if plan is not None:
-            words = caption(recording, int(k), plan, speed)
-            picture = with_caption(picture, words, height)
+            picture = with_caption(picture, caption(recording, int(k), plan, speed), height)
         pictures.append(picture)
         if progress is not None:
             progress(done)
@@ -193,16 +192,9 @@ def film_pictures(
 def film_cameras(
     robot: RobotSpec, configurations: Sequence[Configuration], aspect: float
 ) -> list[Camera]:
-    """A camera for each picture, which goes along x with the base and keeps its distance.
+    """Return the camera of each picture; it follows the base along x at a constant distance.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    configurations
-        Where it is in each picture.
-    aspect
-        Width of a picture over its height.
+    `aspect` is the width of a picture divided by its height.
     """
     shapes = LimbShapes(robot)
     around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
@@ -224,7 +216,7 @@ def film_cameras(
 
 
 def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str:
-    """Time and speed, step and phase of a sample of a recording, and where the limb goes."""
+    """Return the caption of a sample: time, speed, step, phase, limb and its two points."""
     time, end = recording.times[k], recording.times[-1]
     number = min(int(recording.step[k]), len(plan.steps) - 1)
     step, phase = plan.steps[number], PHASES[int(recording.phase[k])]
@@ -235,7 +227,7 @@ def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str
 
 
 def _configuration(recording: Recording, k: int) -> Configuration:
-    """Where the robot is in a sample of a recording."""
+    """Return the configuration of the robot in a sample of a recording."""
     return (
         recording.base_positions[k],
         recording.base_quaternions[k],
@@ -243,26 +235,29 @@ def _configuration(recording: Recording, k: int) -> Configuration:
     )
 
 
-def check_kind(path: str | Path) -> str:
-    """The ending of a film's name, if such a film can be written.
+def check_film_format(path: str | Path) -> str:
+    """Return the suffix of a film's file name, `".gif"` or `".mp4"`.
 
     Raises
     ------
     RenderError
-        If it is neither `.gif` nor `.mp4`, or `imageio[ffmpeg]` is missing for an
-        `.mp4`.
+        If it is another one, or `imageio[ffmpeg]` is missing for an `.mp4`.
     """
     kind = Path(FileName().read(path, FieldPath("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):
-        told = f"cannot write a film as {path_shown(path)}"
-        raise RenderError(f"{told}; valid endings are '.gif', '.mp4'")
+        raise RenderError(
+            f"cannot write a film as {path_shown(path)}; valid endings are '.gif' and '.mp4'"
+        )
     if kind == ".mp4" and find_spec("imageio_ffmpeg") is None:
-        raise RenderError("an .mp4 needs the package imageio[ffmpeg]; without it, write a .gif")
+        raise RenderError(
+            "an .mp4 needs the package imageio[ffmpeg]: pip install 'mlivr-gym[film]', "
+            "or write a .gif"
+        )
     return kind
 
 
 def _gif(pictures: list[NDArray[np.uint8]]) -> bytes:
-    """An animated GIF of pictures, shape (height, width, 3), with one palette for all."""
+    """Encode pictures of shape (height, width, 3) as an animated GIF with one palette."""
     from PIL import Image
 
     images = [Image.fromarray(picture) for picture in pictures]
@@ -284,7 +279,7 @@ def _gif(pictures: list[NDArray[np.uint8]]) -> bytes:
 
 
 def _mp4(pictures: list[NDArray[np.uint8]]) -> bytes:
-    """An MP4 of pictures, shape (height, width, 3)."""
+    """Encode pictures of shape (height, width, 3) as MP4."""
     import imageio.v3 as iio
 
     encoded: bytes = iio.imwrite(

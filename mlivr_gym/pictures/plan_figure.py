@@ -1,4 +1,4 @@
-"""Figures of a plan, and of configurations, on their map."""
+"""Figures of a plan or of configurations on their map, drawn with matplotlib."""
 
 from __future__ import annotations
 
@@ -27,29 +27,30 @@ from mlivr_gym.pictures.flat_views import (
     draw_flat_goal,
     draw_flat_path,
     map_views,
-    number,
+    number_stances,
 )
 from mlivr_gym.pictures.robot_shapes import draw_ghost, draw_robot, robot_parts
-from mlivr_gym.pictures.route import Route, base_line
+from mlivr_gym.pictures.route import Route, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.schema import Maybe, Numbers
 from mlivr_gym.world.grasp_map import GraspMap
 
-MOST_EXPLORED = 3000
-"""Explored base paths drawn at most; of more, an even selection is drawn."""
+MAX_EXPLORED = 3000
+"""Maximum number of explored base paths that are drawn; of more, every k-th is drawn."""
 
-MOST_READ = 10**8
-"""Explored base paths that are taken."""
+MAX_TREE_ROWS = 10**8
+"""Maximum number of explored base paths that are accepted."""
 
 
-@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MOST_READ)))})
+@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
 def plan_figure(
     grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = ""
 ) -> None:
-    """Picture of a plan: in space, from above and from the side, its stances numbered.
+    """Draw a plan in space, from above and from the side, with numbered stances.
 
-    Explored base paths are thin, the chosen one thick and green, footholds in the limb's colour,
-    the goal region a ball; the robot stands pale at its first stance, a middle one and the last.
+    Explored base paths are thin lines, the planned one is thick and green, footholds have the
+    limb's colour, and the goal region is a ball. The robot is drawn pale in its first stance, a
+    middle one and the last.
 
     Parameters
     ----------
@@ -58,22 +59,27 @@ def plan_figure(
     plan
         The plan.
     path
-        PNG file to write, and an SVG beside it.
+        PNG file to write; an SVG of the same name is written, too.
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     title
-        Heading.
+        Heading; by default "Plan".
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
     """
     figure, axes, flats = map_views(grasp_map)
     explored = np.zeros((0, 2, 3)) if tree is None else tree
-    drawn = explored[:: max(1, -(-len(explored) // MOST_EXPLORED))]
+    drawn = explored[:: max(1, -(-len(explored) // MAX_EXPLORED))]
     _draw_explored(axes, drawn)
     _draw_footholds(axes, grasp_map, plan)
     for k in ghost_stances(plan):
         draw_ghost(axes, robot_parts(plan.world.robot, plan.configuration(k)))
-    draw_base_path(axes, base_line(plan), plan.motion.base_positions, "base path")
+    draw_base_path(axes, plan_base_path(plan), plan.motion.base_positions, "base path")
     draw_goal(axes, plan.query.goal, plan.query.goal_tolerance)
-    number(axes, plan.motion.base_positions)
+    number_stances(axes, plan.motion.base_positions)
     for view, flat in flats.items():
         _draw_flat(flat, view, grasp_map, plan)
     count = f" ({len(drawn)} of {len(explored)} drawn)" if len(drawn) < len(explored) else ""
@@ -96,7 +102,7 @@ def configuration_figure(
     title: str,
     route: Route | None = None,
 ) -> None:
-    """Draw a robot in configurations, and what there is of a plan, for machines without GL.
+    """Draw a robot in configurations, for machines on which MuJoCo cannot render.
 
     Parameters
     ----------
@@ -105,13 +111,18 @@ def configuration_figure(
     robot
         The robot.
     configurations
-        Where it is.
+        Configurations of the robot.
     path
-        PNG file to write; no SVG beside it, since this stands for a picture that is rendered.
+        PNG file to write; no SVG is written.
     title
         Heading.
     route
-        What is shown of a plan.
+        Route of a plan that is drawn, too.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
     """
     figure, axes = map_axes(grasp_map)
     for configuration in configurations:
@@ -119,14 +130,14 @@ def configuration_figure(
     if route is not None:
         draw_base_path(axes, route.line, route.stances, "base path")
         draw_goal(axes, route.goal.tolist(), route.goal_tolerance)
-        number(axes, route.stances)
+        number_stances(axes, route.stances)
         add_legend(figure)
     add_heading(figure, title)
     save_figure(figure, path, vector=False)
 
 
 def _draw_flat(axes: Any, view: View, grasp_map: GraspMap, plan: Plan) -> None:
-    """Draw the plan in a flat view."""
+    """Draw a plan in a flat view."""
     base = plan.motion.base_positions
     for k in ghost_stances(plan):
         draw_flat_ghost(axes, view, robot_parts(plan.world.robot, plan.configuration(k)))
@@ -135,17 +146,17 @@ def _draw_flat(axes: Any, view: View, grasp_map: GraspMap, plan: Plan) -> None:
         for ends in np.stack([base, held], axis=1):
             axes.plot(*ends[:, view].T, color=colour, linewidth=0.7, alpha=0.6, zorder=2)
         axes.scatter(*held[:, view].T, s=26, color=colour, edgecolor="white", zorder=4)
-    draw_flat_path(axes, view, base_line(plan), base)
+    draw_flat_path(axes, view, plan_base_path(plan), base)
     draw_flat_goal(axes, view, plan.query.goal, plan.query.goal_tolerance)
 
 
 def ghost_stances(plan: Plan) -> list[int]:
-    """Stances in which the robot itself is drawn: the first, a middle one and the last."""
+    """Return the stances in which the robot is drawn: the first, a middle one and the last."""
     return sorted({0, len(plan.stances) // 2, len(plan.stances) - 1})
 
 
 def _held(grasp_map: GraspMap, plan: Plan) -> list[Array]:
-    """Points that each limb holds in each stance, shapes (k, 3) [m]."""
+    """Return the positions of the points that each limb holds, by stance, shapes (k, 3) [m]."""
     index = {point: i for i, point in enumerate(grasp_map.ids)}
     return [
         grasp_map.positions[[index[stance[limb]] for stance in plan.stances]]
@@ -154,7 +165,7 @@ def _held(grasp_map: GraspMap, plan: Plan) -> list[Array]:
 
 
 def _draw_explored(axes: Any, paths: Array) -> None:
-    """Draw explored base paths, shape (e, 2, 3) [m]."""
+    """Draw explored base paths as straight lines, shape (e, 2, 3) [m]."""
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
     if len(paths):
@@ -163,7 +174,7 @@ def _draw_explored(axes: Any, paths: Array) -> None:
 
 
 def _draw_footholds(axes: Any, grasp_map: GraspMap, plan: Plan) -> None:
-    """Draw what each limb holds in its colour, and lines from the base to it."""
+    """Draw the footholds of each limb in its colour, and lines from the base to them."""
     for limb, held in enumerate(_held(grasp_map, plan)):
         colour = LIMB_COLOURS[limb]
         for position, point in zip(plan.motion.base_positions, held, strict=True):

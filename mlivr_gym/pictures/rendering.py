@@ -1,7 +1,7 @@
 """Pictures of the MuJoCo scene.
 
-Rendering without a screen needs EGL (or OSMesa). Where neither is there, `SceneRenderer` raises a
-`RenderError` that says what is missing, and callers may fall back to `figures`.
+Rendering without a screen needs EGL or OSMesa. If neither can be used, `SceneRenderer` raises a
+`RenderError` that says what is missing, and callers may draw with matplotlib (`figures`).
 """
 
 from __future__ import annotations
@@ -32,35 +32,40 @@ GHOST_OPACITY = 0.22
 """Opacity of a ghost."""
 
 MARGIN = 0.3
-"""Room round a map in a picture of the whole of it [m]."""
+"""Margin round the map in a picture of the whole map [m]."""
 
 WIDTH, HEIGHT = Whole(16, 1920), Whole(16, 1080)
-"""Width and height of a picture [px], as large as the scene's buffer."""
+"""Valid widths and heights of a picture [px], limited by the scene's frame buffer."""
 
 
 def _size(value: object, place: FieldPath) -> tuple[int, int]:
-    """Width and height of a picture."""
+    """Read the width and height of a picture."""
     width, height = Listed(Anything(), 2, 2).read(value, place)
     return WIDTH.read(width, place.entry(0)), HEIGHT.read(height, place.entry(1))
 
 
 SIZE = Via(_size)
-"""Width and height of a picture [px]."""
+"""Kind of an argument that is the width and height of a picture [px]."""
 
 
 class SceneRenderer:
-    """Renders configurations of a robot in its cabin.
+    """Renderer of configurations of a robot in its module.
 
     Attributes
     ----------
     grasp_map
         The map.
     obstacles
-        The further boxes that are drawn.
+        Boxes that are drawn in addition to those of the map.
 
-    Example:
-        >>> renderer = SceneRenderer(graph.grasp_map, graph.robot)
-        >>> image = renderer.render(*graph.configuration(state))
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> graph = stance_graph()
+    >>> renderer = SceneRenderer(graph.grasp_map, graph.robot)
+    >>> image = renderer.render(*graph.configuration(graph.state(("D2a:4", "D2b:4"))))
+    >>> image.shape
+    (540, 960, 3)
     """
 
     @checked({**WALK, "width": WIDTH, "height": HEIGHT})
@@ -116,32 +121,37 @@ class SceneRenderer:
         route: Route | None = None,
         ghosts: Sequence[Configuration] = (),
     ) -> NDArray[np.uint8]:
-        """Picture of one configuration, shape (height, width, 3).
+        """Render one configuration.
 
         Parameters
         ----------
         position
-            Base position [m], shape (3,).
+            Base position, shape (3,) [m].
         quaternion
             Base orientation w, x, y, z.
         joints
-            Joint angles [rad], shape (N, 6).
+            Joint angles, shape (N, 6) [rad].
         hide
-            Cabin faces that are not drawn.
+            Faces of the cabin that are not drawn.
         camera
-            From where it is seen; by default so that the whole map is.
+            The camera; by default one that sees the whole map.
         route
-            What is shown of a plan.
+            Route of a plan that is drawn in the scene.
         ghosts
-            Configurations in which a translucent copy of the robot stands.
+            Configurations of translucent copies of the robot.
+
+        Returns
+        -------
+        NDArray[np.uint8]
+            The picture, shape (height, width, 3).
         """
         import mujoco
 
         from mlivr_gym.pictures.studio import aim
         from mlivr_gym.simulation.scene import FACE_GROUPS, set_configuration
 
-        seen_from = camera or self.overview()
-        aim(self.model, self.grasp_map, seen_from)
+        camera = camera or self.overview()
+        aim(self.model, self.grasp_map, camera)
         standing = checked_configuration(self._robot, (position, quaternion, joints))
         set_configuration(self.model, self.data, *standing)
         options = mujoco.MjvOption()
@@ -151,8 +161,8 @@ class SceneRenderer:
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
         eye = mujoco.MjvCamera()
-        eye.lookat[:], eye.distance = seen_from.lookat, seen_from.distance
-        eye.azimuth, eye.elevation = seen_from.azimuth, seen_from.elevation
+        eye.lookat[:], eye.distance = camera.lookat, camera.distance
+        eye.azimuth, eye.elevation = camera.azimuth, camera.elevation
         self._renderer.update_scene(self.data, eye, options)
         for ghost in ghosts:
             self._add_ghost(ghost, options)
@@ -163,11 +173,11 @@ class SceneRenderer:
             return image
         labels = route.labels()
         places = np.array([place for place, _, _ in labels]).reshape(-1, 3)
-        pixels = seen_from.pixels(places, image.shape[1], image.shape[0])
+        pixels = camera.pixels(places, image.shape[1], image.shape[0])
         return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
 
     def overview(self) -> Camera:
-        """The camera that sees the whole map, and the room in which a robot stands on it."""
+        """Return a camera that sees the whole map, and a robot anywhere on it."""
         points, normals = self.grasp_map.positions, self.grasp_map.normals
         points = np.concatenate([points, points + self._rise * normals])
         x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
@@ -175,7 +185,7 @@ class SceneRenderer:
         return Camera((x, y, z)).seeing(points, MARGIN, width / height)
 
     def _add_ghost(self, configuration: Configuration, options: Any) -> None:
-        """Add a translucent copy of the robot to what is drawn next."""
+        """Add a translucent copy of the robot to the scene that is rendered next."""
         import mujoco
 
         from mlivr_gym.simulation.scene import set_configuration
@@ -195,12 +205,12 @@ class SceneRenderer:
 
 
 class SceneWindow:
-    """Shows configurations in MuJoCo's viewer.
+    """Window of MuJoCo's viewer that shows configurations of a robot.
 
     Attributes
     ----------
     obstacles
-        The further boxes that are drawn.
+        Boxes that are drawn in addition to those of the map.
     """
 
     def __init__(
@@ -213,14 +223,14 @@ class SceneWindow:
         SceneError
             If MuJoCo refuses the scene.
         RenderError
-            If there is no screen.
+            If no window can be opened, for instance without a screen.
         """
         if sys.platform.startswith("linux") and not (
             os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         ):
-            # The window library would end the whole process.
+            # Without this check the window library would end the whole process.
             raise RenderError(
-                "render_mode='human' needs a screen and DISPLAY is not set; "
+                "render_mode='human' needs a screen, but DISPLAY is not set; "
                 "use render_mode='rgb_array'"
             )
         from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
@@ -238,7 +248,7 @@ class SceneWindow:
         except Exception as error:  # window systems raise errors of many kinds
             raise RenderError(
                 f"MuJoCo's viewer cannot open a window ({type(error).__name__}: {error}); "
-                f"it needs a screen. Use render_mode='rgb_array' without one"
+                f"without a screen, use render_mode='rgb_array'"
             ) from None
 
     def show(self, position: Array, quaternion: Array, joints: Array) -> None:

@@ -1,4 +1,4 @@
-"""The robot's shapes as matplotlib draws them: solid or as a ghost, and outlines seen from afar."""
+"""The shapes of the robot in matplotlib: solid, as pale ghosts, or as projected outlines."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.world.boxes import Box
 
 BODY_COLOUR, MOUNT_COLOUR, GRIPPER_COLOUR, JOINT_COLOUR = "#d8d8de", "#9aa0a6", "#3a3a40", "#70757c"
-"""Colours of body, mounts, grippers and joints; links have two shades of their limb's."""
+"""Colours of body, mounts, grippers and joints; links have two shades of the limb's colour."""
 
 JOINT_RADIUS = 0.025
-"""Radius of the rods that stand for the joints between the links' shapes [m]."""
+"""Radius of the rods that represent the joints between the capsules of the links [m]."""
 
 TOUCHING_COLOUR = "#e8590c"
-"""Colour of shapes that touch something: of no limb among the first two."""
+"""Colour of shapes in contact, which neither of the first two limbs has."""
 
 GHOST_PALENESS = 0.72
-"""Share of white in a ghost."""
+"""Share of white in the colours of a ghost."""
 
 _LIGHT = np.array([0.35, -0.55, 0.76])
 _ROUND = 14
@@ -37,21 +37,24 @@ class Part(NamedTuple):
     """A shape of the robot."""
 
     name: str
-    """As the scene names it: `"limb0/forearm/0"` or `"body"`."""
+    """Its name in the scene, as `"limb0/forearm/0"` or `"body"`."""
     colour: str
     """Its colour."""
     faces: Array
-    """Corners of its faces in the world, shape (f, 4, 3) [m]."""
+    """Corners of its faces in the world frame, shape (f, 4, 3) [m]."""
     axes: Array
-    """Axis of a capsule, shape (1, 2, 3), or the edges of the body, shape (12, 2, 3) [m]."""
+    """Axis of a capsule, shape (1, 2, 3), or edges of the body, shape (12, 2, 3) [m]."""
     radius: float = 0.0
     """Radius of a capsule [m]."""
     box: Box | None = None
-    """The body as a box."""
+    """The body as a box; None for capsules."""
 
 
 def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
-    """Corners of faces on a capsule, shape (f, 4, 3) [m], by the ends of its axis, (2, 3) [m]."""
+    """Compute the corners of the faces of a capsule, shape (f, 4, 3) [m].
+
+    `ends` are the ends of its axis, shape (2, 3) [m]; it has `around` faces round the axis.
+    """
     rings = max(around // 4, 2)
     along = ends[1] - ends[0]
     size = float(np.linalg.norm(along))
@@ -59,7 +62,7 @@ def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
     rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2 * rings + 1)
-    rise = np.insert(rise, rings, 0.0)  # the ring about either end
+    rise = np.insert(rise, rings, 0.0)  # the cylinder has a ring at each end
     turn = np.linspace(0.0, 2.0 * np.pi, around + 1)
     ring = np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(z, x)
     middle = np.where(np.arange(len(rise)) <= rings, 0, 1)
@@ -75,15 +78,15 @@ def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
 
 
 def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
-    """Every shape of a robot in a configuration: body, mounts and links, and rods between them.
+    """Return all shapes of a robot in a configuration: body, mounts, links and joints.
 
-    The shapes that collisions are checked with leave the joints out; the rods, which are checked
-    with nothing, stand for these.
+    The joints are drawn as rods, which no collision check uses: the collision shapes of the links
+    leave gaps there.
 
     Raises
     ------
     SettingError
-        If the configuration is none of the robot.
+        If the configuration does not fit the robot.
     """
     shapes = LimbShapes(robot)
     position, quaternion, _ = configuration
@@ -101,38 +104,49 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
         for c, link in enumerate(shapes.names):
             name = f"limb{i}/{link}/{shapes.names[:c].count(link)}"
-            parts.append(_capsule(name, _tint(i, link), limb[c], float(shapes.radii[c])))
+            parts.append(_capsule(name, _link_colour(i, link), limb[c], float(shapes.radii[c])))
         middle = position + turn @ robot.mount_positions[i]
         parts += _joints(i, [np.stack([middle, middle]), *limb])
     return parts
 
 
 def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
-    """Rods from each axis of a limb's shapes, shapes (2, 3) [m], to the next."""
-    share = np.linspace(0.0, 1.0, 101)[:, None]
-    places = [a + share * (b - a) for a, b in axes]
-    rods = []
-    for k, (here, there) in enumerate(pairwise(places)):
-        apart = scipy.spatial.distance.cdist(here, there)
-        first, second = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        ends = np.stack([here[first], there[second]])
-        rods.append(_capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, ends, JOINT_RADIUS))
-    return rods
+    """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
+    samples = [segment_samples(start, end, 101) for start, end in axes]
+    return [
+        _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, nearest_pair(*neighbours), JOINT_RADIUS)
+        for k, neighbours in enumerate(pairwise(samples))
+    ]
+
+
+def segment_samples(start: Array, end: Array, count: int) -> Array:
+    """Return positions at equal intervals on a segment, shape (count, 3) [m]."""
+    share = np.linspace(0.0, 1.0, count)[:, None]
+    samples: Array = start + share * (end - start)
+    return samples
+
+
+def nearest_pair(first: Array, second: Array) -> Array:
+    """Return the two closest positions of two sets, shapes (k, 3), as rows, shape (2, 3) [m]."""
+    distances = scipy.spatial.distance.cdist(first, second)
+    i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
+    return np.stack([first[i], second[j]])
 
 
 def _capsule(name: str, colour: str, ends: Array, radius: float) -> Part:
+    """Return a capsule by the ends of its axis, shape (2, 3) [m]."""
     return Part(name, colour, capsule_faces(ends, radius), ends[None], radius)
 
 
-def _tint(limb: int, link: str) -> str:
-    """Colour of a link: two shades of the limb's in turn, as in the scene."""
+def _link_colour(limb: int, link: str) -> str:
+    """Return the colour of a link: two shades of the limb's colour alternate, as in the scene."""
     if link == "gripper":
         return GRIPPER_COLOUR
     return LIMB_COLOURS[limb] if LINKS.index(link) % 2 == 0 else pale(LIMB_COLOURS[limb], 0.4)
 
 
 def pale(colour: str, share: float) -> str:
-    """A colour mixed with a share of white."""
+    """Mix a colour with a share of white."""
     from matplotlib.colors import to_hex, to_rgb
 
     red, green, blue = ((1.0 - share) * part + share for part in to_rgb(colour))
@@ -142,22 +156,24 @@ def pale(colour: str, share: float) -> str:
 def draw_robot(
     axes: Any, parts: Sequence[Part], touching: Collection[str] = (), *, zorder: float = 5.0
 ) -> None:
-    """Draw parts of a robot as solids in 3-D axes, lit, those whose names are given in orange."""
+    """Draw parts of a robot in 3-D axes as shaded solids; those named in `touching` are orange."""
     faces = np.concatenate([part.faces for part in parts])
-    given = [TOUCHING_COLOUR if part.name in touching else part.colour for part in parts]
-    lit = [_lit(colour, part.faces) for colour, part in zip(given, parts, strict=True)]
-    colours = np.concatenate(lit)
-    _add_faces(axes, faces, colours, zorder)
+    shades = [
+        _lit(TOUCHING_COLOUR if part.name in touching else part.colour, part.faces)
+        for part in parts
+    ]
+    _add_faces(axes, faces, np.concatenate(shades), zorder)
 
 
 def draw_ghost(axes: Any, parts: Sequence[Part], *, zorder: float = 1.2) -> None:
-    """Draw parts of a robot in 3-D axes as a ghost: pale and flat, behind what is drawn later."""
+    """Draw parts of a robot in 3-D axes as a ghost: pale, without shading, in the background."""
     faces = np.concatenate([part.faces for part in parts])
     colours = [pale(part.colour, GHOST_PALENESS) for part in parts for _ in part.faces]
     _add_faces(axes, faces, colours, zorder)
 
 
 def _add_faces(axes: Any, faces: Array, colours: Any, zorder: float) -> None:
+    """Add faces of shape (f, 4, 3) [m] to 3-D axes."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     style = {"facecolors": colours, "edgecolors": colours, "linewidths": 0.3}
@@ -165,7 +181,7 @@ def _add_faces(axes: Any, faces: Array, colours: Any, zorder: float) -> None:
 
 
 def _lit(colour: str, faces: Array) -> Array:
-    """Red, green and blue of each face under a lamp over the viewer's shoulder, shape (f, 3)."""
+    """Return the shaded colour of each face under a lamp behind the viewer, shape (f, 3)."""
     from matplotlib.colors import to_rgb
 
     across = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
@@ -178,14 +194,10 @@ def _lit(colour: str, faces: Array) -> Array:
 
 
 def outline(faces: Array, across: Array) -> Array:
-    """Outline of a convex shape seen from afar, shape (k, 2) [m].
+    """Compute the outline of a convex shape in an orthographic projection, shape (k, 2) [m].
 
-    Parameters
-    ----------
-    faces
-        Corners of its faces, shape (f, 4, 3) [m].
-    across
-        The picture's horizontal and vertical axis in the world, shape (2, 3).
+    `faces` are the corners of its faces, shape (f, 4, 3) [m]; `across` are the horizontal and
+    vertical axis of the picture in the world frame, shape (2, 3).
     """
     seen = faces.reshape(-1, 3) @ across.T
     corners: Array = seen[scipy.spatial.ConvexHull(seen).vertices]

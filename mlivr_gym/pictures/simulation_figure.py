@@ -1,4 +1,4 @@
-"""Figure of a simulated walk: joint torques, grasp forces and base error over time."""
+"""Figure of an execution in simulation: joint torques, grasp forces and base error over time."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from mlivr_gym.simulation.phase_torques import (
 from mlivr_gym.simulation.recording import Capture, Failure, Recording
 
 SHADES = {0: ("departure", "#c6d9ed"), 2: ("approach", "#f6dcba")}
-"""Name and background of the phases that are shaded, by index."""
+"""Name and background colour of the phases that are shaded, by index."""
 
 _MARKS = (("<", "#1f5fd0"), ("o", "#6a3d9a"), (">", "#e07b00"), ("D", "#c1121f"))
 PART_MARKS = dict(zip(PARTS, _MARKS, strict=True))
 """Marker and colour of the peak in each part of a step."""
 
 SPIKE = 2.0
-"""What rises this many times above all else in the second after a capture is cut off."""
+"""Values just after a capture are cut off if they exceed all others by more than this factor."""
 
 DECADES = 2.7
-"""How far the axis of the torques reaches below their largest value, in powers of ten."""
+"""Decades of the torque axis below the largest value."""
 
 
 def simulation_figure(
@@ -41,11 +41,11 @@ def simulation_figure(
     path: str | Path,
     title: str,
 ) -> None:
-    """Draw a recording over time, as PNG and an SVG beside it.
+    """Draw a recording over time, as PNG and as SVG of the same name.
 
-    Departures and approaches are shaded, captures dotted. The largest torque of each step has a
-    mark that tells its phase, on a logarithmic axis; a short spike at a capture is cut off and its
-    height written.
+    Departures and approaches are shaded, captures are dotted lines. On a logarithmic axis, marks
+    show the largest torque in each part of a step. A spike at a capture is cut off, and its height
+    is written.
     """
     figure = new_figure(11.0, 9.0)
     axes: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
@@ -69,11 +69,11 @@ def simulation_figure(
         mark_phases(panel, recording, captures, failure)
         panel.margins(x=0.0)
         panel.grid(alpha=0.25)
-    caught = after_captures(recording, captures)
+    follows_capture = after_captures(recording, captures)
     for panel, values in zip(
         axes[1:], (torques.max(axis=1), forces.max(axis=1), errors), strict=True
     ):
-        cut_spikes(panel, times, values, caught, captures)
+        cut_spikes(panel, times, values, follows_capture, captures)
     scale_torques(axes[0], float(recording.torque_rms.max()) or 1.0)
     _mark_peaks(axes[0], recording, captures)
     axes[3].set_xlabel("time [s]")
@@ -85,7 +85,7 @@ def simulation_figure(
 def mark_phases(
     panel: Any, recording: Recording, captures: tuple[Capture, ...], failure: Failure | None = None
 ) -> None:
-    """Shade departures and approaches, and mark captures and the failure."""
+    """Shade departures and approaches, and mark captures and the failure with lines."""
     for phase, (_, colour) in SHADES.items():
         shaded = np.concatenate([[False], recording.phase == phase, [False]])
         first, after = np.flatnonzero(np.diff(shaded.astype(np.int8))).reshape(-1, 2).T
@@ -98,24 +98,28 @@ def mark_phases(
 
 
 def scale_torques(panel: Any, most: float) -> None:
-    """Give a panel a logarithmic axis up to `most` [N m]: steps differ by powers of ten."""
+    """Set a logarithmic axis up to `most` [N m], since steps differ by powers of ten."""
     panel.set_yscale("log")
     panel.set_ylim(most * 10.0**-DECADES, 3.5 * most)
     panel.yaxis.set_major_formatter("{x:g}")
 
 
 def cut_spikes(
-    panel: Any, times: Array, values: Array, caught: BoolArray, captures: tuple[Capture, ...]
+    panel: Any,
+    times: Array,
+    values: Array,
+    follows_capture: BoolArray,
+    captures: tuple[Capture, ...],
 ) -> None:
-    """Fit a panel to its values, but cut off what a capture makes for a moment and write it.
+    """Fit the axis of a panel to its values; cut off the spikes at captures and write their height.
 
-    Times, values and whether these lie just after a capture have shape (k,).
+    Times [s], values, and whether these follow a capture have shape (k,).
     """
-    rest = float(values[~caught].max(initial=0.0))
-    if values.max() <= SPIKE * rest:
+    usual = float(values[~follows_capture].max(initial=0.0))
+    if values.max() <= SPIKE * usual:
         panel.set_ylim(0.0, 1.15 * float(values.max()) or 1.0)
         return
-    top = 1.45 * rest
+    top = 1.45 * usual
     panel.set_ylim(0.0, top)
     for capture in captures:
         since = times - capture.time
@@ -133,7 +137,7 @@ def cut_spikes(
 
 
 def _mark_peaks(panel: Any, recording: Recording, captures: tuple[Capture, ...]) -> None:
-    """Mark the largest torque in each part of each step; that of the step full, with its value."""
+    """Mark the largest torque in each part of a step; that of the step is filled and labelled."""
     torques = phase_torques(recording, captures)
     best = {step: largest(torques, step) for step in {entry.step for entry in torques}}
     for entry in torques:
@@ -154,7 +158,7 @@ def _mark_peaks(panel: Any, recording: Recording, captures: tuple[Capture, ...])
 
 
 def _head(figure: Any, panel: Any, title: str, failure: Failure | None) -> None:
-    """Heading, the failure below it, and the legend of shades and marks above the first panel."""
+    """Write the heading and the failure, and the legend of shades and marks."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -174,6 +178,6 @@ def _head(figure: Any, panel: Any, title: str, failure: Failure | None) -> None:
     )  # fmt: skip
     figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13, parse_math=False)
     if failure is not None:
-        told = f"failed at {failure.time:.2f} s: {failure.message}"
-        figure.text(0.02, 0.905, told, fontsize=9.5, color="#a00000", parse_math=False)
+        text = f"failed at {failure.time:.2f} s: {failure.message}"
+        figure.text(0.02, 0.905, text, fontsize=9.5, color="#a00000", parse_math=False)
     figure.subplots_adjust(left=0.09, right=0.985, bottom=0.06, top=0.895, hspace=0.12)

@@ -1,4 +1,4 @@
-"""Figure of a walk among obstacles."""
+"""Figure of a walk among obstacles on which the robot planned anew several times."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from mlivr_gym.pictures.figures import (
     save_figure,
 )
 from mlivr_gym.pictures.flat_views import (
-    TOWARD_THE_EYE,
+    VIEW_DIRECTIONS,
     View,
     draw_flat_goal,
     draw_flat_path,
     map_views,
-    number,
+    number_stances,
 )
 from mlivr_gym.pictures.robot_shapes import outline
 from mlivr_gym.pictures.route import base_paths
@@ -33,84 +33,86 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 PLAN_COLOURS = ("#9c36b5", "#e8590c", "#0b7285", "#862e9c", "#5c940d")
-"""Colours of what was planned and not walked, plan by plan; none is that of a base path."""
+"""Colours of the abandoned parts of plans, in order; none is the colour of a base path."""
 
 OCCUPIED_COLOUR, BOX_COLOUR = "#d00000", "#a5785a"
 """Colours of occupied points and of obstacles."""
 
 
-class Leg(NamedTuple):
-    """A plan, and how much of it was walked before it was given up."""
+class WalkedPlan(NamedTuple):
+    """A plan of which the first steps were executed before it was abandoned."""
 
     plan: Plan
     """The plan."""
-    taken: int
-    """Number of its steps that were walked."""
+    steps_taken: int
+    """Number of steps that were executed."""
 
     @property
-    def walked(self) -> Array:
-        """Base positions along the steps walked, shape (k, 3) [m]."""
+    def walked_path(self) -> Array:
+        """Base positions along the executed steps, shape (k, 3) [m]."""
         start = self.plan.motion.base_positions[:1]
-        return np.concatenate([start, *base_paths(self.plan)[: self.taken]])
+        return np.concatenate([start, *base_paths(self.plan)[: self.steps_taken]])
 
     @property
-    def given_up(self) -> Array:
-        """Base positions along the other steps, shape (k, 3) [m]."""
-        here = self.plan.motion.base_positions[self.taken : self.taken + 1]
-        return np.concatenate([here, *base_paths(self.plan)[self.taken :]])
+    def abandoned_path(self) -> Array:
+        """Base positions along the remaining steps, shape (k, 3) [m]."""
+        here = self.plan.motion.base_positions[self.steps_taken : self.steps_taken + 1]
+        return np.concatenate([here, *base_paths(self.plan)[self.steps_taken :]])
 
 
 class WalkedPath(NamedTuple):
-    """A walk as it is drawn."""
+    """Base path of a walk that follows several plans."""
 
     line: Array
-    """Base positions along it, shape (k, 3) [m]."""
+    """Base positions along the walk, shape (k, 3) [m]."""
     stances: Array
     """Base positions of its stances, shape (s, 3) [m]."""
-    breaks: Array
-    """Base positions where a plan was given up, shape (b, 3) [m]."""
+    replans: Array
+    """Base positions at which a plan was abandoned, shape (b, 3) [m]."""
 
     @classmethod
-    def of(cls, legs: Sequence[Leg]) -> WalkedPath:
-        """The walk that the legs make one after the other."""
-        bases = [leg.plan.motion.base_positions[: leg.taken + 1] for leg in legs]
+    def of(cls, walked_plans: Sequence[WalkedPlan]) -> WalkedPath:
+        """Return the walk that follows the plans in order."""
+        bases = [
+            walked.plan.motion.base_positions[: walked.steps_taken + 1] for walked in walked_plans
+        ]
         return cls(
-            np.concatenate([leg.walked for leg in legs]),
+            np.concatenate([walked.walked_path for walked in walked_plans]),
             np.concatenate([bases[0][:1], *(base[1:] for base in bases)]),
             np.array([base[-1] for base in bases[:-1]]).reshape(-1, 3),
         )
 
     @property
     def length(self) -> float:
-        """Sum of the displacements between its stances [m]."""
+        """Sum of the base displacements between stances [m]."""
         return float(np.linalg.norm(np.diff(self.stances, axis=0), axis=1).sum())
 
 
-def walk_figure(grasp_map: GraspMap, legs: Sequence[Leg], path: str | Path) -> None:
-    """Picture of a walk among obstacles, in space and from two sides, as PNG and SVG.
+def walk_figure(grasp_map: GraspMap, walked_plans: Sequence[WalkedPlan], path: str | Path) -> None:
+    """Draw a walk among obstacles in space, from above and from the side, as PNG and SVG.
 
-    The path walked is thick and green; what a plan had in mind when it was given up is dashed, each
-    plan in a colour of its own. Goal, obstacles and occupied points are those of the last plan.
+    The executed path is thick and green; the abandoned part of each plan is dashed, in a separate
+    colour. Goal, obstacles and occupied points are those of the last plan.
     """
-    walk, last = WalkedPath.of(legs), legs[-1].plan
+    walk, last = WalkedPath.of(walked_plans), walked_plans[-1].plan
     figure, axes, flats = map_views(grasp_map)
     for box in last.world.obstacles:
         _draw_obstacle(axes, box)
-    taken = grasp_map.positions[[grasp_map.index(point) for point in last.world.occupied]]
+    occupied = grasp_map.positions[[grasp_map.index(point) for point in last.world.occupied]]
     style = {"color": OCCUPIED_COLOUR, "marker": "x", "zorder": 6}
-    axes.scatter(*taken.T, s=50, depthshade=False, label="points occupied", **style)
-    for k, leg in enumerate(legs[:-1]):
-        axes.plot(*leg.given_up.T, label=f"plan {k + 1}, given up", zorder=4, **_dashed(k))
+    axes.scatter(*occupied.T, s=50, depthshade=False, label="points occupied", **style)
+    for k, walked in enumerate(walked_plans[:-1]):
+        axes.plot(*walked.abandoned_path.T, label=f"plan {k + 1}, given up", zorder=4, **_dashed(k))
     draw_base_path(axes, walk.line, walk.stances, "base path walked")
-    axes.scatter(*walk.breaks.T, depthshade=False, label="plan given up here", **_BREAK)
+    axes.scatter(*walk.replans.T, depthshade=False, label="plan given up here", **_BREAK)
     draw_goal(axes, last.query.goal, last.query.goal_tolerance)
-    number(axes, walk.stances)
+    number_stances(axes, walk.stances)
     for view, flat in flats.items():
-        _draw_flat(flat, view, walk, legs)
-        flat.scatter(*taken[:, view].T, s=26, **style)
+        _draw_flat(flat, view, walk, walked_plans)
+        flat.scatter(*occupied[:, view].T, s=26, **style)
     times = {1: "", 2: " interrupted once", 3: " interrupted twice"}
-    many = f" interrupted {len(legs) - 1} times"
-    add_heading(figure, f"A walk{times.get(len(legs), many)}", _remark(walk, last))
+    many = f" interrupted {len(walked_plans) - 1} times"
+    add_heading(figure, f"A walk{times.get(len(walked_plans), many)}", _remark(walk, last))
     add_legend(figure)
     save_figure(figure, path)
 
@@ -119,7 +121,7 @@ _BREAK = {"s": 130, "marker": "o", "facecolor": "none", "edgecolor": "black", "z
 
 
 def _dashed(k: int) -> dict[str, Any]:
-    """How what is left of plan k is drawn."""
+    """Return the line style of the abandoned part of plan k."""
     return {
         "color": PLAN_COLOURS[k % len(PLAN_COLOURS)],
         "linestyle": ("--", "-.", ":")[k % 3],
@@ -128,53 +130,53 @@ def _dashed(k: int) -> dict[str, Any]:
 
 
 def _remark(walk: WalkedPath, plan: Plan) -> str:
-    """What the walk came to, and how near its base came to the obstacles."""
+    """Return a summary of the walk, with the smallest distance of its base from the obstacles."""
     steps = f"{len(walk.stances) - 1} steps, base translation {walk.length:.2f} m"
     if not plan.world.obstacles:
         return steps
-    apart = min(least_distance(walk.line, box) for box in plan.world.obstacles)
-    return f"{steps}; the middle of the base passes the box at {apart:.2f} m"
+    distance = min(least_distance(walk.line, box) for box in plan.world.obstacles)
+    return f"{steps}; the middle of the base passes the box at {distance:.2f} m"
 
 
 def least_distance(line: Array, box: Box) -> float:
-    """Distance of a polyline, shape (k, 3), from a box, 0 where it runs into it [m]."""
-    seen = np.abs((_dense(line) - np.array(box.centre)) @ np.array(box.rotation))
+    """Compute the distance of a polyline, shape (k, 3), from a box [m]; 0 if it intersects it."""
+    seen = np.abs((_sampled(line) - np.array(box.centre)) @ np.array(box.rotation))
     outside: Array = np.maximum(seen - np.array(box.half), 0.0)
     return float(np.linalg.norm(outside, axis=1).min())
 
 
-def _dense(line: Array) -> Array:
-    """Places close together on a polyline, shape (k, 3) [m]."""
+def _sampled(line: Array) -> Array:
+    """Sample a polyline densely, shape (k, 3) [m]."""
     share = np.linspace(0.0, 1.0, 101)[:, None, None]
     places: Array = ((1.0 - share) * line[:-1] + share * line[1:]).reshape(-1, 3)
     return places
 
 
-def _draw_flat(axes: Any, view: View, walk: WalkedPath, legs: Sequence[Leg]) -> None:
-    """Draw the walk in a flat view; of boxes and path, what is nearer to the eye lies on top."""
-    goal = legs[-1].plan.query
-    for k, leg in enumerate(legs[:-1]):
-        axes.plot(*leg.given_up[:, view].T, zorder=2, **_dashed(k))
+def _draw_flat(axes: Any, view: View, walk: WalkedPath, walked_plans: Sequence[WalkedPlan]) -> None:
+    """Draw the walk in a flat view; boxes cover the path if they are closer to the viewer."""
+    goal = walked_plans[-1].plan.query
+    for k, walked in enumerate(walked_plans[:-1]):
+        axes.plot(*walked.abandoned_path[:, view].T, zorder=2, **_dashed(k))
     draw_flat_path(axes, view, walk.line, walk.stances)
-    axes.scatter(*walk.breaks[:, view].T, **_BREAK)
+    axes.scatter(*walk.replans[:, view].T, **_BREAK)
     draw_flat_goal(axes, view, goal.goal, goal.goal_tolerance)
-    for box in legs[-1].plan.world.obstacles:
+    for box in walked_plans[-1].plan.world.obstacles:
         edge = outline(box_faces(box), np.eye(3)[list(view)])
-        over = 3.5 if hides(box, walk.line, view) else 1.5
+        over = 3.5 if is_in_front(box, walk.line, view) else 1.5
         axes.fill(*edge.T, facecolor=BOX_COLOUR, edgecolor=BOX_COLOUR, alpha=0.55, zorder=over)
 
 
-def hides(box: Box, line: Array, view: View) -> bool:
-    """Whether a polyline, shape (k, 3), runs behind a box in a view, most of what crosses it."""
-    places, (low, high) = _dense(line), box.bounds
-    axes, toward = list(view), np.array(TOWARD_THE_EYE[view])
+def is_in_front(box: Box, line: Array, view: View) -> bool:
+    """Return whether a box hides more than half of the part of a polyline that crosses it."""
+    places, (low, high) = _sampled(line), box.bounds
+    axes, toward = list(view), np.array(VIEW_DIRECTIONS[view])
     across = ((places > low) & (places < high))[:, axes].all(axis=1)
     depth = (places[across] - np.array(box.centre)) @ toward
     return bool(len(depth)) and float(np.median(depth)) < 0.0
 
 
 def _draw_obstacle(axes: Any, box: Box) -> None:
-    """Draw a box with its name."""
+    """Draw an obstacle with its id."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     style = {"facecolor": BOX_COLOUR, "edgecolor": BOX_COLOUR, "alpha": 0.35, "zorder": 3}

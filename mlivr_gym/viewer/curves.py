@@ -1,4 +1,4 @@
-"""What is plotted below the scrubber, over the time of the frames."""
+"""Plots of manipulability, torques and forces below the scrubber, over the time of the frames."""
 
 from __future__ import annotations
 
@@ -16,53 +16,54 @@ from mlivr_gym.viewer.frames import AT_REST, Frames
 from mlivr_gym.viewer.solids import Link
 
 THRESHOLD_COLOUR, FLOOR_COLOUR, TORQUE_COLOUR = "#495057", "#e8a0a0", "#9c36b5"
-"""Colours of thresholds, of the path floor, and of torques."""
+"""Colours of thresholds, of the path floor and of torques."""
 
 
 class Plot(NamedTuple):
-    """Curves over one time axis."""
+    """Curves over a common time axis."""
 
     title: str
-    """What they are, with the unit."""
+    """Title with the unit."""
     times: Array
     """Times, shape (k,) [s]."""
     curves: tuple[tuple[str, str, Array], ...]
-    """Label, colour and values, shape (k,), NaN where there is none."""
+    """Label, colour and values of each curve, shape (k,); missing values are NaN."""
 
     @property
     def highest(self) -> float:
-        """Somewhat more than the largest value."""
+        """Upper end of the axis of values, slightly above the largest value."""
         return 1.05 * max(float(np.nanmax(curve)) for _, _, curve in self.curves)
 
 
 def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Array) -> Array:
-    """`w_m` of each limb at joint angles (k, N, 6) [rad], shape (k, N).
+    """Compute the limb manipulability w_m at joint angles (k, N, 6) [rad], shape (k, N).
 
-    The Jacobian has six columns, so that `w_m = |det J| / l_c^3`, wherever its twists are taken.
+    The Jacobian is square, so that `w_m = |det J| / l_c^3`, at whatever point twists are taken.
     """
     out = np.empty(joints.shape[:2])
     for limb in range(robot.limbs):
         chain = [link for link in links if link.joint is not None and link.joint[0] == limb]
-        turn, place = np.tile(np.eye(3), (len(joints), 1, 1)), np.zeros((len(joints), 3))
+        rotation, origin = np.tile(np.eye(3), (len(joints), 1, 1)), np.zeros((len(joints), 3))
         columns = []
         for link in chain:
-            place = place + turn @ link.position
+            origin = origin + rotation @ link.position
             fixed = Rotation.from_quat(link.quaternion, scalar_first=True).as_matrix()
             assert link.joint is not None
             angle = np.zeros((len(joints), 3))
             angle[:, 2] = joints[:, limb, link.joint[1]]
-            turn = turn @ fixed @ Rotation.from_rotvec(angle).as_matrix()
-            axis = turn[:, :, 2]
-            columns.append(np.concatenate([np.cross(place, axis), axis], axis=1))
+            rotation = rotation @ fixed @ Rotation.from_rotvec(angle).as_matrix()
+            axis = rotation[:, :, 2]
+            columns.append(np.concatenate([np.cross(origin, axis), axis], axis=1))
         jacobian = np.stack(columns, axis=2)
         out[:, limb] = np.abs(np.linalg.det(jacobian)) / robot.characteristic_length**3
     return out
 
 
 def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
-    """Manipulability over its threshold: of limbs while they hold, of the base in stances.
+    """Plot manipulability divided by its threshold.
 
-    There are no curves of a plan that was made without thresholds.
+    The curve of a limb has values while the limb holds; the curve of the base joins its values in
+    stances. A plan without thresholds has no curves.
     """
     title, settings = "manipulability / threshold", plan.world.settings
     w_m_min, w_b_min = settings.thresholds(plan.world.robot.limbs)
@@ -70,12 +71,12 @@ def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
         return Plot(title, frames.times, ())
     robot = plan.world.robot
     limb = limb_manipulabilities(robot, links, frames.joint_positions) / w_m_min
-    moving = np.array([step.limb for step in plan.steps] or [0])[
+    swing_limb = np.array([step.limb for step in plan.steps] or [0])[
         np.minimum(frames.step, len(plan.steps) - 1)
     ]
-    busy = frames.phase < AT_REST
+    in_step = frames.phase < AT_REST
     for i in range(robot.limbs):
-        limb[busy & (moving == i), i] = np.nan
+        limb[in_step & (swing_limb == i), i] = np.nan
     base = np.full(len(frames), np.nan)
     first = np.searchsorted(frames.times, frames.starts())
     base[first] = plan.motion.w_b[: len(first)] / w_b_min
@@ -89,7 +90,7 @@ def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
 
 
 def torques(recording: Recording) -> Plot:
-    """Joint torques of an execution: root mean square over the joints, and the largest."""
+    """Plot the joint torques of an execution: root mean square over the joints, and maximum."""
     times = recording.times - recording.times[0]
     largest = np.abs(recording.joint_torques).max(axis=(1, 2))
     curves = (
@@ -100,16 +101,16 @@ def torques(recording: Recording) -> Plot:
 
 
 def grasp_forces(recording: Recording) -> Plot:
-    """Forces of the grasps of an execution."""
+    """Plot the forces of the grasps of an execution."""
     forces = np.linalg.norm(recording.grasp_forces, axis=2)
     curves = [(f"limb {i}", LIMB_COLOURS[i], forces[:, i]) for i in range(forces.shape[1])]
     return Plot("grasp force [N]", recording.times - recording.times[0], tuple(curves))
 
 
 def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
-    """The data of a plot with an upright line at a time [s]: times, and values of each curve.
+    """Return the times and curves of a plot, with a vertical line at a time [s] as last curve.
 
-    The line is one more curve, whose two values are at the same time.
+    The line is a curve with two values at the same time, at which all curves are interpolated.
     """
     values = np.stack([curve for _, _, curve in plot.curves])
     at = int(np.searchsorted(plot.times, now))
@@ -122,7 +123,7 @@ def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
 
 
 def thinned(plot: Plot, most: int = 240) -> Plot:
-    """The same plot with at most `most` times."""
+    """Return a plot with at most `most` of its times."""
     if len(plot.times) <= most:
         return plot
     chosen = np.linspace(0, len(plot.times) - 1, most).round().astype(np.int64)

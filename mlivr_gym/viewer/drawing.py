@@ -1,4 +1,4 @@
-"""Draws module, robot and plans on a page, each under names of its own."""
+"""Functions that draw module, points, robot and plans on a page, as named nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.rendering import MARGIN
-from mlivr_gym.pictures.route import FOOTHOLD_RADIUS, PATH_RADIUS, STANCE_RADIUS, Route, base_line
+from mlivr_gym.pictures.route import (
+    FOOTHOLD_RADIUS,
+    PATH_RADIUS,
+    STANCE_RADIUS,
+    Route,
+    plan_base_path,
+)
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
@@ -24,43 +30,43 @@ from mlivr_gym.viewer.solids import (
     Scene,
     box_mesh,
     cylinder_mesh,
-    joined,
-    moved,
+    merged,
     rod_mesh,
+    transformed,
 )
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.006
-"""Size of a graspable point [m]; it is larger than in the scene, to be clicked at."""
+"""Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""
 
 MARKED_SCALE = 1.8
-"""How much larger points are drawn that colours tell something about."""
+"""Factor by which points are enlarged whose colours have a meaning."""
 
 AZIMUTH, ELEVATION = 80.0, -4.0
-"""Line of sight of the first camera [deg]."""
+"""Angles of the initial line of sight [deg]."""
 
-STEEP = -9.0
-"""Elevation with which a second module below is seen [deg]."""
+SECOND_ELEVATION = -9.0
+"""Elevation of the line of sight if a second module is shown below [deg]."""
 
 OCCUPIED_RADIUS = 0.035
 """Radius of the balls at occupied points [m]."""
 
 LABEL_LIFT = 0.09
-"""How far over a foothold its number stands [m]."""
+"""Height of the number of a foothold above its point [m]."""
 
 GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
-"""Colours of the path of a plan before, of explored steps and of obstacles."""
+"""Colours of the previous plan's base path, of explored steps and of obstacles."""
 
 GHOST_OPACITY = 0.35
-"""Opacity of a robot that another is compared with."""
+"""Opacity of the robot of a second plan."""
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
-"""The quaternion of no turn."""
+"""Quaternion of the identity rotation, w, x, y, z."""
 
 
 def draw_module(page: Page, name: str, scene: Scene) -> None:
-    """Draw racks, walls and rails, those of each face below the name and the face's."""
+    """Draw racks, walls and rails as descendants of `name`, grouped by face."""
     page.frame(name)
     for k, solid in enumerate(scene.surroundings):
         folder = f"{name}/{solid.face or 'rest'}"
@@ -70,7 +76,7 @@ def draw_module(page: Page, name: str, scene: Scene) -> None:
 
 
 def draw_points(page: Page, grasp_map: GraspMap) -> None:
-    """Draw the graspable points, those of each face below `points` and its name."""
+    """Draw the graspable points as nodes `points/FACE`."""
     disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
     for face, chosen in points_by_face(grasp_map).items():
         turns = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
@@ -88,11 +94,11 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
         )
 
 
-def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
-    """Give the graspable points colours, and those that these are about a larger size."""
+def colour_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
+    """Set the colours of the graspable points, and enlarge the marked ones."""
     scales = np.ones(len(grasp_map), dtype=np.float32)
     scales[list(found.points)] = MARKED_SCALE
-    # The library takes colours of copies linear in brightness, unlike all others.
+    # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
     share = np.asarray(found.colours, dtype=np.float64) / 255.0
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
@@ -102,17 +108,17 @@ def mark_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
 
 
 def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
-    """Indices of the points of each face."""
+    """Return the indices of the points of each face."""
     faces = np.array(grasp_map.faces)
     return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
 def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
-    """Draw boxes that are not the map's, in place of those drawn before."""
+    """Draw obstacles in place of those drawn before."""
     page.remove("obstacles")
     page.frame("obstacles")
     for k, box in enumerate(boxes):
-        mesh = moved(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
+        mesh = transformed(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
         page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
 
 
@@ -121,11 +127,11 @@ def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> 
     page.remove("occupied")
     if occupied:
         balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
-        page.mesh("occupied", joined(balls), rgba(OCCUPIED_COLOUR))
+        page.mesh("occupied", merged(balls), rgba(OCCUPIED_COLOUR))
 
 
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
-    """Draw the robot, its links below one another so that few numbers pose it."""
+    """Draw the robot with nested links, so that joint angles alone change its configuration."""
     paths = _paths(name, scene)
     page.remove(name)
     page.frame(name)
@@ -137,7 +143,7 @@ def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> Non
 
 
 def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
-    """Put a robot that is drawn into a configuration."""
+    """Move a robot that is drawn to a configuration."""
     position, quaternion, joints = configuration
     paths = _paths(name, scene)
     for link in scene.links:
@@ -145,11 +151,11 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
             page.nodes[paths[link.name]].position = position
             page.nodes[paths[link.name]].wxyz = quaternion
         elif link.joint is not None:
-            page.nodes[paths[link.name]].wxyz = link.turned(joints)
+            page.nodes[paths[link.name]].wxyz = link.orientation(joints)
 
 
 def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
-    """Show or hide the shapes of a robot that collisions are not checked with."""
+    """Show or hide the shapes of a robot that are not collision shapes."""
     paths = _paths(name, scene)
     for k, solid in enumerate(scene.robot):
         if not solid.checked:
@@ -157,7 +163,7 @@ def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
 
 
 def _paths(name: str, scene: Scene) -> dict[str, str]:
-    """Names of the links of a robot on the page, by those in the scene."""
+    """Return the node names of the robot's links, by their names in the MuJoCo scene."""
     paths = {"world": name}
     for link in scene.links:
         paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
@@ -165,40 +171,37 @@ def _paths(name: str, scene: Scene) -> dict[str, str]:
 
 
 def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
-    """Draw base path and footholds of a plan, numbered by stance, or of none."""
+    """Draw base path and footholds of a plan, numbered by stance, or nothing for None."""
     page.remove(name)
     page.frame(name)
     if plan is None:
         return
     route = Route.of(grasp_map, plan)
-    page.mesh(f"{name}/path", tube(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
     balls = [ball_mesh(place, STANCE_RADIUS) for place in route.stances]
-    page.mesh(f"{name}/stances", joined(balls), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/stances", merged(balls), rgba(BASE_COLOUR))
     numbers: dict[tuple[float, ...], list[str]] = {}
     for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
         held = [hold for hold in route.footholds if hold.limb == limb]
-        marks = joined([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
+        marks = merged([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
         page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
         for hold in held:
             numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
     for k, (place, stances) in enumerate(numbers.items()):
-        inward = grasp_map.normals[_point_at(grasp_map, np.array(place))]
-        page.label(f"{name}/number{k}", ", ".join(stances), np.array(place) + LABEL_LIFT * inward)
+        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(place), axis=1))
+        above = np.array(place) + LABEL_LIFT * grasp_map.normals[point]
+        page.label(f"{name}/number{k}", ", ".join(stances), above)
 
 
-def _point_at(grasp_map: GraspMap, place: Array) -> int:
-    return int(np.argmin(np.linalg.norm(grasp_map.positions - place, axis=1)))
-
-
-def draw_ghost(page: Page, name: str, plan: Plan | None) -> None:
-    """Draw the base path of another plan, pale, or of none."""
+def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
+    """Draw the base path of a plan pale, or nothing for None."""
     page.remove(name)
     if plan is not None and len(plan.stances) > 1:
-        page.mesh(name, tube(base_line(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
+        page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
 
 
 def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
-    """Draw the ball in which the goal is reached [m]."""
+    """Draw the goal region, a ball about the goal position [m]."""
     colour = _with_opacity(GOAL_COLOUR, 0.35)
     page.mesh("goal", ball_mesh(np.zeros(3), tolerance), colour, position=goal)
 
@@ -211,8 +214,8 @@ def draw_tree(page: Page, tree: Array) -> None:
         page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
 
 
-def light(page: Page) -> None:
-    """Light the module softly from everywhere, and from above the near corner."""
+def add_lights(page: Page) -> None:
+    """Light the module with ambient light, a lamp from above and a weaker one from below."""
     page.scene.add_light_ambient("/sky", intensity=1.0)
     for name, strength, place in (
         ("lamp", 1.7, (-2.0, -3.5, 8.0)),
@@ -223,36 +226,28 @@ def light(page: Page) -> None:
         )
 
 
-def places_of(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
-    """What is to be seen of a map and a plan on it, shape (k, 3) [m]."""
+def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
+    """Return the positions that a camera should see: points, goal and stances, shape (k, 3) [m]."""
     bases = np.zeros((0, 3)) if plan is None else plan.motion.base_positions
     return np.concatenate([grasp_map.positions, goal[None], bases])
 
 
-def view(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
-    """Look at places, shape (k, 3) [m], all of them in the picture; returns from where [m].
+def aim_camera(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+    """Move the camera so that it sees all of some positions (k, 3) [m]; return its position [m].
 
-    Parameters
-    ----------
-    page
-        The page.
-    places
-        What is to be seen.
-    aspect
-        Width of the picture over its height.
-    elevation
-        Angle of the line of sight over the horizon [deg].
+    `aspect` is the width of the picture divided by its height; the line of sight has an elevation
+    [deg] above the horizon.
     """
     x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
     camera = camera.seeing(places, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
-    page.look(eye, np.array(camera.lookat))
+    page.set_camera(eye, np.array(camera.lookat))
     return eye
 
 
 def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
-    """Faces whose points are seen from behind by a camera at `eye` [m], so that they hide all."""
+    """Return the faces that a camera at `eye` [m] sees from behind, so that they hide the rest."""
     hidden = set()
     for face, chosen in points_by_face(grasp_map).items():
         normal = grasp_map.normals[chosen].mean(axis=0)
@@ -262,15 +257,16 @@ def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
 
 
 def ball_mesh(place: Array, radius: float) -> Mesh:
-    """A ball about a place [m]."""
+    """Return a ball about a position [m]."""
     return rod_mesh(place, place, radius)
 
 
-def tube(line: Array, radius: float) -> Mesh:
-    """A tube along a line, shape (k, 3) [m]; a ball where it has no length."""
+def tube_mesh(line: Array, radius: float) -> Mesh:
+    """Return a tube along a polyline, shape (k, 3) [m], or a ball if it has no length."""
     pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
-    return joined(pieces or [ball_mesh(line[0], radius)])
+    return merged(pieces or [ball_mesh(line[0], radius)])
 
 
 def _with_opacity(colour: str, opacity: float) -> Colour:
+    """Return a colour with an opacity from 0 to 1."""
     return (*rgba(colour)[:3], opacity)

@@ -1,4 +1,4 @@
-"""One file that plays without a server."""
+"""Export of a plan or an execution as one HTML file that plays without a server."""
 
 from __future__ import annotations
 
@@ -16,52 +16,53 @@ from mlivr_gym.viewer.frames import STEP_TIME, plan_frames, recording_frames
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import scene_solids
 
-LARGEST_FILE = 2_000_000
-"""Most bytes of a file; of long walks it has fewer pictures, so that they can be sent around."""
+MAX_BYTES = 2_000_000
+"""Maximum size of a file in bytes; long plans have fewer frames, so that files can be shared."""
 
-PICTURES = 20.0
-"""Most pictures in a second."""
+FRAME_RATE = 20.0
+"""Maximum number of frames in a second."""
 
 ASPECT = 1.75
-"""Width over height of the window that the first view is made for."""
+"""Width divided by height of the window for which the first view is chosen."""
 
 ABOVE = np.array([0.0, 0.0, 0.5])
-"""How far above the base it is said what the robot does [m]."""
+"""Position of the label relative to the base [m]."""
 
 
 def write_html(
     path: str | Path, graph: StanceGraph, plan: Plan, recording: Recording | None = None
 ) -> int:
-    """Write a page that plays a plan, or its execution, as one HTML file; returns its bytes.
+    """Write a page that plays a plan, or its execution, and return the size of the file in bytes.
 
-    Nothing is fetched from elsewhere when it is opened. An execution is played so fast that a step
-    takes as long as one of a plan.
+    The page loads nothing from elsewhere. An execution is played at a speed at which a step takes
+    `STEP_TIME` on average, like a step of a plan.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     SettingError
-        If even few pictures make a file larger than `LARGEST_FILE`.
+        If the file would be larger than `MAX_BYTES` even with few frames.
     """
     page = Page("127.0.0.1", 0, "mlivr-gym")
     try:
-        content = _recorded(page, graph, plan, recording)
+        content = _html_of_plan(page, graph, plan, recording)
     finally:
         page.close()
     write_whole(path, content)
     return len(content)
 
 
-def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None) -> bytes:
+def _html_of_plan(page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None) -> bytes:
+    """Draw a plan or its execution on a page, and return its HTML."""
     grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot)
     frames = plan_frames(graph, plan) if recording is None else recording_frames(recording)
-    drawing.light(page)
-    places = drawing.places_of(grasp_map, np.array(plan.query.goal), plan)
-    eye = drawing.view(page, places, ASPECT)
+    drawing.add_lights(page)
+    places = drawing.visible_positions(grasp_map, np.array(plan.query.goal), plan)
+    eye = drawing.aim_camera(page, places, ASPECT)
     drawing.draw_module(page, "module", scene)
     drawing.draw_points(page, grasp_map)
-    drawing.mark_points(page, grasp_map, marks.plain_marks(graph))
+    drawing.colour_points(page, grasp_map, marks.plain_marks(graph))
     drawing.draw_obstacles(page, graph.obstacles)
     drawing.draw_occupied(page, grasp_map, graph.occupied)
     drawing.draw_goal(page, np.array(plan.query.goal), plan.query.goal_tolerance)
@@ -74,23 +75,27 @@ def _recorded(page: Page, graph: StanceGraph, plan: Plan, recording: Recording |
 
     def draw(chosen: int) -> None:
         drawing.pose_robot(page, "robot", scene, frames.configuration(chosen))
-        words, label = frames.told(chosen, plan), page.nodes["now"]
+        text, label = frames.describe(chosen, plan), page.nodes["now"]
         label.position = frames.base_positions[chosen] + ABOVE
-        if label.text != words:
-            label.text = words
+        if label.text != text:
+            label.text = text
 
     length = STEP_TIME * max(int(frames.step.max()) + (recording is not None), 1)
-    count = min(len(frames), round(PICTURES * length) + 1)
+    count = min(len(frames), round(FRAME_RATE * length) + 1)
     while count >= 2:
         shown = np.linspace(0, len(frames) - 1, count).round().astype(np.int64).tolist()
-        content = page.recorded(shown, length / (count - 1), draw, _words(plan, recording))
-        if len(content.encode()) <= LARGEST_FILE:
+        content = page.record(shown, length / (count - 1), draw, _title(plan, recording))
+        if len(content.encode()) <= MAX_BYTES:
             return content.encode()
         count //= 2
-    raise SettingError(f"the page of this scene is larger than {LARGEST_FILE} bytes")
+    raise SettingError(
+        f"the page of this scene would be larger than {MAX_BYTES} bytes; "
+        "use a map or a plan with fewer shapes, or serve the page"
+    )
 
 
-def _words(plan: Plan, recording: Recording | None) -> str:
+def _title(plan: Plan, recording: Recording | None) -> str:
+    """Return the title of the page."""
     what = "plan" if recording is None else "execution"
     return (
         f"{plan.world.robot.name}: {what}, {len(plan.steps)} steps, "

@@ -1,4 +1,4 @@
-"""What is played: configurations with times, of a plan or of an execution."""
+"""Frames that the viewer plays: timed configurations of a plan or of an execution."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 STEP_TIME = 5.0
-"""How long a step of a plan, which has no clock, takes when it is played [s]."""
+"""Duration of a played step of a plan [s], since a plan has no time scaling."""
 
 FRAME_TIME = 0.05
-"""Least time between two frames [s]."""
+"""Minimum time between two frames [s]."""
 
-MOST_FRAMES = 1500
-"""Most frames: of long walks they are farther apart."""
+MAX_FRAMES = 1500
+"""Maximum number of frames; those of long plans are spaced more widely."""
 
 AT_REST = len(PHASES)
-"""Phase of a frame in which the robot stands in a stance."""
+"""Phase of a frame in which the robot rests in a stance."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Configurations one after the other, k in all.
+    """A sequence of k timed configurations.
 
     Attributes
     ----------
     times
-        When each is shown [s], shape (k,).
+        Time of each frame, shape (k,) [s].
     step
-        Index of the step, or number of the stance at rest, shape (k,).
+        Index of the step, or number of the stance if the robot is at rest, shape (k,).
     phase
         Index into `regrasp.PHASES`, or `AT_REST`, shape (k,).
     base_positions
-        Shape (k, 3) [m].
+        Base positions, shape (k, 3) [m].
     base_quaternions
-        Shape (k, 4), w, x, y, z.
+        Base orientations w, x, y, z, shape (k, 4).
     joint_positions
-        Shape (k, N, 6) [rad].
+        Joint angles, shape (k, N, 6) [rad].
     """
 
     times: Array
@@ -61,7 +61,7 @@ class Frames:
     joint_positions: Array
 
     def __len__(self) -> int:
-        """Number of frames."""
+        """Return the number of frames."""
         return len(self.times)
 
     @property
@@ -70,21 +70,21 @@ class Frames:
         return float(self.times[-1])
 
     def at(self, time: float) -> int:
-        """The last frame at or before a time [s]."""
+        """Return the index of the last frame at or before a time [s]."""
         return max(int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1, 0)
 
     def configuration(self, k: int) -> Configuration:
-        """The configuration of a frame."""
+        """Return the configuration of a frame."""
         return self.base_positions[k], self.base_quaternions[k], self.joint_positions[k]
 
     def starts(self) -> Array:
-        """Times at which steps begin, and the end, shape (steps + 1,) [s]."""
+        """Return the start times of the steps and the end time, shape (steps + 1,) [s]."""
         first = np.flatnonzero(np.diff(self.step, prepend=-1))
         starts: Array = np.unique(np.append(self.times[first], self.duration))
         return starts
 
-    def told(self, k: int, plan: Plan) -> str:
-        """A frame in words: which step, which limb, where to."""
+    def describe(self, k: int, plan: Plan) -> str:
+        """Describe a frame: number of the step, limb, its two points and the phase."""
         if not plan.steps:
             return "the start is at the goal"
         number, phase = int(self.step[k]), int(self.phase[k])
@@ -97,16 +97,19 @@ class Frames:
         )
 
     def thinned(self) -> Frames:
-        """The same with at most `MOST_FRAMES` frames, the last one kept."""
-        if len(self) <= MOST_FRAMES:
+        """Return at most `MAX_FRAMES` of these frames, including the first and the last."""
+        if len(self) <= MAX_FRAMES:
             return self
-        chosen = np.unique(np.linspace(0, len(self) - 1, MOST_FRAMES).round().astype(np.int64))
+        chosen = np.unique(np.linspace(0, len(self) - 1, MAX_FRAMES).round().astype(np.int64))
         kept: dict[str, Any] = {f.name: getattr(self, f.name)[chosen] for f in fields(self)}
         return Frames(**kept)
 
 
 def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
-    """A plan at `STEP_TIME` a step; its stances alone where a step cannot be followed."""
+    """Return the frames of a plan at `STEP_TIME` a step.
+
+    If a step cannot be reconstructed in this graph, the frames are the stances alone.
+    """
     try:
         walked = _walked(graph, plan)
     except PlanError:
@@ -118,7 +121,7 @@ def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
 
 
 def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
-    """A plan whose steps all take `STEP_TIME`, whatever a robot would need."""
+    """Return the trajectory of a plan whose steps all take `STEP_TIME`, regardless of limits."""
     parts = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
@@ -129,7 +132,7 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
 
 
 def stance_frames(plan: Plan) -> Frames:
-    """The stances of a plan, `STEP_TIME` apart."""
+    """Return the stances of a plan as frames at intervals of `STEP_TIME`."""
     motion, number = plan.motion, np.arange(len(plan.stances))
     bases, resting = (motion.base_positions, motion.base_quaternions), np.full_like(number, AT_REST)
     times = STEP_TIME * number.astype(np.float64)
@@ -137,23 +140,23 @@ def stance_frames(plan: Plan) -> Frames:
 
 
 def recording_frames(recording: Recording) -> Frames:
-    """An execution as it was recorded."""
+    """Return the frames of an execution, at the times of its recording."""
     shown = {field.name: getattr(recording, field.name) for field in fields(Frames)}
     return Frames(**shown | {"times": recording.times - recording.times[0]}).thinned()
 
 
 def load_recording(path: str | Path, plan: Plan) -> Recording:
-    """Read the measurements that `mlivr-gym simulate` has written for a plan.
+    """Read the recording that `mlivr-gym simulate` has written for a plan.
 
     Raises
     ------
     PlanError
-        If the file cannot be read, or is of another robot or a longer walk.
+        If the file cannot be read, or belongs to another robot or a longer plan.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
             arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Recording)}
-    except Exception as error:  # NumPy, zipfile and zlib raise many kinds
+    except Exception as error:  # NumPy, zipfile and zlib raise errors of many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise PlanError(f"cannot read simulation {str(path)!r}: {one_line(reason)}") from None
     count, limbs = len(arrays["times"]), plan.world.robot.limbs

@@ -1,4 +1,4 @@
-"""A query that changes, and the plan that answers it: all that the viewer knows, without a page."""
+"""The state of the viewer without its page: a query that can be changed, and its plan."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from mlivr_gym.planners.query import GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 
-CUT_OFF = ("goal outside the reachable set", "search exhausted")
-"""Reasons for which there is no plan whose cause is looked for."""
+UNREACHABLE = ("goal outside the reachable set", "search exhausted")
+"""Reasons for the absence of a plan whose cause is then searched for."""
 
 CAUSE_LIMIT = 300
-"""Most expansions of each search for a cause with more than two limbs, which take long."""
+"""Maximum number of expansions in each search for a cause, which is slow for three limbs."""
 
 BOX_EDGE = 0.3
 """Edge of a box that is added [m]."""
 
 PRICE = 0.1
-"""Regrasp price with which the weighted cost begins [m]."""
+"""Initial regrasp price of the weighted cost [m]."""
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A query: arguments of `Planner.plan`."""
+class LiveQuery:
+    """A query of the viewer; its fields are the arguments of `Planner.plan`."""
 
     start: tuple[str, ...]
     goal: tuple[float, float, float]
@@ -49,8 +49,8 @@ class Asked:
     time_limit: float | None = None
 
     @classmethod
-    def of_plan(cls, graph: StanceGraph, plan: Plan) -> Asked:
-        """The query that a plan answers."""
+    def of_plan(cls, graph: StanceGraph, plan: Plan) -> LiveQuery:
+        """Return the query whose result a plan is."""
         query = plan.query
         position, quaternion, _ = plan.configuration(0)
         return cls(
@@ -62,136 +62,137 @@ class Asked:
 
 
 class LivePlan:
-    """A query in a world, its plan, and the plan before it.
+    """A query on a stance graph with its plan and the previous plan.
 
-    Each change plans anew. What cannot be asked, and why there is no plan, is told by `message`.
+    Each change plans anew. If the query is invalid or no plan exists, `message` says why.
 
     Attributes
     ----------
     graph
-        The stance graph, whose obstacles and occupied points change.
-    asked
+        The stance graph, whose obstacles and occupied points can be changed.
+    query
         The query.
     plan
-        Its plan; None if there is none.
-    before
-        The plan of the query before, to be compared with.
+        Plan of the query; None if none exists.
+    previous
+        Plan of the previous query, for comparison.
     message
-        One sentence on the plan, or why there is none.
+        Summary of the plan, or the reason why none exists.
     reason
-        `""`, or why there is none, as in `PlanningResult`.
+        Kind of that reason as in `PlanningResult`, `"invalid query"`, or `""` for a plan.
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     expanded
-        States expanded.
+        Number of states explored.
     seconds
-        Time that the query took [s].
+        Computing time of the query [s].
     """
 
-    def __init__(self, graph: StanceGraph, asked: Asked, plan: Plan | None = None) -> None:
-        """Begin with a plan of the query, or with none until `replan`."""
-        self.graph, self.asked, self.plan = graph, asked, plan
+    def __init__(self, graph: StanceGraph, query: LiveQuery, plan: Plan | None = None) -> None:
+        """Start with a plan of the query, or without one until `replan` is called."""
+        self.graph, self.query, self.plan = graph, query, plan
         self.planner = Planner(graph)
-        self.before: Plan | None = None
+        self.previous: Plan | None = None
         self.message = self.reason = ""
         self.tree: Array = np.zeros((0, 2, 3))
         self.expanded, self.seconds = 0, 0.0
         if plan is not None:
-            self.message = _told(plan)
+            self.message = _plan_message(plan)
             self.expanded = plan.statistics.expanded
             self.seconds = plan.statistics.feasibility_time + plan.statistics.search_time
 
     @property
     def shown(self) -> Plan | None:
-        """The plan to be shown: the present one, else that before it."""
-        return self.plan or self.before
+        """The plan to show: that of the query, otherwise the previous one."""
+        return self.plan or self.previous
 
     def replan(self) -> None:
-        """Plan anew in the world as it is now."""
-        asked, began = self.asked, time.perf_counter()
-        self.before = self.shown
+        """Plan anew with the current obstacles and occupied points."""
+        query, began = self.query, time.perf_counter()
+        self.previous = self.shown
         self.plan, self.tree, self.expanded = None, np.zeros((0, 2, 3)), 0
         try:
-            result = self.planner.plan(**vars(asked))
+            result = self.planner.plan(**vars(query))
         except MlivrError as error:
-            self.message, self.reason = str(error), "cannot be asked"
+            self.message, self.reason = str(error), "invalid query"
         else:
             self.plan, self.reason, self.tree = result.plan, result.reason, result.tree
             self.expanded = result.expanded
-            self.message = result.message if result.plan is None else _told(result.plan)
+            self.message = result.message if result.plan is None else _plan_message(result.plan)
         self.seconds = time.perf_counter() - began
 
     def cause(self) -> str:
-        """What cuts the goal off where there is no plan, `""` where that is told already.
+        """Return which rule makes the goal unreachable, `""` if `message` already says so.
 
-        The query is asked again without each rule in turn, which takes seconds.
+        The query is planned again without each rule in turn, which takes seconds.
         """
-        if self.reason not in CUT_OFF:
+        if self.reason not in UNREACHABLE:
             return ""
         names = ("start", "goal", "goal_tolerance", "goal_face", "start_pose", "start_joints")
-        asked = {name: getattr(self.asked, name) for name in names}
-        return self.planner.why_not(**asked, limit=CAUSE_LIMIT).message
+        query = {name: getattr(self.query, name) for name in names}
+        return self.planner.why_not(**query, limit=CAUSE_LIMIT).message
 
-    def hold(self, limb: int, point: str) -> None:
-        """Start with a limb at another point, in the posture of the stance that this makes."""
-        start = (*self.asked.start[:limb], point, *self.asked.start[limb + 1 :])
-        self.asked = replace(self.asked, start=start, start_pose=None, start_joints=None)
+    def set_start_point(self, limb: int, point: str) -> None:
+        """Start with a limb at another point, in the posture of the resulting stance."""
+        start = (*self.query.start[:limb], point, *self.query.start[limb + 1 :])
+        self.query = replace(self.query, start=start, start_pose=None, start_joints=None)
         self.replan()
 
-    def block(self, point: str) -> None:
-        """Make a point unavailable, or available again."""
+    def toggle_occupied(self, point: str) -> None:
+        """Mark a point as occupied, or as free if it is occupied."""
         if self.graph.grasp_map.index(point) in self.graph.occupied:
             self.graph.vacate([point])
         else:
             self.graph.occupy([point])
         self.replan()
 
-    def aim(self, goal: Array) -> None:
-        """Go to another position, which is put into the cabin if it lies outside [m]."""
+    def set_goal(self, goal: Array) -> None:
+        """Set another goal position [m], which is moved into the cabin if it lies outside."""
         low, high = self.graph.grasp_map.cabin
         x, y, z = np.clip(goal, low, high).tolist()
-        self.asked = replace(self.asked, goal=(x, y, z))
+        self.query = replace(self.query, goal=(x, y, z))
         self.replan()
 
-    def charge(self, cost: str, price: float) -> None:
-        """Take another cost; the regrasp price [m] counts with the weighted one alone."""
-        given = price if cost == "weighted" else None
-        self.asked = replace(self.asked, cost=cost, regrasp_price=given)
+    def set_cost(self, cost: str, price: float) -> None:
+        """Set another cost; the regrasp price [m] applies to the weighted cost alone."""
+        regrasp_price = price if cost == "weighted" else None
+        self.query = replace(self.query, cost=cost, regrasp_price=regrasp_price)
         self.replan()
 
     def put_box(self, name: str, centre: Array) -> None:
-        """Put a box of this id into the world, or put it elsewhere, by its middle [m].
+        """Add the obstacle of this id, or move it if it exists, to a centre [m].
 
         Raises
         ------
         MlivrError
             If collisions are not checked, or the map has a box of that id.
         """
-        kept = [box for box in self.graph.obstacles if box.id == name]
-        half = np.array(kept[0].half) if kept else np.full(3, 0.5 * BOX_EDGE)
+        existing = [box for box in self.graph.obstacles if box.id == name]
+        half = np.array(existing[0].half) if existing else np.full(3, 0.5 * BOX_EDGE)
         box = Box.between(name, "obstacle", (centre - half).tolist(), (centre + half).tolist())
-        if kept:
+        if existing:
             self.graph.remove_obstacles([name])
         self.graph.add_obstacles([box])
         self.replan()
 
     def clear(self) -> None:
-        """Take all boxes away and make all points available."""
+        """Remove all obstacles and free all points."""
         self.graph.remove_obstacles()
         self.graph.vacate()
         self.replan()
 
     def start_configuration(self) -> Configuration | None:
-        """The configuration at the start, None if it cannot be held."""
+        """Return the configuration at the start, None if the start cannot be held."""
         if self.plan is not None:
             return self.plan.configuration(0)
-        asked = self.asked
+        query = self.query
         try:
-            state = self.graph.state(asked.start, asked.start_pose, asked.start_joints)
+            state = self.graph.state(query.start, query.start_pose, query.start_joints)
         except StanceError:
             return None
         return self.graph.configuration(state)
 
 
-def _told(plan: Plan) -> str:
+def _plan_message(plan: Plan) -> str:
+    """Summarise a plan."""
     return f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"

@@ -1,4 +1,4 @@
-"""What colours of points tell: which can be stepped to, why others cannot, what a policy likes."""
+"""Colours of points by their meaning: reachable by a step, why not, or a policy's probabilities."""
 
 from __future__ import annotations
 
@@ -19,43 +19,43 @@ from mlivr_gym.transitions.state import State, Successors
 POINT_COLOUR, OCCUPIED_COLOUR, FAINT_COLOUR, SHARED_COLOUR = (
     "#f2bf1a", "#1b1b1f", "#cfd3d8", "#8a3fb0",
 )  # fmt: skip
-"""Colours of points, of occupied ones, of those that do not matter, and of two limbs at once."""
+"""Colours of points, of occupied ones, of points without meaning, and of several limbs."""
 
-STEP = "no step: the limbs that hold cannot follow, or every swing touches something"
-"""Why a point whose stance can be held is not stepped to."""
+NO_STEP = "no step: the support limbs cannot follow the base, or every swing is in collision"
+"""Reason for a point whose stance can be held, but that no step reaches."""
 
 REASONS = {
     "is occupied": ("occupied", OCCUPIED_COLOUR),
-    "apart": ("too near to a held point, or beyond the span", FAINT_COLOUR),
-    "touches": ("every posture touches something", "#e8590c"),
+    "apart": ("too close to a held point, or farther than the span", FAINT_COLOUR),
+    "touches": ("every posture is in collision", "#e8590c"),
     "out of reach": ("out of reach", "#868e96"),
-    "manipulability": ("below a threshold of manipulability", "#7048e8"),
+    "manipulability": ("manipulability below a threshold", "#7048e8"),
     "depart": ("the limb could not depart", "#1098ad"),
     "no step": ("no step leads there", "#d6336c"),
     "held": ("held", POINT_COLOUR),
 }
-"""Short words and colour of each reason, by what its sentence says; in this order."""
+"""Legend and colour of each reason, by a part of its sentence; the first match counts."""
 
-LEAST_CHANCE = 0.005
-"""Least probability of an action that a legend tells."""
+MIN_PROBABILITY = 0.005
+"""Minimum probability of an action in a legend."""
 
 FREE_COLOUR = "#2b8a3e"
-"""Colour of points that can be stepped to where reasons are shown."""
+"""Colour of points that a step reaches, if reasons are shown."""
 
 
 class Marks(NamedTuple):
-    """Colours of points, and what they mean."""
+    """Colours of the points of a map with their legend."""
 
     colours: Array
     """Red, green and blue up to 255, shape (m, 3)."""
     legend: tuple[tuple[str, str], ...] = ()
-    """Colour and words."""
+    """Colour and text of each entry of the legend."""
     points: tuple[int, ...] = ()
-    """Indices of the points that the colours are about, which are drawn larger."""
+    """Indices of the points whose colours have a meaning; they are enlarged."""
 
 
 def plain_marks(graph: StanceGraph) -> Marks:
-    """Points in one colour, occupied ones dark."""
+    """Return one colour for all points, and a dark one for occupied points."""
     colours = [POINT_COLOUR] * len(graph.grasp_map)
     for point in graph.occupied:
         colours[point] = OCCUPIED_COLOUR
@@ -64,55 +64,58 @@ def plain_marks(graph: StanceGraph) -> Marks:
 
 
 def reach_marks(graph: StanceGraph, state: State) -> Marks:
-    """Points that limbs can step to, in the colours of the limbs."""
+    """Return the colours of the limbs for the points that they can step to."""
     steps = graph.successors(state)
     limbs = _limbs_by_point(steps)
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
-    for point, at in limbs.items():
-        colours[point] = LIMB_COLOURS[at[0]] if len(at) == 1 else SHARED_COLOUR
+    for point, reaching in limbs.items():
+        colours[point] = LIMB_COLOURS[reaching[0]] if len(reaching) == 1 else SHARED_COLOUR
     counts = Counter(steps.limb.tolist())
     legend = [(LIMB_COLOURS[i], f"limb {i}: {counts[i]} points") for i in range(graph.limbs)]
-    shared = sum(len(at) > 1 for at in limbs.values())
+    shared = sum(len(reaching) > 1 for reaching in limbs.values())
     legend.append((SHARED_COLOUR, f"several limbs: {shared}"))
     return _marks(colours, legend, sorted(limbs))
 
 
 def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
-    """Why points cannot be stepped to by a limb."""
+    """Return the colours of the reasons why a limb cannot step to points."""
     steps, count = graph.successors(state), Counter[str]()
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
     for point in range(len(graph.grasp_map)):
-        kind = kind_of(why_not(graph, state, limb, point, steps))
+        kind = reason_of(why_not(graph, state, limb, point, steps))
         colours[point] = REASONS[kind][1] if kind else FREE_COLOUR
         count[kind] += 1
-    legend = [(FREE_COLOUR, f"can be stepped to: {count['']}")]
+    legend = [(FREE_COLOUR, f"a step leads there: {count['']}")]
     legend += [
-        (colour, f"{words}: {count[kind]}")
-        for kind, (words, colour) in REASONS.items()
+        (colour, f"{text}: {count[kind]}")
+        for kind, (text, colour) in REASONS.items()
         if count[kind]
     ]
     chosen = [p for p, colour in enumerate(colours) if colour != FAINT_COLOUR]
     return _marks(colours, legend, chosen)
 
 
-def chance_marks(graph: StanceGraph, chance: Array) -> Marks:
-    """Probabilities of a policy's actions, shape (N, m): the darker the likelier."""
+def policy_marks(graph: StanceGraph, probability: Array) -> Marks:
+    """Return colours of a policy's probabilities, shape (N, m); darker means more probable."""
     colours = [FAINT_COLOUR] * len(graph.grasp_map)
-    best = chance.argmax(axis=0)
-    for point in np.flatnonzero(chance.sum(axis=0) > 0.0).tolist():
-        share = float(np.sqrt(chance[best[point], point]))
+    best = probability.argmax(axis=0)
+    for point in np.flatnonzero(probability.sum(axis=0) > 0.0).tolist():
+        share = float(np.sqrt(probability[best[point], point]))
         colours[point] = pale(LIMB_COLOURS[best[point]], 0.8 * (1.0 - share))
-    order = np.argsort(-chance, axis=None, kind="stable")[:5]
+    order = np.argsort(-probability, axis=None, kind="stable")[:5]
     legend = []
-    for limb, point in zip(*np.unravel_index(order, chance.shape), strict=True):
-        if chance[limb, point] >= LEAST_CHANCE:
-            words = f"limb {limb} → {graph.grasp_map.ids[point]}: {chance[limb, point]:.0%}"
-            legend.append((LIMB_COLOURS[limb], words))
-    return _marks(colours, legend, np.flatnonzero(chance.sum(axis=0) > 0.0).tolist())
+    for limb, point in zip(*np.unravel_index(order, probability.shape), strict=True):
+        if probability[limb, point] >= MIN_PROBABILITY:
+            text = f"limb {limb} → {graph.grasp_map.ids[point]}: {probability[limb, point]:.0%}"
+            legend.append((LIMB_COLOURS[limb], text))
+    return _marks(colours, legend, np.flatnonzero(probability.sum(axis=0) > 0.0).tolist())
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:
-    """Why a limb cannot step to the point of an index, one sentence; `""` if it can."""
+    """Return why a limb cannot step to a point, given by its index; `""` if it can.
+
+    The step leaves `state`, whose successors are `steps`.
+    """
     name = graph.grasp_map.ids[point]
     if point in state.stance:
         return f"point {name!r} is held by limb {state.stance.index(point)}"
@@ -122,16 +125,16 @@ def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Succ
         graph.state((*state.stance[:limb], point, *state.stance[limb + 1 :]))
     except StanceError as error:
         return str(error)
-    return STEP
+    return NO_STEP
 
 
-def kind_of(sentence: str) -> str:
-    """Which of `REASONS` a sentence tells, `""` for none."""
+def reason_of(sentence: str) -> str:
+    """Return the key of `REASONS` of a sentence, `""` for none."""
     return next((kind for kind in REASONS if kind in sentence), "") if sentence else ""
 
 
 def states_of(graph: StanceGraph, plan: Plan) -> tuple[State | None, ...]:
-    """The states along a plan in the world as it is now, None from where it cannot be walked."""
+    """Return the states along a plan in the current world, None after a step that is impossible."""
     motion = plan.motion
     states: list[State | None] = []
     state: State | None = None
@@ -149,7 +152,7 @@ def states_of(graph: StanceGraph, plan: Plan) -> tuple[State | None, ...]:
 
 
 def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
-    """Index of the point, of positions (k, 3) [m], that a line of sight comes closest to."""
+    """Return the index of the position, shape (k, 3) [m], that is closest to a line of sight."""
     along = direction / np.linalg.norm(direction)
     away = positions - origin
     off = np.linalg.norm(away - (away @ along)[:, None] * along, axis=1)
@@ -157,11 +160,11 @@ def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
 
 
 def _limbs_by_point(steps: Successors) -> dict[int, list[int]]:
-    """The limbs that can step to each point."""
-    found: dict[int, list[int]] = {}
+    """Return the limbs that can step to each point."""
+    limbs: dict[int, list[int]] = {}
     for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
-        found.setdefault(point, []).append(limb)
-    return found
+        limbs.setdefault(point, []).append(limb)
+    return limbs
 
 
 def _marks(
@@ -169,5 +172,6 @@ def _marks(
     legend: Sequence[tuple[str, str]],
     points: Sequence[int] = (),
 ) -> Marks:
+    """Return the marks with colours given as hexadecimal texts."""
     numbers = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
     return Marks(np.array(numbers), tuple(legend), tuple(points))

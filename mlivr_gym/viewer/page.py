@@ -1,6 +1,6 @@
-"""The page in the browser: what is drawn, and what stands in the panel, by name.
+"""The page in the browser: nodes of the scene and items of the panel, each with a name.
 
-To draw a thing again under its name replaces it.
+Drawing under a name that exists replaces the earlier node.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.viewer.solids import Colour, Mesh
 
 BACKGROUND = (238, 241, 245)
-"""Colour behind the module, red, green and blue up to 255."""
+"""Colour of the background, red, green and blue up to 255."""
 
 _TAB = '<img src="data:," alt="" style="display:none" onerror="document.title={}">'
-# The library has no name for the browser's tab: an image that is none sets it when it is drawn.
+# The library cannot name the browser's tab, so the error handler of an invalid image does it.
 
 END = 1.5
-"""How long a file that plays stays at its end before it begins again [s]."""
+"""Time for which an exported page stays at its end before it starts again [s]."""
 
 
 class Page:
@@ -40,17 +40,17 @@ class Page:
     Attributes
     ----------
     server
-        The server of viser.
+        Server of viser.
     scene
-        What it draws.
+        Scene of the server.
     gui
-        Its panel.
+        Panel of the server.
     address
-        Where a browser finds it.
+        URL of the page.
     nodes
-        What is drawn, by name.
+        Nodes of the scene, by name.
     items
-        What stands in the panel, by name.
+        Items of the panel, by name.
     """
 
     def __init__(self, host: str, port: int, title: str) -> None:
@@ -59,22 +59,25 @@ class Page:
         Parameters
         ----------
         host
-            Address of the network interface that answers.
+            Address of the server's network interface.
         port
-            Port; the next free one is taken where it is not.
+            Port, or the next free one if it is taken; 0 for any free port.
         title
-            Words above the panel, and on the browser's tab.
+            Title of the panel and of the browser's tab.
 
         Raises
         ------
         SettingError
-            If there is no such interface.
+            If this computer has no such interface.
         """
         try:
             socket.create_server((host, 0)).close()
         except OSError as error:
-            raise SettingError(f"cannot serve on host {host!r}: {error.strerror}") from None
-        # A browser that opens a connection beforehand and drops it would print a traceback.
+            raise SettingError(
+                f"cannot serve on host {host!r}: {error.strerror}; "
+                "it must be an address of this computer, such as 127.0.0.1"
+            ) from None
+        # Otherwise a browser that opens a connection and drops it would cause a traceback.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         with _silence():
             self.server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
@@ -93,17 +96,17 @@ class Page:
         self.scene.world_axes.visible = False
 
     def __contains__(self, name: str) -> bool:
-        """Whether something is drawn under a name."""
+        """Return whether the scene has a node of this name."""
         return name in self.nodes
 
-    # What is drawn.
+    # Nodes of the scene.
 
     def frame(self, name: str, **pose: Array) -> None:
-        """Add a frame that draws nothing, for what is named below it; `position`, `wxyz`."""
+        """Add an invisible frame as parent of other nodes, with a `position` [m] and `wxyz`."""
         self.nodes[name] = self.scene.add_frame(f"/{name}", show_axes=False, **pose)
 
     def mesh(self, name: str, mesh: Mesh, colour: Colour, **pose: Array) -> None:
-        """Draw a mesh, moved by a `position` [m]."""
+        """Draw a mesh, translated by a `position` [m]."""
         opacity = colour[3] if colour[3] < 1.0 else None
         self.nodes[name] = self.scene.add_mesh_simple(
             f"/{name}",
@@ -118,13 +121,13 @@ class Page:
         )
 
     def label(self, name: str, text: str, position: Array) -> None:
-        """Write words at a place [m], in front of everything."""
+        """Write a text at a position [m], in front of everything else."""
         self.nodes[name] = self.scene.add_label(
             f"/{name}", text, position=position, anchor="bottom-center", font_screen_scale=1.0
         )
 
-    def gizmo(self, name: str, position: Array, done: Callable[[Array], None]) -> None:
-        """Draw arrows to drag; `done` is called with the position [m] where they are dropped."""
+    def gizmo(self, name: str, position: Array, on_drop: Callable[[Array], None]) -> None:
+        """Draw arrows that can be dragged; `on_drop` is called with their new position [m]."""
         handle = self.scene.add_transform_controls(
             f"/{name}", scale=0.35, disable_rotations=True, disable_sliders=True,
             position=position, depth_test=False,
@@ -132,55 +135,55 @@ class Page:
 
         def dropped(event: Any) -> None:
             if event.phase == "end":
-                done(np.array(event.target.position))
+                on_drop(np.array(event.target.position))
 
         handle.on_update(dropped)
         self.nodes[name] = handle
 
     def show(self, name: str, visible: bool) -> None:
-        """Show or hide what is drawn, with all below it."""
+        """Show or hide a node with its descendants."""
         node = self.nodes.get(name)
         if node is not None and node.visible != visible:
             node.visible = visible
 
     def remove(self, name: str) -> None:
-        """Remove what is drawn, if it is, with all below it."""
-        found = [key for key in self.nodes if key == name or key.startswith(f"{name}/")]
-        gone = {key: self.nodes.pop(key) for key in sorted(found)}
-        for key, node in gone.items():
-            if not any(key.startswith(f"{above}/") for above in gone):
+        """Remove a node, if it exists, with its descendants."""
+        names = [key for key in self.nodes if key == name or key.startswith(f"{name}/")]
+        removed = {key: self.nodes.pop(key) for key in sorted(names)}
+        for key, node in removed.items():
+            if not any(key.startswith(f"{parent}/") for parent in removed):
                 node.remove()
 
-    def look(self, position: Array, target: Array) -> None:
-        """From where pages, those that are open too, see what [m]."""
+    def set_camera(self, position: Array, target: Array) -> None:
+        """Set position and target of the camera [m], of open pages and of those opened later."""
         camera = self.server.initial_camera
-        camera.up, camera.position, camera.check_nodes = (0.0, 0.0, 1.0), position, target
+        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
         camera.fov = np.deg2rad(FIELD_OF_VIEW)
         for client in self.server.get_clients().values():
             with client.atomic():
-                client.camera.position, client.camera.check_nodes = position, target
+                client.camera.position, client.camera.look_at = position, target
 
-    # What stands in the panel.
+    # Items of the panel.
 
-    def item(self, name: str, item: Any, called: Callable[[Any], None]) -> None:
-        """Name what stands in the panel; `called` is given what people choose there.
+    def item(self, name: str, item: Any, on_change: Callable[[Any], None]) -> None:
+        """Name an item of the panel; `on_change` is called with the values that users choose.
 
-        Values that the program sets call nobody.
+        It is not called for values that the program sets.
         """
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                called(event.target.value)
+                on_change(event.target.value)
 
         item.on_update(changed)
         self.items[name] = item
 
     def text(self, name: str, content: str = "") -> None:
-        """Add words in Markdown."""
+        """Add a text in Markdown."""
         self.items[name] = self.gui.add_markdown(content)
 
     def write(self, name: str, content: str) -> None:
-        """Change words."""
+        """Change a text."""
         item = self.items[name]
         if item.content != content:
             item.content = content
@@ -188,9 +191,9 @@ class Page:
     def set_curves(
         self, name: str, title: str, curves: Sequence[tuple[str, str]], highest: float
     ) -> None:
-        """Give a plot curves of a label and a colour, whose data follow; without any it is hidden.
+        """Set title, and label and colour of each curve of a plot, whose data are set later.
 
-        Values are seen from 0 to `highest`.
+        The axis of values runs from 0 to `highest`; a plot without curves is hidden.
         """
         item = self.items[name]
         item.visible = bool(curves)
@@ -205,23 +208,23 @@ class Page:
         item.scales = {"x": {"time": False}, "y": {"range": (0.0, highest)}}
         item.legend = {"live": False}
 
-    # What is kept.
+    # Export.
 
-    def recorded(
-        self, frames: Sequence[int], period: float, draw: Callable[[int], None], words: str
+    def record(
+        self, frames: Sequence[int], period: float, draw: Callable[[int], None], title: str
     ) -> str:
-        """The page as one file that plays without a server.
+        """Return the page as HTML that plays without a server.
 
         Parameters
         ----------
         frames
-            What `draw` is called with, one after the other.
+            Arguments of the calls of `draw`, in order.
         period
-            Time between two of them [s].
+            Time between two frames [s].
         draw
-            Draws a frame.
-        words
-            Line that stands above the picture.
+            Function that draws a frame.
+        title
+            Title above the scene and on the browser's tab.
         """
         draw(frames[0])
         recorder = self.server.get_scene_serializer()
@@ -232,17 +235,17 @@ class Page:
         page: str = recorder.as_html()
         line = (
             '<div style="position:fixed;top:0.7em;left:1em;z-index:5;font:15px sans-serif;'
-            f'color:#333;pointer-events:none">{html.escape(words)}</div>'
+            f'color:#333;pointer-events:none">{html.escape(title)}</div>'
         )
-        page = re.sub("<title>.*?</title>", f"<title>{html.escape(words)}</title>", page, count=1)
+        page = re.sub("<title>.*?</title>", f"<title>{html.escape(title)}</title>", page, count=1)
         return page.replace("<body>", f"<body>{line}", 1)
 
     def close(self) -> None:
-        """Serve no longer."""
+        """Stop the server."""
         with _silence():
             self.server.stop()
 
 
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:
-    """Keep the library from printing: the command says where the page is."""
+    """Suppress the output of the library; the command itself prints the address."""
     return contextlib.redirect_stdout(io.StringIO())

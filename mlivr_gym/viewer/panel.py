@@ -1,4 +1,4 @@
-"""The panel of the page: what it holds, and whom each part calls."""
+"""The panel of the page: its items, and the methods of the viewer that they call."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
 from mlivr_gym.viewer.policy_view import NEEDED
-from mlivr_gym.viewer.second_plan import APART, HIDDEN, OVER
+from mlivr_gym.viewer.second_plan import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.viewer import (
     AIM,
     BLOCK,
+    EXPLAIN,
     PLAIN,
     PLOTS,
     POLICY,
     REACH,
-    TELL,
     WHY,
     Viewer,
 )
 
 SPEEDS = ("0.25x", "0.5x", "1x", "2x", "5x", "10x", "20x")
-"""Speeds to choose from, times as fast as the clock of what is played."""
+"""Speeds to choose from, relative to the time of the frames."""
 
 BACK, PLAY, ON = "◀ step", "play", "step ▶"
-"""Buttons below the scrubber; the middle one pauses, too."""
+"""Buttons below the scrubber; the middle one also pauses."""
 
 
 def add_panel(viewer: Viewer) -> None:
-    """Fill the panel of a viewer's page, and let the page call the viewer."""
+    """Add the items of the panel, and connect the page with the viewer's methods."""
     page = viewer.page
     page.text("summary")
     with page.gui.add_folder("Play"):
@@ -44,78 +44,82 @@ def add_panel(viewer: Viewer) -> None:
         _add_showing(viewer)
     if viewer.second is not None:
         with page.gui.add_folder("Second plan"):
-            shown = page.gui.add_dropdown("shown", (OVER, APART, HIDDEN), initial_value=OVER)
+            shown = page.gui.add_dropdown(
+                "shown", (OVERLAID, SEPARATE, HIDDEN), initial_value=OVERLAID
+            )
             page.item("second", shown, viewer.place_second)
     for face in drawing.points_by_face(viewer.live.graph.grasp_map):
         page.nodes[f"points/{face}"].on_click(
             lambda event: viewer.clicked(np.array(event.ray_origin), np.array(event.ray_direction))
         )
-    goal = np.array(viewer.live.asked.goal)
-    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.aim(at)))
+    goal = np.array(viewer.live.query.goal)
+    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
     page.server.on_client_connect(
         lambda client: client.camera.on_update(
-            lambda camera: viewer.see_from(np.array(camera.position))
+            lambda camera: viewer.hide_walls_from(np.array(camera.position))
         )
     )
 
 
 def _add_playing(viewer: Viewer) -> None:
+    """Add scrubber, buttons, speed and plots."""
     page, gui = viewer.page, viewer.page.gui
     page.text("where")
     most = max(viewer.duration, 0.1)
     page.item("time", gui.add_slider("time [s]", 0.0, most, 0.01, 0.0), viewer.scrub)
-    pressed = gui.add_button_group("", (BACK, PLAY, ON))
-    pressed.on_click(lambda event: _press(viewer, str(event.target.value)))
+    actions: dict[str, Callable[[], None]] = {
+        BACK: lambda: viewer.jump(-1),
+        PLAY: viewer.toggle,
+        ON: lambda: viewer.jump(1),
+    }
+    buttons = gui.add_button_group("", tuple(actions))
+    buttons.on_click(lambda event: actions[str(event.target.value)]())
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
     page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
-    nothing = (np.zeros(2), np.zeros(2))
+    no_data = (np.zeros(2), np.zeros(2))
     for name in PLOTS:
-        page.items[name] = gui.add_uplot(nothing, ({}, {}), height=150, visible=False)
-
-
-def _press(viewer: Viewer, label: str) -> None:
-    if label == PLAY:
-        viewer.toggle()
-    else:
-        viewer.jump(1 if label == ON else -1)
+        page.items[name] = gui.add_uplot(no_data, ({}, {}), height=150, visible=False)
 
 
 def _add_changing(viewer: Viewer) -> None:
+    """Add the items that change query and obstacles."""
     page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
-    click = ("a click on a point", (TELL, BLOCK, *starts))
+    click = ("a click on a point", (EXPLAIN, BLOCK, *starts))
     clicks = gui.add_dropdown(*click, initial_value=viewer.click)
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
-    page.text("told")
-    cost = gui.add_dropdown("cost", COSTS, initial_value=live.asked.cost)
-    given = live.asked.regrasp_price or PRICE
-    price = gui.add_number("regrasp price [m]", given, min=0.0, max=HIGHEST_PRICE, step=0.01)
+    page.text("explanation")
+    cost = gui.add_dropdown("cost", COSTS, initial_value=live.query.cost)
+    first_price = live.query.regrasp_price or PRICE
+    price = gui.add_number("regrasp price [m]", first_price, min=0.0, max=HIGHEST_PRICE, step=0.01)
 
-    def charge(_: object) -> None:
+    def set_cost(_: object) -> None:
         price.disabled = cost.value != "weighted"
-        viewer.change(lambda: live.charge(cost.value, price.value))
+        viewer.change(lambda: live.set_cost(cost.value, price.value))
 
-    page.item("cost", cost, charge)
-    page.item("price", price, charge)
-    price.disabled = live.asked.cost != "weighted"
-    hint = "put on the base path; drag it by its arrows"
+    page.item("cost", cost, set_cost)
+    page.item("price", price, set_cost)
+    price.disabled = live.query.cost != "weighted"
+    hint = "adds a box on the base path; drag it by its arrows"
     gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
     gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())
 
 
 def _add_showing(viewer: Viewer) -> None:
+    """Add the items that choose what is shown."""
     page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
-    whys = [f"{WHY}{limb}" for limb in range(graph.limbs)]
-    points = gui.add_dropdown("colours tell", (PLAIN, REACH, *whys, POLICY), initial_value=PLAIN)
-    page.item("points", points, viewer.mark)
+    reasons = [f"{WHY}{limb}" for limb in range(graph.limbs)]
+    choices = (PLAIN, REACH, *reasons, POLICY)
+    points = gui.add_dropdown("colours show", choices, initial_value=PLAIN)
+    page.item("points", points, viewer.set_colouring)
     page.text("legend", missing(*NEEDED, extra="agents"))
 
-    def switch(label: str, on: bool, called: Callable[[bool], None], hint: str = "") -> None:
-        page.item(label, gui.add_checkbox(label, on, hint=hint or None), called)
+    def switch(label: str, on: bool, on_change: Callable[[bool], None], hint: str = "") -> None:
+        page.item(label, gui.add_checkbox(label, on, hint=hint or None), on_change)
 
-    switch("explored steps", False, lambda on: viewer.switch("tree", on))
-    switch("path and footholds", True, lambda on: viewer.switch("plan", on))
-    switch("plan before, pale", True, lambda on: viewer.switch("ghost", on))
-    hint = "hide the rods that stand for joints, with which nothing is checked"
-    switch("collision shapes alone", False, viewer.show_checked, hint)
-    switch("leave out walls in front", True, viewer.leave_out)
+    switch("explored steps", False, lambda on: viewer.set_visible("tree", on))
+    switch("path and footholds", True, lambda on: viewer.set_visible("plan", on))
+    switch("previous plan, pale", True, lambda on: viewer.set_visible("ghost", on))
+    hint = "hide the rods that represent joints, which are not checked for collisions"
+    switch("collision shapes only", False, viewer.show_collision_shapes, hint)
+    switch("hide walls in front", True, viewer.set_walls_hidden)

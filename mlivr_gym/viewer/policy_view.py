@@ -1,4 +1,4 @@
-"""What the policy that ships with the package would do, as probabilities of actions."""
+"""Action probabilities of the policy that ships with the package."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ NEEDED = ("torch", "sb3_contrib", "stable_baselines3")
 
 
 class PolicyView:
-    """The pointer policy in an environment that follows the world of a stance graph."""
+    """The pointer policy in an environment with the same obstacles and points as a stance graph."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Follow `graph`.
+        """Load the policy for the world of `graph`.
 
         Raises
         ------
@@ -47,22 +47,15 @@ class PolicyView:
         )
         self._policy: LearnedPolicy = load_policy("pretrained", self._env)
 
-    def chances(self, state: State, goal: Array, tolerance: float) -> Array:
-        """Probability of each action, 0 where it is masked out, shape (N, m).
+    def probabilities(self, state: State, goal: Array, tolerance: float) -> Array:
+        """Compute the probability of each action, shape (N, m), 0 for actions masked out.
 
-        Parameters
-        ----------
-        state
-            The state.
-        goal
-            Goal position [m].
-        tolerance
-            Radius of the goal region [m].
+        The goal is given by its position [m] and the radius of the goal region [m].
 
         Raises
         ------
         MlivrError
-            If the environment cannot start there.
+            If the environment cannot start in that state.
         """
         import torch
 
@@ -84,6 +77,6 @@ class PolicyView:
             seen = as_tensors(self._policy.policy, env_features(env, [state]))
             scores = scores_and_value(self._policy.policy, seen)[0][0].numpy()
         scores = np.where(mask, scores.reshape(mask.shape), -np.inf)
-        likely = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
-        chance: Array = likely / max(float(likely.sum()), 1e-300)
-        return chance
+        weights = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
+        probability: Array = weights / max(float(weights.sum()), 1e-300)
+        return probability

@@ -1,4 +1,4 @@
-"""A plan that another is compared with, drawn in the same module or in one below."""
+"""A second plan for comparison, drawn in the same module or in a second module below."""
 
 from __future__ import annotations
 
@@ -11,46 +11,46 @@ from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import Scene
 from mlivr_gym.world.grasp_map import GraspMap
 
-BELOW = np.array([0.0, 0.0, -3.4])
-"""How far from the module a second one stands [m]."""
+SECOND_OFFSET = np.array([0.0, 0.0, -3.4])
+"""Position of the second module relative to the first [m]."""
 
-APART, OVER, HIDDEN = "in a module below", "in the same module", "hidden"
-"""Where a second plan is shown."""
+SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
+"""Choices of where the second plan is shown."""
 
 
 class SecondPlan:
-    """Draws a plan below the name `second`.
+    """A second plan on a page; all its nodes have names that start with `second`.
 
     Attributes
     ----------
     plan
         The plan.
     frames
-        What is played of it.
+        Frames that are played.
     """
 
     def __init__(self, page: Page, scene: Scene, plan: Plan, frames: Frames) -> None:
-        """Draw nothing yet."""
+        """Store the plan, which `place` draws."""
         self.plan, self.frames = plan, frames
         self._page, self._scene = page, scene
 
     def place(self, where: str, grasp_map: GraspMap) -> None:
-        """Draw it in the same module, translucent, in one below, or not at all."""
+        """Draw the plan translucent in the same module, in a second module below, or not at all."""
         page = self._page
         page.remove("second")
         if where == HIDDEN:
             return
-        page.frame("second", position=BELOW if where == APART else np.zeros(3))
-        opacity = 1.0 if where == APART else drawing.GHOST_OPACITY
+        page.frame("second", position=SECOND_OFFSET if where == SEPARATE else np.zeros(3))
+        opacity = 1.0 if where == SEPARATE else drawing.GHOST_OPACITY
         drawing.draw_robot(page, "second/robot", self._scene, opacity)
-        if where == OVER:
-            drawing.draw_ghost(page, "second/path", self.plan)
+        if where == OVERLAID:
+            drawing.draw_pale_path(page, "second/path", self.plan)
         else:
             drawing.draw_plan(page, "second/plan", grasp_map, self.plan)
             drawing.draw_module(page, "second/module", self._scene)
 
     def seek(self, time: float) -> None:
-        """Show a time [s]."""
+        """Show the robot at a time [s]."""
         if "second/robot" in self._page:
             shown = self.frames.configuration(self.frames.at(time))
             drawing.pose_robot(self._page, "second/robot", self._scene, shown)

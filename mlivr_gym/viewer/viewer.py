@@ -1,6 +1,7 @@
-"""The viewer: what is shown of a live plan, and what follows from what people do on the page.
+"""The viewer: it shows a live plan on a page and responds to what users do there.
 
-Every method that a page calls holds the lock for as long as it works; one thread plays.
+Methods that the page calls run in threads of the server and hold a lock while they work; one more
+thread plays.
 """
 
 from __future__ import annotations
@@ -20,38 +21,38 @@ from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torque
 from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
+from mlivr_gym.viewer.panel_texts import comparison_table, legend_text, summary
 from mlivr_gym.viewer.policy_view import PolicyView
-from mlivr_gym.viewer.second_plan import APART, BELOW, OVER, SecondPlan
+from mlivr_gym.viewer.second_plan import OVERLAID, SECOND_OFFSET, SEPARATE, SecondPlan
 from mlivr_gym.viewer.solids import scene_solids
-from mlivr_gym.viewer.words import compared, legend, summary
 
 TICK = 0.05
 """Time between two pictures while playing [s]."""
 
 ASPECT = 1.15
-"""Width over height of the picture, beside the panel, that the first view is made for."""
+"""Width divided by height of the scene next to the panel, for which the first view is chosen."""
 
 PLOT_TICKS = 5
-"""Pictures between two of the plots."""
+"""Number of pictures between two updates of the plots while playing."""
 
 PLOTS = ("margins", "torques", "forces")
 """Names of the plots below the scrubber."""
 
 AIM = "aim"
-"""Name of the arrows at the goal."""
+"""Node name of the arrows at the goal."""
 
 CURSOR = "now", "#adb5bd"
-"""Label and colour of the upright line in the plots."""
+"""Label and colour of the vertical line in the plots."""
 
-TELL, BLOCK = "tell why it cannot be held", "block or free it"
-"""What a click on a point may do, besides starting a limb there."""
+EXPLAIN, BLOCK = "explain why it cannot be held", "block or free it"
+"""Effects of a click on a point, in addition to starting a limb there."""
 
 PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "policy"
-"""What the colours of points may tell."""
+"""Meanings of the colours of points."""
 
 
 class Viewer:
-    """Shows a live plan on a page.
+    """A live plan on a page.
 
     Attributes
     ----------
@@ -60,23 +61,23 @@ class Viewer:
     live
         Query and plan.
     frames
-        What is played.
+        Frames that are played.
     time
-        What is shown of it [s].
+        Time that is shown [s].
     playing
-        Whether it goes on.
+        Whether it is playing.
     speed
-        How many times as fast as its clock.
+        Speed relative to the time of the frames.
     """
 
     def __init__(
         self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = ASPECT
     ) -> None:
-        """Draw the module and what there is of a plan, or of its execution."""
+        """Draw module and robot; `refresh` draws the plan, or its execution if recorded."""
         self.page, self.live, self.recording = page, live, recording
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
         self.time, self.playing, self.speed = 0.0, False, 1.0
-        self.click, self.points, self.open_side = TELL, PLAIN, True
+        self.click, self.colouring, self.walls_hidden = EXPLAIN, PLAIN, True
         self.second: SecondPlan | None = None
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
@@ -85,18 +86,18 @@ class Viewer:
         self._states: tuple[State | None, ...] = ()
         self._ticks = self._boxes = 0
         self._hidden = frozenset({"tree"})
-        self._apart, self._aspect = False, aspect
-        drawing.light(page)
+        self._separate, self._aspect = False, aspect
+        drawing.add_lights(page)
         drawing.draw_module(page, "module", self.scene)
         drawing.draw_points(page, live.graph.grasp_map)
         drawing.draw_robot(page, "robot", self.scene)
-        goal = np.array(live.asked.goal)
-        self._places = drawing.places_of(live.graph.grasp_map, goal, live.plan)
-        self.see_from(drawing.view(page, self._places, aspect))
+        goal = np.array(live.query.goal)
+        self._places = drawing.visible_positions(live.graph.grasp_map, goal, live.plan)
+        self.hide_walls_from(drawing.aim_camera(page, self._places, aspect))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
-        """What is to be played: the execution, else the plan, else the start."""
+        """Return the frames to play: the execution, else the plan, else the start alone."""
         live = self.live
         self.page.show("robot", True)
         if self.recording is not None:
@@ -113,14 +114,14 @@ class Viewer:
 
     @property
     def duration(self) -> float:
-        """Time at which all that is played has ended [s]."""
+        """Duration of the frames, of both plans if there are two [s]."""
         second = 0.0 if self.second is None else self.second.frames.duration
         return max(self.frames.duration, second)
 
-    # What follows from a change of the query.
+    # Changes of the query.
 
     def change(self, act: Callable[[], None]) -> None:
-        """Change the query and show what comes of it, or say why it cannot be changed."""
+        """Change the query by `act` and show the result, or the error if the change is invalid."""
         with self._lock:
             self.page.write("summary", "*planning ...*")
             try:
@@ -131,10 +132,12 @@ class Viewer:
             self.recording = None
             self.refresh()
         if self.live.plan is None:
-            threading.Thread(target=self._explain, args=(self.live.message,), daemon=True).start()
+            threading.Thread(
+                target=self._explain_missing_plan, args=(self.live.message,), daemon=True
+            ).start()
 
-    def _explain(self, message: str) -> None:
-        """Find the cause for which there is no plan, and say it unless all has changed again."""
+    def _explain_missing_plan(self, message: str) -> None:
+        """Search for the cause that no plan exists; show it unless the query has changed again."""
         try:
             cause = self.live.cause()
         except MlivrError as error:
@@ -144,15 +147,15 @@ class Viewer:
                 self.page.write("summary", summary(self.live, cause))
 
     def refresh(self) -> None:
-        """Draw what belongs to the plan anew, and go to its start."""
+        """Redraw everything that depends on the plan, and go to its start."""
         live, page, graph = self.live, self.page, self.live.graph
         with self._lock, page.server.atomic():
             self.frames = self._frames()
             drawing.draw_plan(page, "plan", graph.grasp_map, live.plan)
-            drawing.draw_ghost(page, "ghost", live.before)
-            drawing.draw_goal(page, np.array(live.asked.goal), live.asked.goal_tolerance)
+            drawing.draw_pale_path(page, "ghost", live.previous)
+            drawing.draw_goal(page, np.array(live.query.goal), live.query.goal_tolerance)
             if AIM in page:
-                page.nodes[AIM].position = np.array(live.asked.goal)
+                page.nodes[AIM].position = np.array(live.query.goal)
             drawing.draw_tree(page, live.tree)
             drawing.draw_obstacles(page, graph.obstacles)
             drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
@@ -161,11 +164,15 @@ class Viewer:
             self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
             self._marked = ()
             self._show_plots()
-            page.write("summary", summary(live) + self._second_words())
+            text = summary(live)
+            if self.second is not None:
+                text += comparison_table(live.plan, self.second.plan)
+            page.write("summary", text)
             page.items["time"].max = max(self.duration, 0.1)
             self.seek(0.0)
 
     def _show_plots(self) -> None:
+        """Compute the plots and set their titles and curves."""
         plan = self.live.plan
         plots: dict[str, Plot] = {}
         if plan is not None:
@@ -192,7 +199,7 @@ class Viewer:
             if self.second is not None:
                 self.second.seek(self.time)
             plan = self.live.plan
-            self.page.write("where", self.frames.told(k, plan) if plan else "the start")
+            self.page.write("where", self.frames.describe(k, plan) if plan else "the start")
             self.page.items["time"].value = round(self.time, 2)
             if not self.playing or self._ticks % PLOT_TICKS == 0:
                 for name, plot in self._plots.items():
@@ -201,19 +208,19 @@ class Viewer:
             self._mark()
 
     def scrub(self, time: float) -> None:
-        """Show a time [s] that is chosen on the page; playing stops."""
+        """Show a time [s] chosen on the page, and stop playing."""
         self.playing = False
         self.seek(time)
 
     def toggle(self) -> None:
-        """Play, or pause; at the end play from the start."""
+        """Play or pause; at the end, play from the start."""
         with self._lock:
             if not self.playing and self.time >= self.duration:
                 self.time = 0.0
             self.playing = not self.playing
 
     def jump(self, count: int) -> None:
-        """Go some steps on, or back, to where a step begins."""
+        """Go forward, or back for a negative count, by some steps to the start of a step."""
         with self._lock:
             starts = self.frames.starts()
             here = int(np.searchsorted(starts, self.time + 1e-6, side="right")) - 1
@@ -221,7 +228,7 @@ class Viewer:
             self.scrub(float(starts[np.clip(here + count + back, 0, len(starts) - 1)]))
 
     def tick(self) -> None:
-        """Go on by one picture, if it is playing."""
+        """Advance by one picture if it is playing."""
         with self._lock:
             if not self.playing:
                 return
@@ -239,48 +246,48 @@ class Viewer:
         self._closed.set()
         self.page.close()
 
-    # What is shown besides.
+    # Points, walls and second plan.
 
     def clicked(self, origin: Array, direction: Array) -> None:
-        """A point was clicked, seen from `origin` [m] in a direction."""
+        """Handle a click on a point, given by a line of sight from `origin` [m]."""
         grasp_map = self.live.graph.grasp_map
         point = marks.nearest_to_ray(grasp_map.positions, origin, direction)
         name = grasp_map.ids[point]
         if self.click == BLOCK:
-            self.change(lambda: self.live.block(name))
-        elif self.click == TELL:
-            self._tell(point)
+            self.change(lambda: self.live.toggle_occupied(name))
+        elif self.click == EXPLAIN:
+            self._explain_point(point)
         else:
-            self.change(lambda: self.live.hold(int(self.click.split()[-1]), name))
+            self.change(lambda: self.live.set_start_point(int(self.click.split()[-1]), name))
 
-    def _tell(self, point: int) -> None:
-        """Say of a point which limbs can step there now, and why others cannot."""
+    def _explain_point(self, point: int) -> None:
+        """Show which limbs can step to a point now, and why others cannot."""
         with self._lock:
-            graph, state = self.live.graph, self.present()
+            graph, state = self.live.graph, self.present_state()
             lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
             if state is not None:
                 steps = graph.successors(state)
                 for limb in range(graph.limbs):
                     why = marks.why_not(graph, state, limb, point, steps)
-                    lines.append(f"limb {limb}: {why or 'can step there'}")
-            self.page.write("told", "  \n".join(lines))
+                    lines.append(f"limb {limb}: {why or 'can step to this point'}")
+            self.page.write("explanation", "  \n".join(lines))
 
-    def present(self) -> State | None:
-        """The state of the stance that is shown, or that the present step leaves."""
+    def present_state(self) -> State | None:
+        """Return the state of the stance that is shown, or from which the shown step starts."""
         k = self.frames.at(self.time)
         number = min(int(self.frames.step[k]), len(self._states) - 1)
         return self._states[number] if self._states else None
 
-    def mark(self, what: str) -> None:
-        """Choose what the colours of points tell."""
+    def set_colouring(self, what: str) -> None:
+        """Choose the meaning of the colours of points."""
         with self._lock:
-            self.points = what
+            self.colouring = what
             self._mark()
 
     def _mark(self) -> None:
-        """Colour the points, if anything has changed."""
-        graph, state = self.live.graph, self.present()
-        key = (self.points, state, graph.version, self.live.asked.goal)
+        """Colour the points if anything has changed that their colours depend on."""
+        graph, state = self.live.graph, self.present_state()
+        key = (self.colouring, state, graph.version, self.live.query.goal)
         if key == self._marked:
             return
         self._marked = key
@@ -288,64 +295,66 @@ class Viewer:
             found = self._marks(state)
         except MlivrError as error:
             found = marks.plain_marks(graph)._replace(legend=(("#c92a2a", str(error)),))
-        drawing.mark_points(self.page, graph.grasp_map, found)
-        self.page.write("legend", legend(found))
+        drawing.colour_points(self.page, graph.grasp_map, found)
+        self.page.write("legend", legend_text(found))
 
     def _marks(self, state: State | None) -> marks.Marks:
-        graph, asked = self.live.graph, self.live.asked
-        if self.points == PLAIN or state is None:
+        """Return the colours of points in a state."""
+        graph, query = self.live.graph, self.live.query
+        if self.colouring == PLAIN or state is None:
             return marks.plain_marks(graph)
-        if self.points == REACH:
+        if self.colouring == REACH:
             return marks.reach_marks(graph, state)
-        if self.points.startswith(WHY):
-            return marks.blocked_marks(graph, state, int(self.points.removeprefix(WHY)))
+        if self.colouring.startswith(WHY):
+            return marks.blocked_marks(graph, state, int(self.colouring.removeprefix(WHY)))
         if self._policy is None:
             self._policy = PolicyView(graph)
-        chance = self._policy.chances(state, np.array(asked.goal), asked.goal_tolerance)
-        return marks.chance_marks(graph, chance)
+        probability = self._policy.probabilities(state, np.array(query.goal), query.goal_tolerance)
+        return marks.policy_marks(graph, probability)
 
-    def see_from(self, eye: Array) -> None:
-        """Leave out what stands between a camera at `eye` [m] and the inside."""
+    def hide_walls_from(self, eye: Array) -> None:
+        """Hide the walls, if that is chosen, that a camera at `eye` [m] sees from behind."""
         self._eye = eye
         if not self._lock.acquire(blocking=False):
-            return  # the next move of the camera will do
+            return  # busy; the next movement of the camera calls this again
         try:
             self._show_faces(eye)
         finally:
             self._lock.release()
 
     def _show_faces(self, eye: Array) -> None:
+        """Show or hide the walls and points of each face."""
         grasp_map = self.live.graph.grasp_map
         hidden, below = set[str](), set[str]()
-        if self.open_side:
+        if self.walls_hidden:
             hidden = drawing.hidden_faces(grasp_map, eye)
-            below = drawing.hidden_faces(grasp_map, eye - BELOW)
+            below = drawing.hidden_faces(grasp_map, eye - SECOND_OFFSET)
         with self.page.server.atomic():
             for face in drawing.points_by_face(grasp_map):
                 self.page.show(f"module/{face}", face not in hidden)
                 self.page.show(f"points/{face}", face not in hidden)
                 self.page.show(f"second/module/{face}", face not in below)
 
-    def leave_out(self, walls: bool) -> None:
-        """Choose whether walls between the camera and the inside are left out."""
-        self.open_side = walls
-        self.see_from(self._eye)
+    def set_walls_hidden(self, hidden: bool) -> None:
+        """Choose whether walls between the camera and the inside are hidden."""
+        self.walls_hidden = hidden
+        self.hide_walls_from(self._eye)
 
-    def switch(self, name: str, visible: bool) -> None:
-        """Show or hide explored steps, the plan, or the plan before, from now on."""
+    def set_visible(self, name: str, visible: bool) -> None:
+        """Show or hide explored steps, the plan or the previous plan, by the name of the node."""
         self._hidden = self._hidden - {name} if visible else self._hidden | {name}
         self.page.show(name, visible)
 
-    def show_checked(self, alone: bool) -> None:
-        """Show the collision shapes alone, or with what stands for joints."""
+    def show_collision_shapes(self, alone: bool) -> None:
+        """Show the collision shapes alone, or with the rods that represent joints."""
         drawing.show_unchecked(self.page, "robot", self.scene, not alone)
 
     def add_box(self) -> None:
-        """Put a box in the middle of the base path, with arrows to drag it."""
+        """Add a box in the middle of the base path, with arrows to drag it."""
         name = f"added{self._boxes}"
         self._boxes += 1
         plan = self.live.shown
-        places = np.array([self.live.asked.goal]) if plan is None else plan.motion.base_positions
+        places = np.array([self.live.query.goal]) if plan is None else plan.motion.base_positions
         place = places[len(places) // 2] + np.array([0.0, 0.0, -0.35])
         self.change(lambda: self.live.put_box(name, place))
         if any(box.id == name for box in self.live.graph.obstacles):
@@ -356,31 +365,28 @@ class Viewer:
             )
 
     def clear(self) -> None:
-        """Take boxes away and free all points."""
+        """Remove all obstacles and free all points."""
         self.page.remove("handles")
         self.change(self.live.clear)
 
     def compare(self, plan: Plan, frames: Frames) -> None:
-        """Show a second plan in the same module, played at the same time."""
+        """Show a second plan in the same module; both are played at the same time."""
         with self._lock:
             self.second = SecondPlan(self.page, self.scene, plan, frames)
-            self.place_second(OVER)
+            self.place_second(OVERLAID)
 
     def place_second(self, where: str) -> None:
-        """Show the second plan in the same module, in one below, or not at all."""
+        """Show the second plan in the same module, in a second one below, or not at all."""
         if self.second is None:
             return
         grasp_map = self.live.graph.grasp_map
         with self._lock, self.page.server.atomic():
             self.second.place(where, grasp_map)
             self.second.seek(self.time)
-            if (where == APART) != self._apart:
-                self._apart = where == APART
+            if (where == SEPARATE) != self._separate:
+                self._separate = where == SEPARATE
                 places, elevation = self._places, drawing.ELEVATION
-                if self._apart:
-                    places = np.concatenate([places, places + BELOW])
-                    elevation = drawing.STEEP
-                self.see_from(drawing.view(self.page, places, self._aspect, elevation))
-
-    def _second_words(self) -> str:
-        return "" if self.second is None else compared(self.live.plan, self.second.plan)
+                if self._separate:
+                    places = np.concatenate([places, places + SECOND_OFFSET])
+                    elevation = drawing.SECOND_ELEVATION
+                self.hide_walls_from(drawing.aim_camera(self.page, places, self._aspect, elevation))

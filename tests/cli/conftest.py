@@ -13,7 +13,7 @@ def stances(solved_once):
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """What takes long tells so on standard error, which on a busy machine could be any command."""
-    monkeypatch.setattr("mlivr_gym.cli.progress.PATIENCE", 1e9)
+    monkeypatch.setattr("mlivr_gym.cli.progress.SHOW_AFTER", 1e9)
 
 
 @pytest.fixture

@@ -48,7 +48,7 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     assert graph.complete
     first, last = out.splitlines()
     assert first.startswith(f"{graph.considered:,} pairs of points: about ")
-    assert last == f"kept: {kept_file(graph)}"
+    assert last == f"stored: {kept_file(graph)}"
     code, out, _ = run("build", "--map", part, "--json")
     assert code == 0
     told = json.loads(out)
@@ -71,7 +71,7 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     graph = stance_graph(part)
     assert code == 0
     assert not graph.complete
-    assert f"{path} (in a cache folder: {file_name(graph)})" in out
+    assert f"table: {path} (name it {file_name(graph)} in a cache folder)" in out
     assert np.array_equal(read_stances(graph, path).points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
@@ -127,5 +127,5 @@ def test_a_table_that_is_not_kept_in_the_end_is_no_success(run, part, monkeypatc
     monkeypatch.setattr("mlivr_gym.stances.pair_build.write_stances", full)
     code, out, _ = run("build", "--map", part)
     assert code == 1
-    assert "kept: " not in out
+    assert "stored: " not in out
     assert "the table is not kept: [Errno 28] No space left" in caplog.text

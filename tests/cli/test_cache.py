@@ -66,7 +66,7 @@ def test_what_is_kept_is_listed(run, folder):
 def test_all_of_it_is_removed_and_nothing_else(run, folder):
     code, out, _ = run("cache", "--clear")
     assert code == 0
-    assert out.splitlines() == [f"{len(FILES)} removed, 87.3 kB", f"0 B in {folder}"]
+    assert out.splitlines() == [f"removed: {len(FILES)} files, 87.3 kB", f"0 B in {folder}"]
     assert not left(folder)
 
 
@@ -92,7 +92,8 @@ def test_what_was_not_used_for_longest_is_removed_until_it_fits(run, folder, lim
 
 def test_an_empty_folder_or_none_has_nothing(run, monkeypatch, tmp_path):
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "none"))
-    assert run("cache", "--clear")[:2] == (0, f"0 removed, 0 B\n0 B in {tmp_path / 'none'}\n")
+    out = f"removed: 0 files, 0 B\n0 B in {tmp_path / 'none'}\n"
+    assert run("cache", "--clear")[:2] == (0, out)
 
 
 def test_both_at_once_are_refused(run, folder):

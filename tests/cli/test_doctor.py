@@ -32,7 +32,7 @@ def test_what_is_missing_is_told_with_the_command_that_installs_it(run, monkeypa
     monkeypatch.setattr(doctor.metadata, "requires", lambda _: ["no-such-core>=2"])
     code, out, _ = run("doctor")
     assert code == 1
-    assert "needed: no-such-core MISSING" in out
+    assert "required packages: no-such-core MISSING" in out
 
 
 @pytest.mark.usefixtures("no_gl")

@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from mlivr_gym.cli.exits import prompt_interrupts
+from mlivr_gym.cli.exits import handle_interrupts
 from mlivr_gym.errors import MlivrError
 
 
@@ -24,20 +24,20 @@ def interrupted_then(error):
 
 
 def test_an_interruption_stays_one_whatever_a_library_makes_of_it():
-    with pytest.raises(KeyboardInterrupt), prompt_interrupts():
+    with pytest.raises(KeyboardInterrupt), handle_interrupts():
         signal.raise_signal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), prompt_interrupts():
+    with pytest.raises(KeyboardInterrupt), handle_interrupts():
         interrupted_then(RuntimeError("no compiled object yet"))
     # What the package itself has to say, such as that a checkpoint cannot be written, is said.
-    with pytest.raises(MlivrError, match="cannot write"), prompt_interrupts():
+    with pytest.raises(MlivrError, match="cannot write"), handle_interrupts():
         interrupted_then(MlivrError("cannot write"))
-    with pytest.raises(RuntimeError), prompt_interrupts():
+    with pytest.raises(RuntimeError), handle_interrupts():
         raise RuntimeError
 
 
 def test_the_handler_is_put_back():
     before = signal.getsignal(signal.SIGINT)
-    with prompt_interrupts():
+    with handle_interrupts():
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
     assert not [
@@ -47,7 +47,7 @@ def test_the_handler_is_put_back():
 
 def test_other_threads_and_ignored_signals_are_left_alone():
     def inside():
-        with prompt_interrupts():
+        with handle_interrupts():
             seen.append(signal.getsignal(signal.SIGINT))
 
     seen, before = [], signal.getsignal(signal.SIGINT)

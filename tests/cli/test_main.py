@@ -14,7 +14,7 @@ import pytest
 
 from mlivr_gym import __version__
 from mlivr_gym.cli.examples import EXAMPLES
-from mlivr_gym.cli.main import COMMANDS, _parser, main, plain
+from mlivr_gym.cli.main import COMMANDS, _parser, json_value, main
 
 
 def test_the_help_tells_the_exit_codes(capsys):
@@ -78,7 +78,7 @@ def test_json_is_all_that_is_printed_also_where_a_command_fails(run, walk):
 
 def test_a_result_becomes_what_json_knows():
     given = {"a": np.array([1.0, np.nan]), "b": (Path("x"), np.int64(3), True, None), 4: np.inf}
-    told = json.loads(json.dumps(plain(given), allow_nan=False))
+    told = json.loads(json.dumps(json_value(given), allow_nan=False))
     assert told == {"a": [1.0, None], "b": ["x", 3, True, None], "4": None}
 
 

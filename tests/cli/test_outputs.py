@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from mlivr_gym.cli.outputs import claim, make_folder
+from mlivr_gym.cli.outputs import check_outputs, make_folder
 from mlivr_gym.errors import PlanError, SceneError
 from mlivr_gym.files import FileError
 
@@ -19,7 +19,7 @@ def test_what_cannot_be_written_is_refused(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="cannot write") as told:
-        claim(name)
+        check_outputs(name)
     assert str(told.value).isprintable()
     assert files(tmp_path) == {"file"}
 
@@ -27,27 +27,28 @@ def test_what_cannot_be_written_is_refused(tmp_path, monkeypatch, name):
 def test_what_will_be_replaced_is_told(tmp_path, capsys):
     old, new = tmp_path / "old.json", tmp_path / "new.json"
     old.touch()
-    claim(old, None, new)
-    assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {old}\n")
+    check_outputs(old, None, new)
+    assert capsys.readouterr() == ("", f"mlivr-gym: existing files to be replaced: {old}\n")
     many = [tmp_path / f"{k}.png" for k in range(6)]
     for file in many:
         file.touch()
-    claim(new, *many)
+    check_outputs(new, *many)
     names = ", ".join(map(str, many[:3]))
-    assert capsys.readouterr() == ("", f"mlivr-gym: will be replaced: {names} and 3 more\n")
-    with pytest.raises(FileError, match="written twice"):
-        claim(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
+    line = f"mlivr-gym: existing files to be replaced: {names} and 3 more\n"
+    assert capsys.readouterr() == ("", line)
+    with pytest.raises(FileError, match="two outputs have this name"):
+        check_outputs(new, tmp_path / "x" / ".." / "new.json", folder=tmp_path / "x" / "..")
 
 
 def test_a_folder_that_will_be_made_may_be_missing(tmp_path):
     folder = tmp_path / "a" / "b"
-    claim(folder / "plan.json", folder=folder)
-    with pytest.raises(FileError, match="there is no folder"):
-        claim(folder / "c" / "walk.gif", folder=folder)
+    check_outputs(folder / "plan.json", folder=folder)
+    with pytest.raises(FileError, match=r"folder .* does not exist"):
+        check_outputs(folder / "c" / "walk.gif", folder=folder)
     (tmp_path / "f").touch()
-    with pytest.raises(FileError, match="is no folder"):
-        claim(tmp_path / "f" / "x" / "plan.json", folder=tmp_path / "f" / "x")
-    with pytest.raises(FileError, match="cannot make folder"):
+    with pytest.raises(FileError, match="is not a folder"):
+        check_outputs(tmp_path / "f" / "x" / "plan.json", folder=tmp_path / "f" / "x")
+    with pytest.raises(FileError, match="cannot create folder"):
         make_folder(tmp_path / "f" / "x")
     assert files(tmp_path) == {"f"}
 
@@ -55,8 +56,8 @@ def test_a_folder_that_will_be_made_may_be_missing(tmp_path):
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_folder_that_may_not_be_written_is_refused(tmp_path):
     tmp_path.chmod(0o500)
-    with pytest.raises(FileError, match="may not be written"):
-        claim(tmp_path / "plan.json")
+    with pytest.raises(FileError, match="no permission to write in folder"):
+        check_outputs(tmp_path / "plan.json")
 
 
 def test_both_files_of_a_picture_are_claimed(run, tmp_path):
@@ -65,11 +66,11 @@ def test_both_files_of_a_picture_are_claimed(run, tmp_path):
     old.touch()
     code, _, err = run("plan", "--picture", str(picture), "--limit", "1", "--quiet")
     assert code == 3
-    assert err.startswith(f"mlivr-gym: will be replaced: {old}\n")
+    assert err.startswith(f"mlivr-gym: existing files to be replaced: {old}\n")
     assert files(tmp_path) == {"plan.svg"}
     code, _, err = run("plan", "--out", str(old), "--picture", str(picture))
     assert code == 2
-    assert "would be written twice" in err
+    assert "two outputs have this name" in err
 
 
 def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
@@ -104,6 +105,6 @@ def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, pla
         "simulate", "--plan", str(plan_file), "--out", str(walk), "--duration", "0", "--no-film"
     )
     assert code == 2
-    assert f"will be replaced: {walk / 'simulation.json'}" in err
+    assert f"existing files to be replaced: {walk / 'simulation.json'}" in err
     assert files(walk) == {"simulation.json"}
     assert json.loads((walk / "simulation.json").read_text()) == {"earlier": True}

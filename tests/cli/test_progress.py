@@ -26,7 +26,7 @@ class Stream(io.StringIO):
 @pytest.fixture(autouse=True)
 def patience(monkeypatch):
     """As it ships."""
-    monkeypatch.setattr(progress, "PATIENCE", 2.0)
+    monkeypatch.setattr(progress, "SHOW_AFTER", 2.0)
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_a_log_gets_a_line_now_and_then(clock, monkeypatch):
 
 def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
     stream = standard_error(monkeypatch, True)
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
     with Progress("compiling"):
         time.sleep(0.8)
     assert stream.getvalue().startswith(f"{CLEAR}compiling, ")

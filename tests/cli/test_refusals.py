@@ -13,7 +13,7 @@ plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
 plan --map nowhere.json                       : nowhere.json
 plan --out no/such/folder/plan.json           : cannot write
-plan --out plan.json --picture no/plan.png    : there is no folder
+plan --out plan.json --picture no/plan.png    : does not exist
 plan --clearance 1e300                        : clearance is 1e+300, larger than 100 m
 plan --cost weighted --regrasp-price 1e300    : regrasp_price is 1e+300
 plan --box 3200 -1000 -1000 3500 1000 300     : millimetres
@@ -28,16 +28,16 @@ render --stance 2                             : --stance needs --plan
 render --plan PLAN --no-transitions           : --no-transitions has no effect
 render --plan PLAN --stance 5 --out x.png     : --stance is 5; this plan has stances 0 (start) to 4
 simulate --plan no.json                       : cannot read plan
-simulate --plan x.json --case 3               : give either
+simulate --plan x.json --case 3               : give only one of
 simulate --case 3 --duration 0                : step_duration is 0
-simulate --case 3 --pace paper --duration 9   : no effect beside --pace paper
+simulate --case 3 --pace paper --duration 9   : no effect with --pace paper
 simulate --case 3 --speed 0                   : --speed is 0
 simulate --case 3 --film walk.avi             : valid endings
 simulate --case 3 --no-film --speed 7         : --speed has no effect
-simulate --plan PLAN --robot mlivr3           : --robot has no effect beside --plan
+simulate --plan PLAN --robot mlivr3           : --robot has no effect with --plan
 simulate --plan PLAN --clearance 0.05         : --clearance has no effect
-simulate --case 3 --occupied D1a:4            : --occupied has no effect beside --case
-simulate --case 3 --cost steps                : --cost has no effect beside --case
+simulate --case 3 --occupied D1a:4            : --occupied has no effect with --case
+simulate --case 3 --cost steps                : --cost has no effect with --case
 evaluate --seed -1                            : --seed is -1
 evaluate --policy astar --episodes 0          : --episodes is 0
 evaluate --beam 0                             : --beam is 0
@@ -48,10 +48,10 @@ train --out no/policy                         : cannot write
 train --method bc --shaping                   : --shaping has no effect
 dataset --episodes -3                         : --episodes is -3
 view --plan a --plan b --plan c               : --plan is given 3 times
-view --plan a --execution b                   : either --plan or --execution
+view --plan a --execution b                   : only one of --plan and --execution
 view --plan a --plan b --out w.html           : --out takes one plan
-view --plan a --goal 1 2 3                    : --goal has no effect beside --plan
-view --execution a --cost steps               : --cost has no effect beside --execution
+view --plan a --goal 1 2 3                    : --goal has no effect with --plan
+view --execution a --cost steps               : --cost has no effect with --execution
 view --port 99999                             : --port
 view --plan nowhere.json                      : nowhere.json
 view --out no/such/folder/walk.html           : cannot write

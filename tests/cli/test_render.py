@@ -34,8 +34,8 @@ def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):
     out = tmp_path / "scene.png"
     code, told, _ = run("render", "--start", "D2a:4", "D2b:4", "--out", str(out))
     assert code == 0
-    assert [line for line in told.splitlines() if "no GL" in line] == [
-        "no GL, drawing with matplotlib instead: MuJoCo has no GL library here"
+    assert [line for line in told.splitlines() if "matplotlib" in line] == [
+        "no GL library can be used, so matplotlib draws instead: MuJoCo has no GL library here"
     ]
     assert out.read_bytes().startswith(b"\x89PNG")
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]

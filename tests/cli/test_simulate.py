@@ -6,7 +6,7 @@ import pytest
 
 from mlivr_gym.cli.simulate import FILES
 from mlivr_gym.errors import RenderError
-from mlivr_gym.pictures.film import check_kind
+from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.planners import Planner
 
 
@@ -19,8 +19,8 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
         f"--controller feedforward --speed 100 --size 64 32 --out {tmp_path / 'walk'}"
     )
     assert code == 0
-    assert "1 of 1 steps carried out, 22.0 s simulated" in out
-    assert "took hold of" in out
+    assert "1 of 1 steps executed, 22.0 s simulated" in out
+    assert "grasped " in out
     summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
     assert summary["success"]
     assert summary["captures"][0]["distance"] < 0.01
@@ -33,7 +33,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     assert gif.exists() == ("no film" not in out)
     assert not gif.exists() or gif.read_bytes().startswith(b"GIF8")
     with pytest.raises(RenderError, match="valid endings"):
-        check_kind(tmp_path / "walk.avi")
+        check_film_format(tmp_path / "walk.avi")
     plan = str(tmp_path / "walk" / "plan.json")
     code, _, err = run(f"simulate --plan {plan} --duration 3 --no-film --out {tmp_path / 'fast'}")
     assert code == 2

@@ -83,7 +83,7 @@ def test_walks_start_at_one_pose_and_end_on_the_face(made, mode):
     assert row["distinct"] is None or row["distinct"] <= row["expanded"]
     graph = case_graph(2, data["setup"], mode)
     assert row["stances"] == len(graph)
-    own = start.given_to(graph) is None
+    own = start.pose_for(graph) is None
     if own:
         assert edges_along(graph, row["stances_of_plan"]) == row["steps"]
 

@@ -85,7 +85,7 @@ def test_view_compares_plans_of_one_robot_alone(run, plan_file, tmp_path):
     replace(plan, world=replace(plan.world, robot=robot)).save(other)
     code, _, told = run("view", "--plan", str(plan_file), "--plan", str(other))
     assert code == 2
-    assert "is of robot 'another', the first one of 'mlivr2'" in told
+    assert "is for robot 'another', the first one for 'mlivr2'" in told
 
 
 @needs_viewer

@@ -12,10 +12,10 @@ from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.film import (
+    default_speed,
     film,
     film_cameras,
     film_samples,
-    usual_speed,
 )
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.timing import plan_trajectory
@@ -72,7 +72,7 @@ def test_every_shape_of_the_robot_is_in_every_picture(checked_graph, walk):
 
 def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
     recording = walk[1]
-    usual, duration = usual_speed(recording), float(recording.times[-1])
+    usual, duration = default_speed(recording), float(recording.times[-1])
     assert duration / usual <= 8.0 < 2.0 * duration / usual
     for speed in (usual, 32.0, 200.0):
         shown_at = recording.times[film_samples(recording, speed)]

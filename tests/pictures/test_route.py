@@ -11,7 +11,7 @@ from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
-from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_line, base_paths
+from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_paths, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
 
@@ -48,7 +48,7 @@ def test_path_goal_and_footholds_are_in_the_scene(checked_graph, plan):
         assert tube.size[0] == pytest.approx(PATH_RADIUS)
         half = tube.size[2] * tube.mat[:, 2]
         ends += [tube.pos - half, tube.pos + half]
-    line = base_line(plan)
+    line = plan_base_path(plan)
     moved = np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9
     np.testing.assert_allclose(ends[0::2], line[:-1][moved], atol=1e-5)
     np.testing.assert_allclose(ends[1::2], line[1:][moved], atol=1e-5)

@@ -1,12 +1,12 @@
 import pytest
 
-from mlivr_gym.viewer.live_plan import Asked, LivePlan
+from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
 
 @pytest.fixture
 def live(checked_graph, walk):
     """A live plan; the world of the graph is put back."""
-    yield LivePlan(checked_graph, Asked.of_plan(checked_graph, walk), walk)
+    yield LivePlan(checked_graph, LiveQuery.of_plan(checked_graph, walk), walk)
     checked_graph.remove_obstacles()
     checked_graph.vacate()
 

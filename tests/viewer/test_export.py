@@ -30,18 +30,18 @@ def test_an_execution_is_written_too(checked_graph, walk, tmp_path):
 
 def test_a_large_scene_has_fewer_pictures(checked_graph, walk, tmp_path, monkeypatch):
     written = []
-    recorded = export.Page.recorded
+    recorded = export.Page.record
 
     def counted(page, frames, *others):
         written.append(len(frames))
         return recorded(page, frames, *others)
 
-    monkeypatch.setattr(export.Page, "recorded", counted)
+    monkeypatch.setattr(export.Page, "record", counted)
     whole = export.write_html(tmp_path / "whole.html", checked_graph, walk)
-    monkeypatch.setattr(export, "LARGEST_FILE", whole - 1)
+    monkeypatch.setattr(export, "MAX_BYTES", whole - 1)
     assert export.write_html(tmp_path / "less.html", checked_graph, walk) < whole
     assert written[2] == written[0] // 2
-    monkeypatch.setattr(export, "LARGEST_FILE", 1000)
+    monkeypatch.setattr(export, "MAX_BYTES", 1000)
     with pytest.raises(export.SettingError, match="larger than 1000 bytes"):
         export.write_html(tmp_path / "none.html", checked_graph, walk)
     assert not (tmp_path / "none.html").exists()

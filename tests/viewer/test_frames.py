@@ -39,7 +39,7 @@ def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, m
     frames = plan_frames(checked_graph, walk)
     assert len(frames) == 5
     assert (frames.phase == AT_REST).all()
-    assert [frames.told(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
+    assert [frames.describe(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
     np.testing.assert_array_equal(frames.joint_positions, stance_frames(walk).joint_positions)
 
 

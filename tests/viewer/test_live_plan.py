@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from mlivr_gym.planners import Planner
-from mlivr_gym.viewer.live_plan import Asked, LivePlan
+from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
 
 def test_a_plan_of_a_file_is_asked_for_again_alike(live, walk):
     """The query that is read from a plan gives the same plan."""
     live.replan()
     assert live.plan.stances == walk.stances
-    assert live.before is walk
+    assert live.previous is walk
     assert live.message == f"4 steps, {walk.base_translation:.3f} m"
     assert live.expanded > 0
     assert len(live.tree) > 0
@@ -22,38 +22,38 @@ def test_a_given_start_pose_is_asked_for_again(checked_graph):
     position, quaternion, _ = checked_graph.configuration(checked_graph.state(("D2a:4", "D2b:4")))
     pose = (*(position + np.array([0.02, 0.0, 0.0])), *quaternion)
     plan = planner.plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps", start_pose=pose).unwrap()
-    again = LivePlan(checked_graph, Asked.of_plan(checked_graph, plan), plan)
+    again = LivePlan(checked_graph, LiveQuery.of_plan(checked_graph, plan), plan)
     again.replan()
     np.testing.assert_allclose(again.plan.motion.base_positions[0], pose[:3], atol=1e-9)
     assert again.plan.cost == plan.cost
 
 
 def test_what_cannot_be_held_is_said_and_the_plan_before_is_shown(live, walk):
-    live.hold(0, "D2b:4")
+    live.set_start_point(0, "D2b:4")
     assert live.plan is None
-    assert live.reason == "cannot be asked"
+    assert live.reason == "invalid query"
     assert "D2b:4" in live.message
     assert live.shown is walk
     assert live.cause() == ""
-    assert live.start_configuration() is None or live.asked.start == ("D2b:4", "D2b:4")
+    assert live.start_configuration() is None or live.query.start == ("D2b:4", "D2b:4")
 
 
 def test_the_goal_is_kept_in_the_cabin(live):
-    live.aim(np.array([5.0, 0.0, 0.0]))
-    assert live.asked.goal == (5.0, 0.0, 0.0)
+    live.set_goal(np.array([5.0, 0.0, 0.0]))
+    assert live.query.goal == (5.0, 0.0, 0.0)
     assert np.linalg.norm(live.plan.motion.base_positions[-1] - (5.0, 0.0, 0.0)) <= 0.2
-    live.aim(np.array([99.0, 0.0, 0.0]))
-    assert live.asked.goal[0] == live.graph.grasp_map.cabin[1, 0]
+    live.set_goal(np.array([99.0, 0.0, 0.0]))
+    assert live.query.goal[0] == live.graph.grasp_map.cabin[1, 0]
 
 
 def test_costs_differ(live):
-    live.charge("base", 0.1)
+    live.set_cost("base", 0.1)
     shortest = live.plan
-    live.charge("weighted", 0.5)
+    live.set_cost("weighted", 0.5)
     assert live.plan.query.regrasp_price == 0.5
     assert shortest.base_translation <= live.plan.base_translation + 1e-9
-    live.charge("steps", 0.5)
-    assert live.asked.regrasp_price is None
+    live.set_cost("steps", 0.5)
+    assert live.query.regrasp_price is None
     assert len(live.plan.steps) <= len(shortest.steps)
 
 

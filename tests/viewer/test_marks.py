@@ -37,12 +37,12 @@ def test_reasons_agree_with_the_graph(checked_graph, state):
         for point in range(len(checked_graph.grasp_map)):
             why = marks.why_not(checked_graph, state, limb, point, steps)
             assert (why == "") == (point in to)
-            assert why == "" or marks.kind_of(why)
+            assert why == "" or marks.reason_of(why)
             after = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-            if why == marks.STEP:
+            if why == marks.NO_STEP:
                 assert checked_graph.step_to(state, after) is None
     why = marks.why_not(checked_graph, state, 0, checked_graph.grasp_map.index("D3b:7"), steps)
-    assert marks.kind_of(why) == "is occupied"
+    assert marks.reason_of(why) == "is occupied"
 
 
 def test_a_legend_counts_every_point_once(checked_graph, state):

@@ -2,6 +2,7 @@
 
 import urllib.request
 
+import numpy as np
 import pytest
 
 from mlivr_gym.errors import SettingError
@@ -16,6 +17,14 @@ def test_it_is_served_where_it_says(page):
     assert page.address.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(page.address) as answer:
         assert b"<html" in answer.read(200)
+
+
+def test_pages_that_open_look_at_the_target(page):
+    """By the names of the library's own camera, which an assignment to another would not tell."""
+    page.set_camera(np.array([3.0, -7.0, 0.5]), np.array([3.0, 0.0, 0.0]))
+    camera = page.server.initial_camera
+    np.testing.assert_array_equal(camera.position, [3.0, -7.0, 0.5])
+    np.testing.assert_array_equal(camera.look_at, [3.0, 0.0, 0.0])
 
 
 def test_another_page_takes_the_next_port(page):

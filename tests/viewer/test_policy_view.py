@@ -19,7 +19,7 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
     graph = small_checked_graph
     state, goal = sample_task(graph, np.random.default_rng(1), 0.2)
     view = PolicyView(graph)
-    chance = view.chances(state, goal, 0.2)
+    chance = view.probabilities(state, goal, 0.2)
     steps = graph.successors(state)
     assert chance.sum() == pytest.approx(1.0, abs=1e-5)
     allowed = np.zeros(chance.shape, dtype=bool)
@@ -31,7 +31,7 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
     assert int(chance.argmax()) == action
     # It follows the world of the graph: the best point is taken away.
     graph.occupy([action % len(graph.grasp_map)])
-    after = view.chances(graph.state(state.stance), goal, 0.2)
+    after = view.probabilities(graph.state(state.stance), goal, 0.2)
     graph.vacate()
     assert after[:, action % len(graph.grasp_map)].sum() == 0.0
     env.graph.occupy([action % len(graph.grasp_map)])

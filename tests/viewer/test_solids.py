@@ -20,7 +20,7 @@ def link_poses(scene, configuration):
     poses = {"world": (np.zeros(3), np.eye(3))}
     for link in scene.links:
         place, turn = poses[link.parent]
-        at, quat = link.position, link.turned(joints)
+        at, quat = link.position, link.orientation(joints)
         if link.parent == "world":
             at, quat = position, quaternion
         rotation = Rotation.from_quat(quat, scalar_first=True).as_matrix()

@@ -97,9 +97,9 @@ def test_a_click_starts_a_limb(viewer):
     assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
 
 
-def test_a_click_tells_why_a_point_cannot_be_held(viewer):
+def test_a_click_explains_why_a_point_cannot_be_held(viewer):
     viewer.clicked(*sight(viewer, "D2b:4"))
-    told = said(viewer, "told")
+    told = said(viewer, "explanation")
     assert told.startswith("**D2b:4**, deck")
     assert "limb 0: point 'D2b:4' is held by limb 1" in told
 
@@ -130,26 +130,26 @@ def test_a_box_is_added_and_removed(viewer, walk):
 
 
 def test_colours_tell_of_the_stance_that_is_shown(viewer):
-    viewer.mark(viewers.REACH)
+    viewer.set_colouring(viewers.REACH)
     first = said(viewer, "legend")
     assert "limb 0:" in first
     viewer.seek(2 * STEP_TIME)
     assert said(viewer, "legend") != first
-    viewer.mark(f"{viewers.WHY}1")
-    assert "can be stepped to" in said(viewer, "legend")
-    viewer.mark(viewers.PLAIN)
+    viewer.set_colouring(f"{viewers.WHY}1")
+    assert "a step leads there" in said(viewer, "legend")
+    viewer.set_colouring(viewers.PLAIN)
     assert said(viewer, "legend") == ""
 
 
 def test_a_policy_without_its_extra_is_said(viewer, monkeypatch):
     monkeypatch.setattr("mlivr_gym.viewer.policy_view.NEEDED", ("no_such_package",))
-    viewer.mark(viewers.POLICY)
+    viewer.set_colouring(viewers.POLICY)
     assert "pip install 'mlivr-gym[agents]'" in said(viewer, "legend")
 
 
 def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
     """Not even at first, when there was no other."""
-    live.asked = replace(live.asked, start=("D2a:4", "O2a:4"))
+    live.query = replace(live.query, start=("D2a:4", "O2a:4"))
     live.plan = None
     live.replan()
     viewer = viewers.Viewer(page, live)
@@ -157,7 +157,7 @@ def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
     viewer.refresh()
     assert "No plan" in said(viewer, "summary")
     assert not node(viewer, "robot").visible
-    viewer.change(lambda: live.hold(1, "D2b:4"))
+    viewer.change(lambda: live.set_start_point(1, "D2b:4"))
     assert live.plan is not None
     assert node(viewer, "robot").visible
 
@@ -170,17 +170,17 @@ def test_near_walls_are_left_out(viewer):
     aft, above = np.array([0.0, 6.0, 0.0]), np.array([0.0, 0.0, 6.0])
     assert drawing.hidden_faces(grasp_map, middle - aft) == {"forward"}
     assert drawing.hidden_faces(grasp_map, middle + aft + above) == {"aft", "overhead"}
-    viewer.see_from(middle + aft)
+    viewer.hide_walls_from(middle + aft)
     assert not node(viewer, "module/aft").visible
     assert not node(viewer, "points/aft").visible
     assert node(viewer, "module/forward").visible
-    viewer.leave_out(False)
+    viewer.set_walls_hidden(False)
     assert node(viewer, "module/aft").visible
 
 
 def test_switches_stay_as_they_are_when_it_is_planned_anew(viewer):
-    viewer.switch("tree", True)
-    viewer.switch("plan", False)
+    viewer.set_visible("tree", True)
+    viewer.set_visible("plan", False)
     viewer.change(viewer.live.replan)
     assert node(viewer, "tree").visible
     assert not node(viewer, "plan").visible
@@ -217,8 +217,8 @@ def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
     np.testing.assert_allclose(
         node(viewer, "second/robot/base").position, other.motion.base_positions[-1], atol=1e-9
     )
-    viewer.place_second(second_plan.APART)
-    np.testing.assert_array_equal(node(viewer, "second").position, second_plan.BELOW)
+    viewer.place_second(second_plan.SEPARATE)
+    np.testing.assert_array_equal(node(viewer, "second").position, second_plan.SECOND_OFFSET)
     assert "second/module" in viewer.page
     viewer.place_second(second_plan.HIDDEN)
     assert "second" not in viewer.page

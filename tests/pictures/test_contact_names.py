@@ -5,7 +5,7 @@ import pytest
 
 from mlivr_gym import Box
 from mlivr_gym.collisions.contacts import Contact, contacts
-from mlivr_gym.pictures.contact_words import in_words, nearest_places, sentence
+from mlivr_gym.pictures.contact_names import contact_sentence, shape_name, witness_points
 from mlivr_gym.pictures.robot_shapes import robot_parts
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.world.boxes import BOX, scene_name
@@ -13,15 +13,17 @@ from mlivr_gym.world.boxes import BOX, scene_name
 
 def test_every_box_of_the_module_has_a_name_in_words(jem):
     boxes = {scene_name(BOX, box.id): box for box in jem.boxes}
-    assert all("box/" not in in_words(name, boxes) for name in boxes)
+    assert all("box/" not in shape_name(name, boxes) for name in boxes)
 
 
 def test_a_contact_is_told_by_its_gap():
     box = Box.between("cargo", "obstacle", (0, 0, 0), (1, 1, 1))
     contact = Contact("limb0/forearm/0", "box/cargo", 0.0)
     boxes = {"box/cargo": box}
-    assert sentence(contact, 0.0123, boxes) == "forearm of limb 0 12 mm from obstacle cargo"
-    assert sentence(contact, -0.04, boxes) == "forearm of limb 0 40 mm deep in obstacle cargo"
+    assert contact_sentence(contact, 0.0123, boxes) == "forearm of limb 0 12 mm from obstacle cargo"
+    assert (
+        contact_sentence(contact, -0.04, boxes) == "forearm of limb 0 40 mm deep in obstacle cargo"
+    )
 
 
 def test_nearest_places_are_as_far_apart_as_the_checks_say(jem):
@@ -35,7 +37,7 @@ def test_nearest_places_are_as_far_apart_as_the_checks_say(jem):
         shapes |= {scene_name(BOX, box.id): box for box in jem.boxes}
         for contact in contacts(robot, jem.boxes, here, 0.15):
             first, second = shapes[contact.first], shapes[contact.second]
-            places = nearest_places(first, second)
+            places = witness_points(first, second)
             between = float(np.linalg.norm(places.second - places.first))
             assert between == pytest.approx(abs(places.gap), abs=1e-9)
             if contact.first != "body" and contact.distance > -first.radius + 1e-6:
@@ -53,7 +55,7 @@ def test_a_capsule_moved_out_of_a_box_by_its_depth_just_touches_it():
         middle = forearm.axes[0].mean(axis=0) + rng.uniform(-0.1, 0.1, 3)
         half = rng.uniform(0.02, 0.2, 3)
         box = Box.between("b", "obstacle", middle - half, middle + half)
-        places = nearest_places(forearm, box)
+        places = witness_points(forearm, box)
         if places.gap > -forearm.radius:
             continue
         deep += 1
@@ -61,7 +63,7 @@ def test_a_capsule_moved_out_of_a_box_by_its_depth_just_touches_it():
         out_by = np.minimum(high - (middle - half), (middle + half) - low) + forearm.radius
         assert -places.gap == pytest.approx(out_by.min(), abs=1e-9)  # the shortest way out
         moved = forearm._replace(axes=forearm.axes + places.gap * places.normal)
-        out = nearest_places(moved, box).gap
+        out = witness_points(moved, box).gap
         assert out >= -1e-4  # nothing of it is left in the box ...
         nearly = forearm._replace(axes=forearm.axes + 0.98 * places.gap * places.normal)
         assert (nearly.axes[0] @ places.normal).max() + forearm.radius > float(
