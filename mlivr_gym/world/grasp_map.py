@@ -7,6 +7,7 @@ centreline at the Node 2 end bulkhead, +x port, +y aft, +z overhead.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -21,23 +22,21 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
     GoalError,
     MapError,
-    SettingError,
     StanceError,
     UnknownPointError,
+    path_shown,
     shortened,
 )
-from mlivr_gym.files import load
+from mlivr_gym.files import load, write_whole
 from mlivr_gym.schema import FieldPath, Listed, Maybe, Numbers, Tuples, are_rotations
-from mlivr_gym.values import MOST_POINTS, unique
+from mlivr_gym.values import unique
 from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.map_entries import (
-    CLEARANCE,
-    MARGIN,
-    MODULE,
+    POINT,
     POINTS,
-    SPACING,
-    clear_of_handrails,
-    discretise,
+    map_fields,
+    overrides,
     point_row,
 )
 from mlivr_gym.world.rails import Handrail, Segment
@@ -251,8 +250,47 @@ class GraspMap:
             If the file cannot be read or any entry is faulty; the message names the
             entry.
         """
-        given = _given(spacing, clearance)
-        return load(path, "map", MapError, lambda data: _built(data, given, Path(path).stem))
+        given, folder, name = overrides(spacing, clearance), Path(path).parent, Path(path).stem
+        if Path(path).suffix.lower() == ".csv":
+            return cls.from_csv(path)
+        return load(
+            path, "map", MapError, lambda data: cls(**map_fields(data, given, name, folder))
+        )
+
+    @classmethod
+    def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
+        """Read the points of a map from a table with columns id, x, y, z, nx, ny, nz, rx, ry, rz.
+
+        Position [m], outward surface normal and direction of the rail; a column `face` may follow.
+
+        Parameters
+        ----------
+        path
+            The file.
+        surroundings
+            Other fields of a map file, such as `cabin`, `boxes` and `mesh`.
+
+        Raises
+        ------
+        MapError
+            If the file cannot be read or a row is faulty; the message names its line.
+        """
+        data: dict[str, Any] = {"points": []}
+        for line, point in read_points(path).items():
+            place = FieldPath(f"map {path_shown(path)}: line {line}", MapError)
+            point_row(POINT.read(point, place), place)
+            data["points"].append(point)
+        return cls.from_dict(surroundings | data, name=Path(path).stem)
+
+    def save(self, path: str | Path) -> None:
+        """Write the map as JSON, whole or not at all; `load` reads the same map.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     @classmethod
     def from_dict(
@@ -286,8 +324,9 @@ class GraspMap:
         SettingError
             If spacing or clearance are.
         """
-        given = _given(spacing, clearance)
-        return FieldPath("", MapError).build(_built, data, given, name)
+        given = overrides(spacing, clearance)
+        place = FieldPath("", MapError)
+        return place.build(lambda: cls(**map_fields(data, given, name, Path())))
 
 
 _PLACE = FieldPath("map", MapError)
@@ -319,50 +358,3 @@ def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
 
 MAP = Raising(MapError, Via(as_map))
 """A map as `as_map` takes it."""
-
-
-def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
-    """What a caller says in place of a file."""
-    kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
-    return {
-        name: kind.read(value, FieldPath(name, SettingError))
-        for name, (kind, value) in kinds.items()
-        if value is not None
-    }
-
-
-def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
-    """A map from plain data; see `GraspMap.from_dict`."""
-    root = FieldPath("", MapError)
-    if isinstance(data, dict) and "ids" in data:
-        return GraspMap(**POINTS.read(data, root))
-    read = MODULE.read(data, root) | given
-    segments, handrails = read.get("segments", ()), read.get("handrails", ())
-    rows = [
-        point_row(entry, root.field("points").entry(i))
-        for i, entry in enumerate(read.get("points", ()))
-    ]
-    for i, segment in enumerate(segments):
-        place = root.field("segments").entry(i)
-        rows.extend(discretise(segment, read.get("spacing", 0.2), MOST_POINTS - len(rows), place))
-    rows = clear_of_handrails(rows, handrails, read.get("clearance", 0.03))
-    if not rows:
-        raise MapError("the map has no graspable point; give 'points' or 'segments'")
-    ids, faces, positions, rotations, _ = zip(*rows, strict=True)
-    around = {"min": np.min(positions, axis=0) - MARGIN, "max": np.max(positions, axis=0) + MARGIN}
-    cabin = read.get("cabin", around)
-    return GraspMap(
-        ids=ids,
-        positions=np.array(positions),
-        rotations=np.array(rotations),
-        faces=faces,
-        cabin=np.array([cabin["min"], cabin["max"]]),
-        name=read.get("name", name),
-        segments=segments,
-        handrails=handrails,
-        boxes=(
-            *read.get("boxes", ()),
-            *(segment.box for segment in segments),
-            *(box for rail in handrails for box in rail.boxes),
-        ),
-    )

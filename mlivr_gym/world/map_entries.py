@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.errors import MapError, SettingError
 from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Listed, Numbers, Tuples
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST
-from mlivr_gym.world.boxes import CORNER, Boxes
+from mlivr_gym.world.boxes import CORNER, Box, Boxes
+from mlivr_gym.world.mesh_boxes import mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
 
 MARGIN = 1.5
@@ -32,6 +35,12 @@ POINT = Fields(
 )
 """A point of a map file."""
 
+MESH = Fields(
+    {"file": NAME},
+    {"resolution": Tuples((), 1e-3, LONGEST, "m"), "scale": Tuples((), SMALLEST, LONGEST)},
+)
+"""A mesh whose surface the robot must not touch; its file is relative to that of the map."""
+
 REMARKS = ("description", "frame", "sources", "provenance")
 """Fields of a map file for its readers."""
 
@@ -47,6 +56,7 @@ MODULE = Fields(
         "clearance": CLEARANCE,
         "cabin": Fields({"min": CORNER, "max": CORNER}),
         "boxes": Boxes("panel"),
+        "mesh": MESH,
     },
 )
 """A map file."""
@@ -126,3 +136,59 @@ def clear_of_handrails(
         )
         free &= ~((faces == rail.face) & (inside | across).all(axis=1))
     return [row for row, kept in zip(rows, free, strict=True) if kept]
+
+
+def overrides(spacing: float | None, clearance: float | None) -> dict[str, float]:
+    """Return what a caller gives in place of the fields of a file."""
+    kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
+    return {
+        name: kind.read(value, FieldPath(name, SettingError))
+        for name, (kind, value) in kinds.items()
+        if value is not None
+    }
+
+
+def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
+    """Return the boxes that cover the mesh of a map file, if it names one."""
+    if mesh is None:
+        return ()
+    options = {name: value for name, value in mesh.items() if name != "file"}
+    return mesh_boxes(folder / mesh["file"], **options)
+
+
+def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> dict[str, Any]:
+    """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`."""
+    root = FieldPath("", MapError)
+    if isinstance(data, dict) and "ids" in data:
+        return POINTS.read(data, root)
+    read = MODULE.read(data, root) | given
+    segments, handrails = read.get("segments", ()), read.get("handrails", ())
+    rows = [
+        point_row(entry, root.field("points").entry(i))
+        for i, entry in enumerate(read.get("points", ()))
+    ]
+    for i, segment in enumerate(segments):
+        place = root.field("segments").entry(i)
+        rows.extend(discretise(segment, read.get("spacing", 0.2), MOST_POINTS - len(rows), place))
+    rows = clear_of_handrails(rows, handrails, read.get("clearance", 0.03))
+    if not rows:
+        raise MapError("the map has no graspable point; give 'points' or 'segments'")
+    ids, faces, positions, rotations, _ = zip(*rows, strict=True)
+    around = {"min": np.min(positions, axis=0) - MARGIN, "max": np.max(positions, axis=0) + MARGIN}
+    cabin = read.get("cabin", around)
+    return {
+        "ids": ids,
+        "positions": np.array(positions),
+        "rotations": np.array(rotations),
+        "faces": faces,
+        "cabin": np.array([cabin["min"], cabin["max"]]),
+        "name": read.get("name", name),
+        "segments": segments,
+        "handrails": handrails,
+        "boxes": (
+            *read.get("boxes", ()),
+            *_mesh(read.get("mesh"), folder),
+            *(segment.box for segment in segments),
+            *(box for rail in handrails for box in rail.boxes),
+        ),
+    }

@@ -1,0 +1,85 @@
+"""Points from a table: the same map as from JSON, and one clear line for each fault."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import GraspMap
+from mlivr_gym.errors import MapError
+
+HEADER = "id,x,y,z,nx,ny,nz,rx,ry,rz,face"
+ROWS = ("A,0,0,0,0,0,1,1,0,0,floor", "B,0.4,0,0,0,0,1,1,0,0,floor", "C,0.8,0.1,0,0,0,1,1,0,0,wall")
+
+
+def written(tmp_path, *lines):
+    path = tmp_path / "rack.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_table_makes_the_map_that_json_makes(tmp_path):
+    points = [
+        {"id": i, "face": f, "position": p, "normal": [0, 0, 1], "rail": [1, 0, 0]}
+        for i, f, p in (
+            ("A", "floor", [0, 0, 0]), ("B", "floor", [0.4, 0, 0]), ("C", "wall", [0.8, 0.1, 0]),
+        )
+    ]  # fmt: skip
+    expected = GraspMap.from_dict({"points": points}, name="rack")
+    path = written(tmp_path, HEADER, ROWS[0], "", *ROWS[1:])
+    for found in (GraspMap.load(path), GraspMap.from_csv(path)):
+        assert found.to_dict() == expected.to_dict()
+    boxes = [{"id": "locker", "min": [0, 1, 0], "max": [1, 2, 1]}]
+    assert len(GraspMap.from_csv(path, boxes=boxes).boxes) == 1
+
+
+def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
+    path = written(tmp_path, "rz, ry, rx, nz, ny, nx, z, y, x, id", "0,0,1,1,0,0,3,2,1,P")
+    found = GraspMap.load(path)
+    assert found.ids == ("P",)
+    assert found.faces == ("rack",)
+    np.testing.assert_allclose(found.positions, [[1.0, 2.0, 3.0]])
+    np.testing.assert_allclose(found.rotations[0], np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("lines", "parts"),
+    [
+        ((), ("line 1", "lacks the column 'id'")),
+        (("id,x,y,z", "A,0,0,0"), ("line 1", "lacks the column 'nx'")),
+        ((HEADER + ",colour", ROWS[0] + ",red"), ("line 1", "unknown column 'colour'")),
+        ((HEADER + ",x", ROWS[0] + ",1"), ("line 1", "'x' twice")),
+        ((HEADER, ROWS[0], "B,1,2"), ("line 3", "3 values", "11")),
+        ((HEADER, "A,0,zero,0,0,0,1,1,0,0,f"), ("line 2", "y is 'zero'", "finite number")),
+        ((HEADER, "A,0,nan,0,0,0,1,1,0,0,f"), ("line 2", "y is 'nan'", "finite number")),
+        ((HEADER, "A,0,1400,0,0,0,1,1,0,0,f"), ("line 2", "1400", "millimetres")),
+        ((HEADER, ROWS[0], "B,0,0,0,0,0,2,1,0,0,f"), ("line 3", "normal", "length must be 1")),
+        ((HEADER, "A,0,0,0,0,0,1,0,0,1,f"), ("line 2", "right angles")),
+        ((HEADER, ROWS[0], ROWS[0]), ("'A'",)),
+        ((HEADER,), ("no graspable point",)),
+    ],
+)
+def test_a_fault_names_its_line_and_what_would_be_valid(tmp_path, lines, parts):
+    with pytest.raises(MapError) as error:
+        GraspMap.load(written(tmp_path, *lines))
+    message = str(error.value)
+    assert "\n" not in message
+    for part in parts:
+        assert part in message
+
+
+def test_what_is_no_table_is_refused(tmp_path):
+    with pytest.raises(MapError, match="cannot read map"):
+        GraspMap.load(tmp_path / "missing.csv")
+    path = tmp_path / "binary.csv"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(MapError, match="not UTF-8"):
+        GraspMap.load(path)
+
+
+def test_a_map_that_was_saved_is_the_same(tmp_path):
+    first = GraspMap.from_csv(
+        written(tmp_path, HEADER, *ROWS), cabin={"min": [-1] * 3, "max": [2] * 3}
+    )
+    first.save(tmp_path / "map.json")
+    second = GraspMap.load(tmp_path / "map.json")
+    assert second.to_dict() == first.to_dict()
+    assert second.fingerprint == first.fingerprint
