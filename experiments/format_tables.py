@@ -47,8 +47,8 @@ MEANINGS = {
     "cabin": "Where the base may be, lower and upper corner; by default the box of all points, "
     "1.5 m larger.",
     "boxes": "Boxes that must not be touched, see *Obstacles*.",
-    "mesh": "Mesh whose surface must not be touched: its file, relative to that of the map, the edge "
-    "of the cubes that cover it (`resolution` [m], 0.05), and metres per unit (`scale`, 1).",
+    "mesh": "Mesh whose surface must not be touched: its file, relative to that of the map, the "
+    "edge of the cubes that cover it (`resolution` [m], 0.05), and metres per unit (`scale`, 1).",
     "occupied": "Ids of points that no limb may take hold of.",
     "id": "Name, of which no other has the same.",
     "face": "Name of the face that it lies on.",
