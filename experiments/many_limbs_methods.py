@@ -78,7 +78,7 @@ def walk_of(
     else:
         moves = _Timed(GraphMoves(graph), began + seconds)
         try:
-            walk = find_walk(method, moves, start, goal, longest=MOST_STEPS)
+            walk = find_walk(method, moves, start, goal, max_steps=MOST_STEPS)
             steps = len(walk.states) - 1 if walk.reached else None
         except _LateError:
             steps = None

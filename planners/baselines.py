@@ -38,10 +38,10 @@ class _Task:
     """A start, a goal and the moves between them, which counts the states expanded."""
 
     def __init__(
-        self, moves: Moves, start: State, goal: Array, tolerance: float, longest: int
+        self, moves: Moves, start: State, goal: Array, tolerance: float, max_steps: int
     ) -> None:
         self.moves, self.start = moves, start
-        self.goal, self.tolerance, self.longest = goal, tolerance, longest
+        self.goal, self.tolerance, self.max_steps = goal, tolerance, max_steps
         self.expanded = 0
 
     def steps(self, state: State) -> Successors:
@@ -65,7 +65,7 @@ class _Task:
 def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Take random steps until the goal or the maximum number of steps."""
     states = [task.start]
-    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.max_steps:
         steps = task.steps(states[-1])
         if not len(steps.limb):
             break
@@ -76,7 +76,7 @@ def random_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
 def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Choose footholds locally: the step whose base is closest to the goal."""
     states, seen = [task.start], {task.start.stance}
-    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.max_steps:
         steps = task.steps(states[-1])
         for k in np.argsort(distances(steps.base_in_world, task.goal), kind="stable"):
             after = steps.after(states[-1], int(k))
@@ -107,7 +107,7 @@ class _TreeNode:
 def tree_search(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Find a walk by Monte Carlo tree search with `budget` simulations for each step."""
     states, scale = [task.start], 0.5
-    while not task.is_at_goal(states[-1]) and len(states) <= task.longest:
+    while not task.is_at_goal(states[-1]) and len(states) <= task.max_steps:
         root = _TreeNode(task, states[-1])
         best: tuple[float, list[State]] = (-math.inf, [])
         for _ in range(budget):
@@ -145,7 +145,7 @@ def _simulate(
         path.append(child)
         ahead.append(child.state)
         node = child
-        if node.visits == 0 or len(ahead) >= task.longest:
+        if node.visits == 0 or len(ahead) >= task.max_steps:
             break
     state, seen = node.state, {n.state.stance for n in path}
     for _ in range(8):
@@ -184,7 +184,7 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
                 while parents[chain[-1]] >= 0:
                     chain.append(parents[chain[-1]])
                 return task.walk([states[k] for k in reversed(chain)])
-            if depth[here] >= task.longest:
+            if depth[here] >= task.max_steps:
                 continue
             steps = task.steps(states[here])
             far = distances(steps.base_in_world, task.goal)
@@ -217,7 +217,7 @@ def find_walk(
     goal: Array,
     tolerance: float = 0.2,
     *,
-    longest: int = 100,
+    max_steps: int = 100,
     budget: int = 50,
     seed: int = 0,
 ) -> Walk:
@@ -235,7 +235,7 @@ def find_walk(
         Goal position of the base [m], shape (3,).
     tolerance
         Radius of the goal region [m].
-    longest
+    max_steps
         Maximum number of steps.
     budget
         Number of simulations for each step of `mcts`.
@@ -248,5 +248,5 @@ def find_walk(
         If the method is unknown.
     """
     choice("method", method, BASELINES)
-    task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, longest)
+    task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, max_steps)
     return BASELINES[method](task, np.random.default_rng(seed), budget)

@@ -51,7 +51,7 @@ CLOCK_INTERVAL = 1 << 14
 
 QUEUE_EMPTY, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: the open queue is empty or the incumbent is proved, the arrays are
-full, the clock is to be read, the limit of expansions is reached, or edges wait to be checked."""
+full, the clock is to be read, the limit of expansions is reached, or edges are to be checked."""
 
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
 """Function that checks edges: from their bits and the masks before them to the masks after them, 0
@@ -109,7 +109,7 @@ class SearchStatus(Record):
     expanded: int
     """Number of labels expanded."""
     pending: int
-    """Number of labels whose edges wait to be checked."""
+    """Number of labels whose edges are to be checked."""
 
 
 class SearchOutcome(NamedTuple):

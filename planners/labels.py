@@ -47,7 +47,7 @@ class Labels(NamedTuple):
     checked: NDArray[np.bool_]
     """Whether the edge to each label was checked, shape (CAPACITY,)."""
     pending: IntArray
-    """Labels whose edges wait to be checked, shape (CHECK_BATCH,)."""
+    """Labels whose edges are to be checked, shape (CHECK_BATCH,)."""
 
     @classmethod
     def allocate(cls, nodes: int) -> Labels:

@@ -370,7 +370,7 @@ class Planner:
 def _not_connected(goal: Goal) -> str:
     """Return the message about a goal that no sequence of moves connects with the start."""
     return (
-        f"no stance connected with the start by moves has its base within {goal.tolerance:g} m of "
+        f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
         f"goal {goal.target.tolist()}"
     )
 

@@ -49,7 +49,7 @@ def plan_of(
     method: str,
     expanded: int = 0,
 ) -> Plan | None:
-    """Return the plan along a walk, or None if a step has no swing after those before.
+    """Return the plan along a walk, or None if one of its steps cannot be committed.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ def test_baselines_walk_possible_steps(env, method):
     reached = 0
     for seed in range(6):
         env.reset(seed=seed)
-        walk = find_walk(method, env.moves, env.state, env.goal, budget=20, seed=seed, longest=30)
+        walk = find_walk(method, env.moves, env.state, env.goal, budget=20, seed=seed, max_steps=30)
         assert walk.states[0] == env.state
         for before, (limb, point), after in zip(
             walk.states, walk.actions, walk.states[1:], strict=False
@@ -45,7 +45,7 @@ def test_random_steps_are_as_likely_as_the_others(env):
     counts = dict.fromkeys(possible, 0)
     for seed in range(3000):
         (limb, point), *_ = find_walk(
-            "random", env.moves, env.state, env.goal, seed=seed, longest=1
+            "random", env.moves, env.state, env.goal, seed=seed, max_steps=1
         ).actions
         counts[limb * len(env.graph.grasp_map) + point] += 1
     assert len(possible) > 5
@@ -58,7 +58,7 @@ def test_local_choice_does_not_go_back(env):
     for _ in range(20):
         first, last = random_state(env.graph, rng), random_state(env.graph, rng)
         goal = env.graph.posture(last.stance).base_position[0]
-        walk = find_walk("local", env.moves, first, goal, longest=40)
+        walk = find_walk("local", env.moves, first, goal, max_steps=40)
         stances = [state.stance for state in walk.states]
         assert len(set(stances)) == len(stances)
         longest = max(longest, len(stances))
@@ -98,7 +98,7 @@ def test_two_levels_look_at_all_that_lies_in_their_corridors_and_at_nothing_else
                         seen.add(after.stance)
                         todo.append(after)
                         behind += (base - origin) @ direction < 0.0
-        walk = find_walk("two_level", env.moves, start, goal, 1e-9, longest=10**6)
+        walk = find_walk("two_level", env.moves, start, goal, 1e-9, max_steps=10**6)
         assert not walk.reached
         assert walk.expanded == expanded
     assert behind > 100
