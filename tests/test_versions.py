@@ -79,7 +79,7 @@ def test_a_file_of_other_rules_or_none_is_refused(
 
 
 def test_a_new_test_set_carries_its_number(tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.agents.test_set._draw", lambda world, *_, **__: world)
+    monkeypatch.setattr("mlivr_gym.agents.test_set._draw_tasks", lambda world, *_, **__: world)
     file = tmp_path / "set.json"
     worlds = freeze_test_set(file, 0, dict.fromkeys(SPLITS, 0))
     assert json.loads(file.read_text())["rules"] == GRAPH_RULES
