@@ -59,8 +59,8 @@ def a_test_set(env, folder):
     ("make", "error", "kind", "what", "remedy"),
     [
         (a_plan, PlanError, "plan", "the plan", "plan it anew"),
-        (a_checkpoint, CheckpointError, "checkpoint", "it", "train it anew"),
-        (a_test_set, MlivrError, "test set", "it", "draw it anew with freeze_test_set"),
+        (a_checkpoint, CheckpointError, "checkpoint", "it", "train it again"),
+        (a_test_set, MlivrError, "test set", "it", "draw it again with freeze_test_set"),
     ],
 )
 def test_a_file_of_other_rules_or_none_is_refused(
