@@ -59,8 +59,8 @@ def a_test_set(env, folder):
     ("make", "error", "kind", "what", "remedy"),
     [
         (a_plan, PlanError, "plan", "the plan", "plan it anew"),
-        (a_checkpoint, CheckpointError, "checkpoint", "it", "train it anew"),
-        (a_test_set, MlivrError, "test set", "it", "draw it anew with freeze_test_set"),
+        (a_checkpoint, CheckpointError, "checkpoint", "it", "train it again"),
+        (a_test_set, MlivrError, "test set", "it", "draw it again with freeze_test_set"),
     ],
 )
 def test_a_file_of_other_rules_or_none_is_refused(
@@ -79,7 +79,7 @@ def test_a_file_of_other_rules_or_none_is_refused(
 
 
 def test_a_new_test_set_carries_its_number(tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.agents.test_set._draw", lambda world, *_, **__: world)
+    monkeypatch.setattr("mlivr_gym.agents.test_set._draw_tasks", lambda world, *_, **__: world)
     file = tmp_path / "set.json"
     worlds = freeze_test_set(file, 0, dict.fromkeys(SPLITS, 0))
     assert json.loads(file.read_text())["rules"] == GRAPH_RULES

@@ -128,7 +128,7 @@ def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):
     for k in range(0, len(samples.stances), 3):
         stance = points[samples.stances[k]].tolist()
         world.reset(options={"start": stance, "goal": samples.goals[k]})
-        world._enter(world.state._replace(masks=tuple(samples.masks[k].tolist())))
+        world._enter_state(world.state._replace(masks=tuple(samples.masks[k].tolist())))
         for name, rows in env_features(world).items():
             np.testing.assert_allclose(seen[name][k].numpy(), rows[0], atol=1e-5, err_msg=name)
 

@@ -121,7 +121,7 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr("mlivr_gym.simulation.execution.execute", stopped)
     monkeypatch.setattr("mlivr_gym.agents.training.train", stopped)
     monkeypatch.setattr("mlivr_gym.agents.evaluation.evaluate", stopped)
-    monkeypatch.setattr("mlivr_gym.agents.dataset._collector", stopped)
+    monkeypatch.setattr("mlivr_gym.agents.dataset._make_collector", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
     monkeypatch.setattr("mlivr_gym.cli.view._serve", stopped)

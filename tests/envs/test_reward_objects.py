@@ -51,7 +51,7 @@ def paired_steps(single, copies, count=8):
         _, rewards, terminated, _, _ = copies.step(actions)
         for k, action in enumerate(actions):
             single.reset(options={"start": starts[k], "goal": goals[k]})
-            single._enter(single.state._replace(masks=tuple(branches[k].tolist())))
+            single._enter_state(single.state._replace(masks=tuple(branches[k].tolist())))
             theirs.append(single.step(action)[1])
         ours.extend(rewards)
         if terminated.any():
