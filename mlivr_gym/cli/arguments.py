@@ -297,7 +297,7 @@ def _check_world(args: argparse.Namespace) -> None:
 
 def check_counts(args: argparse.Namespace) -> None:
     """Check the ranges of seed, number of episodes, beam width and number of threads."""
-    for name, least, most in (
+    for name, minimum, maximum in (
         ("seed", 0, MAX_SEED),
         ("episodes", 1, MAX_EPISODES),
         ("beam", 1, MAX_BEAM_WIDTH),
@@ -305,7 +305,7 @@ def check_counts(args: argparse.Namespace) -> None:
     ):
         value = getattr(args, name, None)
         if value is not None:
-            Whole(least, most).read(value, FieldPath(f"--{name}", SettingError))
+            Whole(minimum, maximum).read(value, FieldPath(f"--{name}", SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

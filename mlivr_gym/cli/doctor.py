@@ -89,17 +89,17 @@ def run(args: argparse.Namespace) -> int:
 
 def requirements() -> dict[str, dict[str, str | None]]:
     """Return the installed version, or None, of each requirement, by extra; `""` is the core."""
-    found: dict[str, dict[str, str | None]] = {"": {}}
+    versions: dict[str, dict[str, str | None]] = {"": {}}
     try:
         listed = metadata.requires("mlivr-gym") or []
     except metadata.PackageNotFoundError:  # run from a checkout that is not installed
-        return found
+        return versions
     for line in listed:
         match = REQUIREMENT.match(line)
         if match is not None:
             package, _, extra = match.groups()
-            found.setdefault(extra or "", {})[package] = _version(package)
-    return found
+            versions.setdefault(extra or "", {})[package] = _version(package)
+    return versions
 
 
 def gl_fault(backend: str) -> str:

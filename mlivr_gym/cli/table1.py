@@ -99,9 +99,9 @@ def broken_relations(data: dict[str, Any]) -> list[str]:
     """Return the relations that do not hold although they follow from optimality."""
     return [
         f"{name} ({MODES[mode].title})"
-        for mode, found in data["relations"].items()
+        for mode, of_mode in data["relations"].items()
         if MODES[mode].heuristic != "paper"
-        for name, relation in found.items()
+        for name, relation in of_mode.items()
         if relation["kind"] == CONSTRUCTION and not relation["held"]
     ]
 

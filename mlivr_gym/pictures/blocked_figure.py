@@ -83,17 +83,17 @@ def blocked_figure(
     for k, panel in enumerate(panels):
         parts = {part.name: part for part in robot_parts(robot, panel.configuration)}
         first = panel.contacts[0]
-        places = witness_points(parts[first.first], (parts | boxes)[first.second])
-        place, width = (k + 0.02) / len(panels), 0.96 / len(panels)
+        witness = witness_points(parts[first.first], (parts | boxes)[first.second])
+        offset, width = (k + 0.02) / len(panels), 0.96 / len(panels)
         axes: Any = figure.add_axes(
-            (place, 0.36, width, 0.55), projection="3d", computed_zorder=False
+            (offset, 0.36, width, 0.55), projection="3d", computed_zorder=False
         )
-        _overview(axes, panel, parts, boxes, places)
+        _overview(axes, panel, parts, boxes, witness)
         lines = _contact_lines(panel.contacts, parts, boxes)
-        figure.text(place + 0.01, 0.975, panel.title, fontsize=10.5, va="top", linespacing=1.4)
-        figure.text(place + 0.01, 0.925, lines, fontsize=9, color=MARK_COLOUR, va="top")
-        flat = figure.add_axes((place + 0.03, 0.045, width - 0.06, 0.29))
-        _close_up(flat, parts, boxes, first, places, clearance)
+        figure.text(offset + 0.01, 0.975, panel.title, fontsize=10.5, va="top", linespacing=1.4)
+        figure.text(offset + 0.01, 0.925, lines, fontsize=9, color=MARK_COLOUR, va="top")
+        flat = figure.add_axes((offset + 0.03, 0.045, width - 0.06, 0.29))
+        _close_up(flat, parts, boxes, first, witness, clearance)
     _add_legend(figure, robot)
     write_figure(figure, path)
 
@@ -135,7 +135,7 @@ def _overview(
     panel: Panel,
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
-    places: WitnessPoints,
+    witness: WitnessPoints,
 ) -> None:
     """Draw the robot, the boxes round it, and a ring about the worst contact."""
     from mpl_toolkits.mplot3d import proj3d
@@ -150,13 +150,13 @@ def _overview(
     axes.set_box_aspect((1, 1, 1), zoom=1.05)
     axes.tick_params(labelsize=7)
     # The view is from the side where the touched shape stands behind the robot.
-    away = -places.normal
+    away = -witness.normal
     axes.view_init(elev=-14 if away[2] < -0.7 else 16, azim=-66 if away[1] <= 0.3 else 66)
-    x, y, _ = proj3d.proj_transform(*places.first, axes.get_proj())
+    x, y, _ = proj3d.proj_transform(*witness.first, axes.get_proj())
     arrow = {"arrowstyle": "-|>", "color": MARK_COLOUR, "linewidth": 1.6}
-    axes.annotate(_gap(places), (x, y), (60, 46), arrowprops=arrow, **_GAP_STYLE)
+    axes.annotate(_gap(witness), (x, y), (60, 46), arrowprops=arrow, **_GAP_STYLE)
     ring = {"facecolor": "none", "edgecolor": MARK_COLOUR, "linewidth": 2.0}
-    axes.scatter(*places.first, s=420, depthshade=False, zorder=8, **ring)
+    axes.scatter(*witness.first, s=420, depthshade=False, zorder=8, **ring)
 
 
 def _draw_boxes(
@@ -183,12 +183,12 @@ def _close_up(
     parts: Mapping[str, Part],
     boxes: Mapping[str, Box],
     contact: Contact,
-    places: WitnessPoints,
+    witness: WitnessPoints,
     clearance: float,
 ) -> None:
     """Draw a contact to scale, in a view in which the gap lies in the picture plane."""
-    across = _view(parts[contact.first], places.normal)
-    middle = 0.5 * (places.first + places.second)
+    across = _view(parts[contact.first], witness.normal)
+    middle = 0.5 * (witness.first + witness.second)
     shapes: dict[str, Part | Box] = {**parts, **boxes}
     toward = np.cross(across[0], across[1])
     inside = [
@@ -223,7 +223,7 @@ def _close_up(
             linewidth=1.2,
             zorder=5,
         )
-    _mark(axes, places, across, middle)
+    _mark(axes, witness, across, middle)
     first, second = shape_name(contact.first, boxes), shape_name(contact.second, boxes)
     axes.set_title(
         f"close-up: {first} and {second}; dashed: the clearance of {1e3 * clearance:.0f} mm",
@@ -238,21 +238,21 @@ def _close_up(
     axes.text(start, height + 0.008, "100 mm", fontsize=8.5, zorder=7)
 
 
-def _mark(axes: Any, places: WitnessPoints, across: Array, middle: Array) -> None:
+def _mark(axes: Any, witness: WitnessPoints, across: Array, middle: Array) -> None:
     """Mark the two witness points and write the gap next to them."""
-    ends = (np.stack([places.first, places.second]) - middle) @ across.T
+    ends = (np.stack([witness.first, witness.second]) - middle) @ across.T
     axes.plot(*ends.T, color=MARK_COLOUR, linewidth=2.0, marker="o", markersize=4, zorder=8)
     behind = {"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     arrow = {"arrowstyle": "-", "color": MARK_COLOUR}
     middle_of_gap = ends.mean(axis=0)
     axes.annotate(
-        _gap(places), middle_of_gap, (56, 40), bbox=behind, arrowprops=arrow, **_GAP_STYLE
+        _gap(witness), middle_of_gap, (56, 40), bbox=behind, arrowprops=arrow, **_GAP_STYLE
     )
 
 
-def _gap(places: WitnessPoints) -> str:
+def _gap(witness: WitnessPoints) -> str:
     """Format the distance of two shapes, or how deep they overlap."""
-    gap = 1e3 * places.gap
+    gap = 1e3 * witness.gap
     return f"{gap:.0f} mm apart" if gap > 0.0 else f"{-gap:.0f} mm deep"
 
 

@@ -41,12 +41,12 @@ class Camera(NamedTuple):
         right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         return np.stack([right, np.cross(right, ahead), ahead])
 
-    def pixels(self, places: Array, width: int, height: int) -> Array:
+    def pixels(self, positions: Array, width: int, height: int) -> Array:
         """Project positions to a picture.
 
         Parameters
         ----------
-        places
+        positions
             Positions in the world frame, shape (k, 3) [m].
         width, height
             Size of the picture [px].
@@ -56,18 +56,18 @@ class Camera(NamedTuple):
         Array
             Column and row of each position, shape (k, 2) [px]; NaN behind the camera.
         """
-        right, up, ahead = self.axes @ (places - np.array(self.lookat)).T
+        right, up, ahead = self.axes @ (positions - np.array(self.lookat)).T
         depth = self.distance + ahead
         slope = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
         scale = 0.5 * height / slope / np.where(depth > 1e-9, depth, np.nan)
         return np.stack([0.5 * width + scale * right, 0.5 * height - scale * up], axis=1)
 
-    def seeing(self, places: Array, radius: float, aspect: float) -> Camera:
+    def seeing(self, positions: Array, radius: float, aspect: float) -> Camera:
         """Return this camera at the smallest distance at which it sees whole balls.
 
         Parameters
         ----------
-        places
+        positions
             Centres of the balls, shape (k, 3) [m].
         radius
             Radius of the balls [m].
@@ -75,7 +75,7 @@ class Camera(NamedTuple):
             Width of the picture divided by its height.
         """
         slope = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
-        right, up, ahead = self.axes @ (places - np.array(self.lookat)).T
+        right, up, ahead = self.axes @ (positions - np.array(self.lookat)).T
         needed = []
         for off, steep in ((np.abs(up), slope), (np.abs(right), slope * aspect)):
             # A ball touches the picture's edge if its centre is radius / cos from the edge's plane.

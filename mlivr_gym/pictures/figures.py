@@ -82,8 +82,8 @@ def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
     """Draw a goal position [m] as a star, and the goal region as a ball."""
     style = {"color": GOAL_COLOUR, "edgecolor": "black", "depthshade": False, "zorder": 7}
     axes.scatter(*np.array(goal), s=150, marker="*", label="goal", **style)
-    turn, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
-    ball = np.stack([np.cos(turn) * np.sin(rise), np.sin(turn) * np.sin(rise), np.cos(rise)])
+    angle, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
+    ball = np.stack([np.cos(angle) * np.sin(rise), np.sin(angle) * np.sin(rise), np.cos(rise)])
     ball = np.array(goal)[:, None, None] + tolerance * ball
     axes.plot_wireframe(*ball, color=GOAL_COLOUR, linewidth=0.4, alpha=0.7, zorder=4)
 
@@ -121,9 +121,9 @@ def box_faces(box: Box) -> Array:
 
 def figure_files(path: str | Path) -> tuple[Path, Path]:
     """Return the PNG and the SVG file of a figure; `path` names either."""
-    given = Path(path)
-    png, svg = (given.parent / f"{given.stem}{ending}" for ending in (".png", ".svg"))
-    return (png, given) if given.suffix.lower() == ".svg" else (given, svg)
+    named = Path(path)
+    png, svg = (named.parent / f"{named.stem}{ending}" for ending in (".png", ".svg"))
+    return (png, named) if named.suffix.lower() == ".svg" else (named, svg)
 
 
 def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:

@@ -207,9 +207,9 @@ def film_cameras(
     _, y, z = (0.5 * (everywhere.min(axis=0) + everywhere.max(axis=0))).tolist()
     cameras = [
         Camera((float(base[0]), y, z), azimuth=AZIMUTH, elevation=ELEVATION).seeing(
-            places, around, aspect
+            positions, around, aspect
         )
-        for base, places in zip(bases, ends, strict=True)
+        for base, positions in zip(bases, ends, strict=True)
     ]
     farthest = max(camera.distance for camera in cameras)
     return [camera._replace(distance=farthest) for camera in cameras]

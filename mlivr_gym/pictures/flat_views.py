@@ -55,9 +55,9 @@ def draw_flat_path(axes: Any, view: View, line: Array, stances: Array) -> None:
 
 def draw_flat_goal(axes: Any, view: View, goal: Sequence[float], tolerance: float) -> None:
     """Draw the goal region."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 61)
+    angle = np.linspace(0.0, 2.0 * np.pi, 61)
     middle = np.array(goal)[list(view)]
-    ring = middle[:, None] + tolerance * np.array([np.cos(turn), np.sin(turn)])
+    ring = middle[:, None] + tolerance * np.array([np.cos(angle), np.sin(angle)])
     axes.fill(*ring, facecolor=GOAL_COLOUR, alpha=0.25, linewidth=0.0, zorder=1.5)
     axes.plot(*ring, color=GOAL_COLOUR, linewidth=1.0, zorder=2)
 
@@ -71,17 +71,17 @@ def draw_flat_ghost(axes: Any, view: View, parts: Sequence[Part]) -> None:
         axes.fill(*edge.T, facecolor=colour, edgecolor=colour, linewidth=0.3, zorder=0.5)
 
 
-def number_stances(axes: Any, places: Array) -> None:
+def number_stances(axes: Any, positions: Array) -> None:
     """Write the numbers of stances above their base positions, shape (k, 2 or 3) [m].
 
     Of two consecutive stances that are close to each other, the lower one has its number below.
     """
-    above = [True] * len(places)
-    for k, (before, place) in enumerate(pairwise(places), 1):
-        if float(np.linalg.norm(place - before)) < CROWDED:
-            above[k - 1 if place[-1] > before[-1] else k] = False
-    for k, place in enumerate(places):
-        shift = np.zeros(len(place))
+    above = [True] * len(positions)
+    for k, (before, position) in enumerate(pairwise(positions), 1):
+        if float(np.linalg.norm(position - before)) < CROWDED:
+            above[k - 1 if position[-1] > before[-1] else k] = False
+    for k, position in enumerate(positions):
+        shift = np.zeros(len(position))
         shift[-1] = 0.07 if above[k] else -0.07
         side = "bottom" if above[k] else "top"
-        axes.text(*(place + shift), str(k), fontsize=8, ha="center", va=side, zorder=8)
+        axes.text(*(position + shift), str(k), fontsize=8, ha="center", va=side, zorder=8)

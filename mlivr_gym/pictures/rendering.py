@@ -172,8 +172,8 @@ class SceneRenderer:
         if route is None:
             return image
         labels = route.labels()
-        places = np.array([place for place, _, _ in labels]).reshape(-1, 3)
-        pixels = camera.pixels(places, image.shape[1], image.shape[0])
+        label_positions = np.array([place for place, _, _ in labels]).reshape(-1, 3)
+        pixels = camera.pixels(label_positions, image.shape[1], image.shape[0])
         return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
 
     def overview(self) -> Camera:

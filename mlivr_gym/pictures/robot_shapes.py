@@ -63,8 +63,8 @@ def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
     x /= np.linalg.norm(x)
     rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2 * rings + 1)
     rise = np.insert(rise, rings, 0.0)  # the cylinder has a ring at each end
-    turn = np.linspace(0.0, 2.0 * np.pi, around + 1)
-    ring = np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * np.cross(z, x)
+    angle = np.linspace(0.0, 2.0 * np.pi, around + 1)
+    ring = np.cos(angle)[:, None] * x + np.sin(angle)[:, None] * np.cross(z, x)
     middle = np.where(np.arange(len(rise)) <= rings, 0, 1)
     corners = (
         ends[middle][:, None]
@@ -90,22 +90,22 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     """
     shapes = LimbShapes(robot)
     position, quaternion, _ = configuration
-    turn = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    rotation = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     size = tuple(shapes.robot["half"].tolist())
-    body = Box("body", "obstacle", tuple(np.array(position).tolist()), size, Box.rows(turn))
+    body = Box("body", "obstacle", tuple(np.array(position).tolist()), size, Box.rows(rotation))
     faces = box_faces(body)
     edges = np.stack([faces[:4], np.roll(faces[:4], -1, axis=1)], axis=2).reshape(-1, 2, 3)
     parts = [Part("body", BODY_COLOUR, faces, edges, box=body)]
     per_limb = max(len(shapes.mounts) // robot.limbs, 1)
     for m, mount in enumerate(shapes.mounts):
         name = f"limb{m // per_limb}/base/{m % per_limb}"
-        ends = mount["ends"] @ turn.T + position
+        ends = mount["ends"] @ rotation.T + position
         parts.append(_capsule(name, MOUNT_COLOUR, ends, float(mount["radius"])))
     for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
         for c, link in enumerate(shapes.names):
             name = f"limb{i}/{link}/{shapes.names[:c].count(link)}"
             parts.append(_capsule(name, _link_colour(i, link), limb[c], float(shapes.radii[c])))
-        middle = position + turn @ robot.mount_positions[i]
+        middle = position + rotation @ robot.mount_positions[i]
         parts += _joints(i, [np.stack([middle, middle]), *limb])
     return parts
 
@@ -199,6 +199,6 @@ def outline(faces: Array, across: Array) -> Array:
     `faces` are the corners of its faces, shape (f, 4, 3) [m]; `across` are the horizontal and
     vertical axis of the picture in the world frame, shape (2, 3).
     """
-    seen = faces.reshape(-1, 3) @ across.T
-    corners: Array = seen[scipy.spatial.ConvexHull(seen).vertices]
+    projected = faces.reshape(-1, 3) @ across.T
+    corners: Array = projected[scipy.spatial.ConvexHull(projected).vertices]
     return corners

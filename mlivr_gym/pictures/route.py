@@ -95,8 +95,8 @@ class Route(NamedTuple):
         green, gold = _rgba(BASE_COLOUR), _rgba(GOAL_COLOUR, GOAL_OPACITY)
         for a, b in zip(self.line, self.line[1:], strict=False):
             _add_tube(scene, a, b, green)
-        for place in self.stances:
-            _add_ball(scene, place, STANCE_RADIUS, green)
+        for position in self.stances:
+            _add_ball(scene, position, STANCE_RADIUS, green)
         for foothold in self.footholds:
             colour = _rgba(LIMB_COLOURS[foothold.limb])
             _add_ball(scene, foothold.position, FOOTHOLD_RADIUS, colour)
@@ -105,7 +105,7 @@ class Route(NamedTuple):
     def labels(self) -> list[tuple[Array, str, str]]:
         """Return position [m], text and colour of the labels: numbers of stances and footholds."""
         lift = np.array([0.0, 0.0, 0.09])
-        bases = [(place + lift, str(k), BASE_COLOUR) for k, place in enumerate(self.stances)]
+        bases = [(position + lift, str(k), BASE_COLOUR) for k, position in enumerate(self.stances)]
         held = [
             (foothold.position + lift, str(foothold.stance), LIMB_COLOURS[foothold.limb])
             for foothold in self.footholds
@@ -120,14 +120,14 @@ def _rgba(colour: str, opacity: float = 1.0) -> Array:
     return np.array(to_rgba(colour, opacity), dtype=np.float32)
 
 
-def _add_ball(scene: Any, place: Array, radius: float, colour: Array) -> None:
+def _add_ball(scene: Any, position: Array, radius: float, colour: Array) -> None:
     """Add a ball to a scene, if it has capacity."""
     import mujoco
 
     if scene.ngeom < scene.maxgeom:
         geom = scene.geoms[scene.ngeom]
-        size, turn = np.full(3, radius), np.eye(3).ravel()
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, place, turn, colour)
+        size, rotation = np.full(3, radius), np.eye(3).ravel()
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, position, rotation, colour)
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
         scene.ngeom += 1
 

@@ -97,10 +97,10 @@ def mark_phases(
         panel.axvline(failure.time, color="#d00000", linewidth=1.4)
 
 
-def scale_torques(panel: Any, most: float) -> None:
-    """Set a logarithmic axis up to `most` [N m], since steps differ by powers of ten."""
+def scale_torques(panel: Any, maximum: float) -> None:
+    """Set a logarithmic axis up to a maximum [N m], since steps differ by powers of ten."""
     panel.set_yscale("log")
-    panel.set_ylim(most * 10.0**-DECADES, 3.5 * most)
+    panel.set_ylim(maximum * 10.0**-DECADES, 3.5 * maximum)
     panel.yaxis.set_major_formatter("{x:g}")
 
 
@@ -153,8 +153,8 @@ def _mark_peaks(panel: Any, recording: Recording, captures: tuple[Capture, ...])
             zorder=5,
         )
         if first:
-            place = {"textcoords": "offset points", "ha": "center", "fontsize": 8.5}
-            panel.annotate(f"{entry.peak:.2f}", (entry.time, entry.peak), (0, 7), **place)
+            label_style = {"textcoords": "offset points", "ha": "center", "fontsize": 8.5}
+            panel.annotate(f"{entry.peak:.2f}", (entry.time, entry.peak), (0, 7), **label_style)
 
 
 def _head(figure: Any, panel: Any, title: str, failure: Failure | None) -> None:

@@ -140,16 +140,16 @@ def _remark(walk: WalkedPath, plan: Plan) -> str:
 
 def least_distance(line: Array, box: Box) -> float:
     """Compute the distance of a polyline, shape (k, 3), from a box [m]; 0 if it intersects it."""
-    seen = np.abs((_sampled(line) - np.array(box.centre)) @ np.array(box.rotation))
-    outside: Array = np.maximum(seen - np.array(box.half), 0.0)
+    local = np.abs((_sampled(line) - np.array(box.centre)) @ np.array(box.rotation))
+    outside: Array = np.maximum(local - np.array(box.half), 0.0)
     return float(np.linalg.norm(outside, axis=1).min())
 
 
 def _sampled(line: Array) -> Array:
     """Sample a polyline densely, shape (k, 3) [m]."""
     share = np.linspace(0.0, 1.0, 101)[:, None, None]
-    places: Array = ((1.0 - share) * line[:-1] + share * line[1:]).reshape(-1, 3)
-    return places
+    positions: Array = ((1.0 - share) * line[:-1] + share * line[1:]).reshape(-1, 3)
+    return positions
 
 
 def _draw_flat(axes: Any, view: View, walk: WalkedPath, walked_plans: Sequence[WalkedPlan]) -> None:
@@ -168,10 +168,10 @@ def _draw_flat(axes: Any, view: View, walk: WalkedPath, walked_plans: Sequence[W
 
 def is_in_front(box: Box, line: Array, view: View) -> bool:
     """Return whether a box hides more than half of the part of a polyline that crosses it."""
-    places, (low, high) = _sampled(line), box.bounds
+    positions, (low, high) = _sampled(line), box.bounds
     axes, toward = list(view), np.array(VIEW_DIRECTIONS[view])
-    across = ((places > low) & (places < high))[:, axes].all(axis=1)
-    depth = (places[across] - np.array(box.centre)) @ toward
+    across = ((positions > low) & (positions < high))[:, axes].all(axis=1)
+    depth = (positions[across] - np.array(box.centre)) @ toward
     return bool(len(depth)) and float(np.median(depth)) < 0.0
 
 

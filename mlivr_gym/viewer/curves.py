@@ -122,10 +122,10 @@ def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
     return times, [*np.insert(values, [at, at], here, axis=1), line]
 
 
-def thinned(plot: Plot, most: int = 240) -> Plot:
-    """Return a plot with at most `most` of its times."""
-    if len(plot.times) <= most:
+def thinned(plot: Plot, max_times: int = 240) -> Plot:
+    """Return a plot with at most `max_times` of its times."""
+    if len(plot.times) <= max_times:
         return plot
-    chosen = np.linspace(0, len(plot.times) - 1, most).round().astype(np.int64)
+    chosen = np.linspace(0, len(plot.times) - 1, max_times).round().astype(np.int64)
     curves = tuple((label, colour, curve[chosen]) for label, colour, curve in plot.curves)
     return plot._replace(times=plot.times[chosen], curves=curves)

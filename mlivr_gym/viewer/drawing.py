@@ -79,12 +79,12 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
     """Draw the graspable points as nodes `points/FACE`."""
     disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
     for face, chosen in points_by_face(grasp_map).items():
-        turns = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
+        quaternions = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
         page.nodes[f"points/{face}"] = page.scene.add_batched_meshes_simple(
             f"/points/{face}",
             disc.vertices,
             disc.faces,
-            turns,
+            quaternions,
             grasp_map.positions[chosen],
             batched_colors=np.zeros((len(chosen), 3), dtype=np.uint8),
             batched_scales=np.ones(len(chosen), dtype=np.float32),
@@ -94,12 +94,12 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
         )
 
 
-def colour_points(page: Page, grasp_map: GraspMap, found: Marks) -> None:
+def colour_points(page: Page, grasp_map: GraspMap, marks: Marks) -> None:
     """Set the colours of the graspable points, and enlarge the marked ones."""
     scales = np.ones(len(grasp_map), dtype=np.float32)
-    scales[list(found.points)] = MARKED_SCALE
+    scales[list(marks.points)] = MARKED_SCALE
     # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
-    share = np.asarray(found.colours, dtype=np.float64) / 255.0
+    share = np.asarray(marks.colours, dtype=np.float64) / 255.0
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():
@@ -178,7 +178,7 @@ def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> 
         return
     route = Route.of(grasp_map, plan)
     page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
-    balls = [ball_mesh(place, STANCE_RADIUS) for place in route.stances]
+    balls = [ball_mesh(position, STANCE_RADIUS) for position in route.stances]
     page.mesh(f"{name}/stances", merged(balls), rgba(BASE_COLOUR))
     numbers: dict[tuple[float, ...], list[str]] = {}
     for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
@@ -187,9 +187,9 @@ def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> 
         page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
         for hold in held:
             numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
-    for k, (place, stances) in enumerate(numbers.items()):
-        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(place), axis=1))
-        above = np.array(place) + LABEL_LIFT * grasp_map.normals[point]
+    for k, (position, stances) in enumerate(numbers.items()):
+        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(position), axis=1))
+        above = np.array(position) + LABEL_LIFT * grasp_map.normals[point]
         page.label(f"{name}/number{k}", ", ".join(stances), above)
 
 
@@ -217,12 +217,12 @@ def draw_tree(page: Page, tree: Array) -> None:
 def add_lights(page: Page) -> None:
     """Light the module with ambient light, a lamp from above and a weaker one from below."""
     page.scene.add_light_ambient("/sky", intensity=1.0)
-    for name, strength, place in (
+    for name, strength, position in (
         ("lamp", 1.7, (-2.0, -3.5, 8.0)),
         ("fill", 0.6, (5.0, -2.0, -5.0)),
     ):
         page.scene.add_light_directional(
-            f"/{name}", intensity=strength, position=place, cast_shadow=False
+            f"/{name}", intensity=strength, position=position, cast_shadow=False
         )
 
 
@@ -232,15 +232,15 @@ def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Ar
     return np.concatenate([grasp_map.positions, goal[None], bases])
 
 
-def aim_camera(page: Page, places: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+def aim_camera(page: Page, positions: Array, aspect: float, elevation: float = ELEVATION) -> Array:
     """Move the camera so that it sees all of some positions (k, 3) [m]; return its position [m].
 
     `aspect` is the width of the picture divided by its height; the line of sight has an elevation
     [deg] above the horizon.
     """
-    x, y, z = (0.5 * (places.min(axis=0) + places.max(axis=0))).tolist()
+    x, y, z = (0.5 * (positions.min(axis=0) + positions.max(axis=0))).tolist()
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
-    camera = camera.seeing(places, MARGIN, aspect)
+    camera = camera.seeing(positions, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
     page.set_camera(eye, np.array(camera.lookat))
     return eye
@@ -256,9 +256,9 @@ def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
     return hidden
 
 
-def ball_mesh(place: Array, radius: float) -> Mesh:
+def ball_mesh(position: Array, radius: float) -> Mesh:
     """Return a ball about a position [m]."""
-    return rod_mesh(place, place, radius)
+    return rod_mesh(position, position, radius)
 
 
 def tube_mesh(line: Array, radius: float) -> Mesh:

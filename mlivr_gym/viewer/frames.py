@@ -101,8 +101,10 @@ class Frames:
         if len(self) <= MAX_FRAMES:
             return self
         chosen = np.unique(np.linspace(0, len(self) - 1, MAX_FRAMES).round().astype(np.int64))
-        kept: dict[str, Any] = {f.name: getattr(self, f.name)[chosen] for f in fields(self)}
-        return Frames(**kept)
+        chosen_fields: dict[str, Any] = {
+            f.name: getattr(self, f.name)[chosen] for f in fields(self)
+        }
+        return Frames(**chosen_fields)
 
 
 def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:

@@ -65,8 +65,8 @@ def _add_playing(viewer: Viewer) -> None:
     """Add scrubber, buttons, speed and plots."""
     page, gui = viewer.page, viewer.page.gui
     page.text("where")
-    most = max(viewer.duration, 0.1)
-    page.item("time", gui.add_slider("time [s]", 0.0, most, 0.01, 0.0), viewer.scrub)
+    duration = max(viewer.duration, 0.1)
+    page.item("time", gui.add_slider("time [s]", 0.0, duration, 0.01, 0.0), viewer.scrub)
     actions: dict[str, Callable[[], None]] = {
         BACK: lambda: viewer.jump(-1),
         PLAY: viewer.toggle,

@@ -48,8 +48,8 @@ def _figures(plan: Plan) -> tuple[str, ...]:
     )
 
 
-def legend_text(found: Marks) -> str:
+def legend_text(marks: Marks) -> str:
     """Return the legend of the colours of points."""
     return "  \n".join(
-        f'<span style="color:{colour}">⬤</span> {text}' for colour, text in found.legend
+        f'<span style="color:{colour}">⬤</span> {text}' for colour, text in marks.legend
     )

@@ -74,8 +74,8 @@ class PolicyView:
         steps = graph.successors(state)
         mask[steps.limb, steps.point] = True
         with torch.no_grad():
-            seen = as_tensors(self._policy.policy, env_features(env, [state]))
-            scores = scores_and_value(self._policy.policy, seen)[0][0].numpy()
+            tensors = as_tensors(self._policy.policy, env_features(env, [state]))
+            scores = scores_and_value(self._policy.policy, tensors)[0][0].numpy()
         scores = np.where(mask, scores.reshape(mask.shape), -np.inf)
         weights = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
         probability: Array = weights / max(float(weights.sum()), 1e-300)

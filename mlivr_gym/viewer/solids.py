@@ -202,9 +202,9 @@ def _rods(model: Any, links: Sequence[Link]) -> Iterator[tuple[str, Mesh]]:
         nearby = np.concatenate(axes[link.name])
         first = [np.zeros(3)] if link.joint else []
         ends = [other.position for other in links if other.parent == link.name and other.joint]
-        for place in (*first, *ends):
-            nearest = nearby[np.argmin(np.linalg.norm(nearby - place, axis=1))]
-            yield link.name, rod_mesh(place, nearest, ROD_RADIUS)
+        for position in (*first, *ends):
+            nearest = nearby[np.argmin(np.linalg.norm(nearby - position, axis=1))]
+            yield link.name, rod_mesh(position, nearest, ROD_RADIUS)
 
 
 def _axis_samples(geom: Any) -> Array:

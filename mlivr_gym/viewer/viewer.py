@@ -92,8 +92,8 @@ class Viewer:
         drawing.draw_points(page, live.graph.grasp_map)
         drawing.draw_robot(page, "robot", self.scene)
         goal = np.array(live.query.goal)
-        self._places = drawing.visible_positions(live.graph.grasp_map, goal, live.plan)
-        self.hide_walls_from(drawing.aim_camera(page, self._places, aspect))
+        self._positions = drawing.visible_positions(live.graph.grasp_map, goal, live.plan)
+        self.hide_walls_from(drawing.aim_camera(page, self._positions, aspect))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -292,11 +292,11 @@ class Viewer:
             return
         self._marked = key
         try:
-            found = self._marks(state)
+            colours = self._marks(state)
         except MlivrError as error:
-            found = marks.plain_marks(graph)._replace(legend=(("#c92a2a", str(error)),))
-        drawing.colour_points(self.page, graph.grasp_map, found)
-        self.page.write("legend", legend_text(found))
+            colours = marks.plain_marks(graph)._replace(legend=(("#c92a2a", str(error)),))
+        drawing.colour_points(self.page, graph.grasp_map, colours)
+        self.page.write("legend", legend_text(colours))
 
     def _marks(self, state: State | None) -> marks.Marks:
         """Return the colours of points in a state."""
@@ -354,13 +354,13 @@ class Viewer:
         name = f"added{self._boxes}"
         self._boxes += 1
         plan = self.live.shown
-        places = np.array([self.live.query.goal]) if plan is None else plan.motion.base_positions
-        place = places[len(places) // 2] + np.array([0.0, 0.0, -0.35])
-        self.change(lambda: self.live.put_box(name, place))
+        positions = np.array([self.live.query.goal]) if plan is None else plan.motion.base_positions
+        position = positions[len(positions) // 2] + np.array([0.0, 0.0, -0.35])
+        self.change(lambda: self.live.put_box(name, position))
         if any(box.id == name for box in self.live.graph.obstacles):
             self.page.gizmo(
                 f"handles/{name}",
-                place,
+                position,
                 lambda at: self.change(lambda: self.live.put_box(name, at)),
             )
 
@@ -385,8 +385,10 @@ class Viewer:
             self.second.seek(self.time)
             if (where == SEPARATE) != self._separate:
                 self._separate = where == SEPARATE
-                places, elevation = self._places, drawing.ELEVATION
+                positions, elevation = self._positions, drawing.ELEVATION
                 if self._separate:
-                    places = np.concatenate([places, places + SECOND_OFFSET])
+                    positions = np.concatenate([positions, positions + SECOND_OFFSET])
                     elevation = drawing.SECOND_ELEVATION
-                self.hide_walls_from(drawing.aim_camera(self.page, places, self._aspect, elevation))
+                self.hide_walls_from(
+                    drawing.aim_camera(self.page, positions, self._aspect, elevation)
+                )
