@@ -165,8 +165,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Raises
         ------
         MlivrError
-            If seed or options cannot be used, or no goal can be reached from a start; no copy is
-            changed then.
+            If seed or options cannot be used, or no goal can be reached from a start; the states of
+            all copies then stay as they were.
         """
         self._refresh_tables()
         given, seeds = self._read_reset_arguments(options, seed)
