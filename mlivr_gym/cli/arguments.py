@@ -10,6 +10,7 @@ import numpy as np
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
+from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.schema import FieldPath, Whole
@@ -152,8 +153,8 @@ def query_arguments() -> argparse.ArgumentParser:
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     option(parser, "--goal-face FACE", "face whose points all limbs must hold at the goal")
-    text = "cost to minimise: base, steps, weighted, or time (the fastest of several plans)"
-    option(parser, "--cost COST", text, "base")
+    text = "cost to minimise; time chooses the fastest of several plans"
+    option(parser, "--cost COST", text, "base", choices=(*COSTS, "time"))
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
     option(parser, "--regrasp-price M", text, type=float)
     text = "search method: astar, dijkstra, greedy or algorithm1"

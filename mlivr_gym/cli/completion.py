@@ -64,14 +64,12 @@ def _values() -> dict[str, tuple[str, ...]]:
     from mlivr_gym.agents.hyperparameters import METHODS as TRAININGS
     from mlivr_gym.agents.test_set import SPLITS
     from mlivr_gym.cli.evaluate import PLANNERS
-    from mlivr_gym.motion.plan_parts import COSTS
     from mlivr_gym.planners.costs import HEURISTICS
     from mlivr_gym.planners.query import METHODS
     from mlivr_gym.robot.specification import ROBOTS
 
     return {
         "--robot": tuple(ROBOTS),
-        "--cost": (*COSTS, "time"),
         "--heuristic": HEURISTICS,
         "plan --method": METHODS,
         "simulate --method": METHODS,

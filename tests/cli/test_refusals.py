@@ -7,7 +7,7 @@ plan --start D1a:4 Q:1                        : 'Q:1'
 plan --start D1a:4                            : must name 2 points
 plan --goal 60 0 0                            : outside the cabin
 plan --goal nan 0 0                           : finite
-plan --cost fast                              : 'fast'
+plan --cost fast                              : 'fast' (choose from
 plan --cost weighted                          : regrasp_price
 plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
