@@ -38,7 +38,8 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
     Examples
     --------
     >>> env = gymnasium.make("MLIVR-JEM-v0", render_mode="rgb_array")
-    >>> env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
+    >>> every = lambda episode: True
+    >>> env = RecordVideo(env, "videos", every)  # doctest: +SKIP  (needs MoviePy)
     """
 
     @checked(

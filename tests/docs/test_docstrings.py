@@ -1,0 +1,30 @@
+"""Every example in a docstring runs and prints what it shows: `make test-docs`."""
+
+import doctest
+import importlib
+
+import pytest
+from page_blocks import ROOT
+
+FOLDERS = ("mlivr_gym", "planners", "agents")
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+def modules():
+    """Names of the modules with an example."""
+    for folder in FOLDERS:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            inside = path.relative_to(ROOT).with_suffix("").parts
+            linked = inside[:2] in {("mlivr_gym", name) for name in FOLDERS}
+            if not linked and ">>> " in path.read_text(encoding="utf-8"):
+                package = () if folder == "mlivr_gym" else ("mlivr_gym",)
+                yield ".".join((*package, *inside))
+
+
+@pytest.mark.docs
+@pytest.mark.parametrize("name", list(modules()))
+def test_examples_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    failed, count = doctest.testmod(importlib.import_module(name), optionflags=FLAGS)
+    assert count
+    assert not failed
