@@ -39,7 +39,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
     --------
     >>> env = gymnasium.make("MLIVR-JEM-v0", render_mode="rgb_array")
     >>> every = lambda episode: True
-    >>> env = RecordVideo(env, "videos", every)  # doctest: +SKIP  (needs MoviePy)
+    >>> env = RecordVideo(env, "videos", every)  # doctest: +SKIP
     """
 
     @checked(
