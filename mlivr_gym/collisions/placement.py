@@ -25,7 +25,7 @@ from mlivr_gym.collisions.limb_shapes import LimbCapsule, LimbModel
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.families import link_frames
+from mlivr_gym.kinematics.families import grasp_motion, link_frames, link_motion
 from mlivr_gym.kinematics.limb import wrap
 from mlivr_gym.kinematics.poses import Pose, length, out_of
 from mlivr_gym.kinematics.turns import Turns
@@ -152,22 +152,7 @@ def changes(ends: Ends, placed: Placed) -> None:
 @kernel
 def joint_motion(arm: Arm, placed: Placed) -> None:
     """Bounds of the motion of anchors and links by the turns of the joints."""
-    turns, shift, spin = placed.turns, placed.shift, placed.spin
-    reach = np.sqrt(arm.d4**2 + arm.d5**2)
-    for row in range(5):
-        for link in range(7):
-            spin[row, link] = 0.0
-    for row in range(2):
-        first = turns.q1 if row == 0 else 0.0
-        spin[row, 1], spin[row, 2] = first, np.hypot(first, turns.q2)
-        spin[row, 3], spin[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
-    spin[2, 3], spin[2, 4], spin[3, 4] = turns.q3, turns.q34, turns.q4
-    for row in range(5):
-        spin[row, 5] = spin[row, 6] = spin[row, 4] + turns.q5
-        shift[row, BASE] = 0.0
-        shift[row, ELBOW] = abs(arm.a2) * spin[row, 2]
-        shift[row, FOREARM_END] = shift[row, ELBOW] + abs(arm.a3) * spin[row, 3]
-        shift[row, WRIST_POINT] = shift[row, FOREARM_END] + reach * spin[row, 4]
+    link_motion(arm, placed.turns, placed.shift, placed.spin)
 
 
 @kernel
@@ -204,12 +189,8 @@ def moved_by_base(limb: LimbModel, travel: float, swing: float, placed: Placed) 
 @kernel
 def seen_from_grasp(limb: LimbModel, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
-    arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
-    wrist_2 = turns.q6
-    wrist_1 = wrist_2 + turns.q5
-    fore, upper = wrist_1 + turns.q4, wrist_1 + turns.q34
-    end = np.hypot(arm.d4, arm.d5) * wrist_1
-    elbow = end + abs(arm.a3) * fore
+    motion = placed.in_world.motion
+    wrist_2, wrist_1, fore, upper, end, elbow = grasp_motion(limb.arm, placed.turns)
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         for e in range(2):

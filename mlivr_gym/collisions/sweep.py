@@ -54,9 +54,10 @@ from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.base_path import pose_on_path, travel_seen, turn_seen
+from mlivr_gym.kinematics.families import held_turns, line_turns, lower_turns, more_turns
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import along, columns, vector
-from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns, more_turns
+from mlivr_gym.kinematics.turns import FlangeMotion
 
 MOST_PIECES = 512
 """Most intervals of the first division."""
@@ -177,10 +178,11 @@ def _whole_motion(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: P
             if scratch.motion.rounded:
                 placed.minus[k] = 2.0 * (limb.corner[k] - limb.start[k])
                 placed.plus[k] = 2.0 * (limb.end[k] - limb.corner[k])
-        line_turns(placed.plus, placed.turns)
+        arm = robot.limbs[limb.limb].arm
+        line_turns(arm, placed.plus, placed.turns)
         if scratch.motion.rounded:
-            more_turns(placed.minus, placed.turns)
-        joint_motion(robot.limbs[limb.limb].arm, placed)
+            more_turns(arm, placed.minus, placed.turns)
+        joint_motion(arm, placed)
 
 
 @part
@@ -228,7 +230,7 @@ def _place_limb(
         if not placed.proved:
             return True
         changes(ends, placed)
-        come_back(placed.minus, placed.plus, placed.turns)
+        lower_turns(arm, placed.minus, placed.plus, placed.turns)
         joint_motion(arm, placed)
     place_by_angles(robot.limbs[limb.limb], placed)
     capsule_motion(robot.limbs[limb.limb], placed)

@@ -39,7 +39,6 @@ from mlivr_gym.kinematics.poses import (
 )
 from mlivr_gym.postures.base_frames import OPPOSED
 from mlivr_gym.postures.records import PostureRule, set_candidates
-from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
 
@@ -52,9 +51,6 @@ MOST_FRAMES = 24
 
 UNKNOWN = -1
 """Number of body axes that were not worked out yet."""
-
-CELLS = 256
-"""Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
 
 
 class ReachQuery(Record):
@@ -105,31 +101,6 @@ def orders_of(limbs: int) -> IntArray:
     return np.array([(0, *one) for one in rest], dtype=np.int64)
 
 
-def farthest_flange(limb: Limb, characteristic_length: float, w_m: float) -> float:
-    """An upper bound of the flange's distance from the limb's mount where `w_m` is met [m].
-
-    `w_m` asks for `|s3 s5 u| >= c = w_m l_c^3 / |a2 a3|`. In the arm's plane the flange lies at
-    most `D + sqrt(d5^2 + d6^2 s5^2)` from the shoulder, with `D` the distance to the forearm end,
-    and `|u| - d6 |s5|` or more from joint 1's axis; across it at most `d4 + d6 |c5|`. The largest
-    of what follows is taken over cells of joints 3 and 5, in each with the best ends.
-    """
-    d1, a2, a3, d4, d5, d6 = np.abs(limb.lengths)
-    q3, q5 = (np.linspace(0.0, top, CELLS + 1) for top in (np.pi, 0.5 * np.pi))
-    forearm = np.sqrt(np.maximum(a2**2 + a3**2 + 2.0 * a2 * a3 * np.cos(q3[:-1]), 0.0))[:, None]
-    middle = (q3[:-1] <= 0.5 * np.pi) & (q3[1:] >= 0.5 * np.pi)
-    s3 = np.where(middle, 1.0, np.maximum(np.sin(q3[:-1]), np.sin(q3[1:])))[:, None]
-    s5, c5 = np.sin(q5[1:]), np.cos(q5[:-1])
-    u = w_m * characteristic_length**3 / (a2 * a3 * s3 * s5)
-    possible = u <= forearm + d5
-    if not possible.any():
-        return 0.0
-    plane = forearm + np.sqrt(d5**2 + (d6 * s5) ** 2)
-    radial = np.maximum(u - d6 * s5, 0.0)
-    height = np.sqrt(np.maximum(plane**2 - radial**2, 0.0))
-    square = plane**2 + d1**2 + 2.0 * d1 * height + (d4 + d6 * c5) ** 2
-    return float(np.sqrt(square[possible].max()))
-
-
 def reach_queries(
     robot: RobotSpec,
     w_m: float,
@@ -155,7 +126,7 @@ def reach_queries(
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], tries)
     out["rule"]["thresholds"]["w_m"] = w_m
-    limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
+    limbs_reach = robot.limb.farthest_flange(robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance
     return out
@@ -403,7 +374,7 @@ def _all_reach(order: int, world: _World, scratch: ReachScratch) -> bool:
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):
         limb, point = robot.limbs[i], scratch.points[world.orders[order, i]]
-        unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
+        unit = limb.arm.links / robot.characteristic_length**3
         seen, _ = flange_seen(limb, scratch.base, world.grasps[point].flange)
         branch_terms(limb.arm, seen, scratch.terms)
         square = -1.0
