@@ -229,7 +229,7 @@ class SphericalWristLimb(LimbBase):
             Capsule("upper_arm", (0.0, 0.0, self.d2), (0.0, self.a2, self.d2), radius),
             Capsule("forearm", here, (self.a3, 0.35 * d4, 0.0), radius),
             Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, -0.35 * d4), radius),
-            Capsule("wrist_2", here, here, radius),
+            Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
             Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, tip), flange),
         )
 
