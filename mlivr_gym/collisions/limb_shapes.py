@@ -172,7 +172,7 @@ class LimbShapes:
             limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
             limb["mount"]["position"][:] = spec.mount_positions[i]
             limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-            set_arm(limb["arm"], spec.limb.lengths, spec.limb.windows)
+            set_arm(limb["arm"], spec.limb.lengths, spec.limb.windows, spec.limb.family_code)
             limb["gripper"] = sum(name != "gripper" for name in self.names)
             limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
             limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
@@ -247,12 +247,15 @@ def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
     row = allowed_pair(first.link, second.link)
     if row is None or not row.checked:
         return row is None
-    limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))
+    offsets = robot.limb.side_offsets
+    if offsets is None:
+        return True
+    links = LINKS.index(first.link), min(LINKS.index(second.link), 6)
     if OFFSET_PAIRS[links] == 2:
         reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
-        gap = limb.d4 - max(first.start[2], first.end[2]) - reach
+        gap = offsets[0] - max(first.start[2], first.end[2]) - reach
     else:
-        gap = min(first.start[1], first.end[1]) + limb.d5
+        gap = min(first.start[1], first.end[1]) + offsets[1]
     return gap < first.radius + second.radius
 
 
@@ -278,15 +281,7 @@ def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
 
     `end` is given in the link frame [m]. Of several possible anchors the closest is taken.
     """
-    limb = robot.limb
-    options = {
-        1: ((0, (0.0, 0.0, 0.0)),),
-        2: ((0, (0.0, 0.0, 0.0)), (1, (limb.a2, 0.0, 0.0))),
-        3: ((1, (0.0, 0.0, 0.0)), (2, (limb.a3, 0.0, 0.0))),
-        4: ((2, (0.0, 0.0, -limb.d4)), (3, (0.0, -limb.d5, 0.0))),
-        5: ((3, (0.0, 0.0, 0.0)),),
-        6: ((3, (0.0, 0.0, -limb.d6)),),
-    }[link]
+    options = robot.limb.anchors[link]
     arms = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
     arm, anchor = min(arms)
     return anchor, arm

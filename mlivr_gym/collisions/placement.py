@@ -19,14 +19,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbCapsule, LimbModel
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.families import link_frames
+from mlivr_gym.kinematics.families import grasp_motion, link_frames, link_motion
 from mlivr_gym.kinematics.limb import wrap
 from mlivr_gym.kinematics.poses import Pose, length, out_of
 from mlivr_gym.kinematics.turns import Turns
@@ -153,22 +151,7 @@ def set_changes(ends: IntervalAngles, placed: Placed) -> None:
 @kernel
 def bound_links(arm: Arm, placed: Placed) -> None:
     """Bound the displacements of anchors and rotations of links by the joint rotations."""
-    turns, travel, turn = placed.turns, placed.anchor_travel, placed.link_turn
-    reach = np.sqrt(arm.d4**2 + arm.d5**2)
-    for row in range(5):
-        for link in range(7):
-            turn[row, link] = 0.0
-    for row in range(2):
-        first = turns.q1 if row == 0 else 0.0
-        turn[row, 1], turn[row, 2] = first, np.hypot(first, turns.q2)
-        turn[row, 3], turn[row, 4] = np.hypot(first, turns.q23), np.hypot(first, turns.q234)
-    turn[2, 3], turn[2, 4], turn[3, 4] = turns.q3, turns.q34, turns.q4
-    for row in range(5):
-        turn[row, 5] = turn[row, 6] = turn[row, 4] + turns.q5
-        travel[row, BASE] = 0.0
-        travel[row, ELBOW] = abs(arm.a2) * turn[row, 2]
-        travel[row, FOREARM_END] = travel[row, ELBOW] + abs(arm.a3) * turn[row, 3]
-        travel[row, WRIST_POINT] = travel[row, FOREARM_END] + reach * turn[row, 4]
+    link_motion(arm, placed.turns, placed.anchor_travel, placed.link_turn)
 
 
 @kernel
@@ -206,12 +189,8 @@ def bound_in_world(limb: LimbModel, travel: float, turn: float, placed: Placed) 
 @kernel
 def bound_from_grasp(limb: LimbModel, placed: Placed) -> None:
     """Lower the bounds of motion in the world to those that follow a limb from its grasp."""
-    arm, turns, motion = limb.arm, placed.turns, placed.in_world.motion
-    wrist_2 = turns.q6
-    wrist_1 = wrist_2 + turns.q5
-    fore, upper = wrist_1 + turns.q4, wrist_1 + turns.q34
-    end = np.hypot(arm.d4, arm.d5) * wrist_1
-    elbow = end + abs(arm.a3) * fore
+    motion = placed.in_world.motion
+    wrist_2, wrist_1, fore, upper, end, elbow = grasp_motion(limb.arm, placed.turns)
     for c in range(limb.capsule_count):
         capsule = limb.capsules[c]
         for e in range(2):

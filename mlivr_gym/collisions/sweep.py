@@ -58,9 +58,10 @@ from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.base_path import pose_on_path, travel_seen, turn_seen
+from mlivr_gym.kinematics.families import held_turns, line_turns, lower_turns, more_turns
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import along, columns, vector
-from mlivr_gym.kinematics.turns import FlangeMotion, come_back, held_turns, line_turns, more_turns
+from mlivr_gym.kinematics.turns import FlangeMotion
 
 MOST_FIRST_INTERVALS = 512
 """Maximum number of intervals in the initial division of a motion."""
@@ -184,10 +185,11 @@ def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Pl
             if scratch.motion.rounded:
                 placed.to_first[k] = 2.0 * (limb.corner[k] - limb.start[k])
                 placed.to_last[k] = 2.0 * (limb.end[k] - limb.corner[k])
-        line_turns(placed.to_last, placed.turns)
+        arm = robot.limbs[limb.limb].arm
+        line_turns(arm, placed.to_last, placed.turns)
         if scratch.motion.rounded:
-            more_turns(placed.to_first, placed.turns)
-        bound_links(robot.limbs[limb.limb].arm, placed)
+            more_turns(arm, placed.to_first, placed.turns)
+        bound_links(arm, placed)
 
 
 @part
@@ -245,7 +247,7 @@ def _place_limb(
         if not placed.is_bounded:
             return True
         set_changes(ends, placed)
-        come_back(placed.to_first, placed.to_last, placed.turns)
+        lower_turns(arm, placed.to_first, placed.to_last, placed.turns)
         bound_links(arm, placed)
     place_by_angles(robot.limbs[limb.limb], placed)
     bound_capsules(robot.limbs[limb.limb], placed)

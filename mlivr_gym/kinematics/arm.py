@@ -1,4 +1,4 @@
-"""An arm as compiled code reads it; what it can do stands in `families`."""
+"""An arm as compiled code reads it; the operations on it stand in `families`."""
 
 from __future__ import annotations
 
@@ -23,16 +23,38 @@ Postures are rounded, and a joint often lies exactly on a half turn.
 """
 
 
-class Arm(Record):
-    """An arm of six joints of the form of the UR arms, see `ur`."""
+UR, SPHERICAL_WRIST = 0, 1
+"""Families of arms: three parallel axes, see `ur`; a spherical wrist, see `spherical_wrist`."""
 
+
+class Arm(Record):
+    """The lengths of an arm and the windows of its joints."""
+
+    family: int
+    """`UR` or `SPHERICAL_WRIST`."""
     d1: float
-    """Length in the standard DH convention [m], as are the next five."""
+    """Length of the form of its family [m], as are the next ones; 0 if the form has none such."""
+    a1: float
+    d2: float
     a2: float
     a3: float
     d4: float
     d5: float
     d6: float
+    """Distance of the flange from the wrist point [m], in either family."""
+    links: float
+    """Product of the lengths of upper arm and forearm [m^2]: `|det J|` divided by the sines of
+    elbow and wrist and by the distance `u` of the wrist from joint 1's axis."""
+    forearm: float
+    """Distance of the wrist point from the elbow axis of a spherical wrist [m]."""
+    c_bend: float
+    """Cosine of the angle between the forearm and that line."""
+    s_bend: float
+    """Its sine."""
+    c_held: float
+    """Cosine of the angle at which the roll of the upper arm is held."""
+    s_held: float
+    """Its sine."""
     window: Annotated[Array, (6, 2)]
     """Least and largest angle of each joint of a limb that holds or is folded, see `in_window`
     [rad]."""
@@ -75,7 +97,7 @@ def in_window(angle: float, low: float) -> float:
     return winding
 
 
-def set_arm(arm: Arm, lengths: Array, windows: Array) -> None:
+def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     """Fill `arm`.
 
     Parameters
@@ -83,11 +105,24 @@ def set_arm(arm: Arm, lengths: Array, windows: Array) -> None:
     arm
         Filled.
     lengths
-        d1, a2, a3, d4, d5, d6 [m].
+        Lengths of the family's form, see its `forward_kinematics` [m].
     windows
         Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
+    family
+        `UR` or `SPHERICAL_WRIST`.
     """
-    arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
+    arm["family"] = family
+    if family == UR:
+        arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
+        arm["links"] = abs(arm["a2"] * arm["a3"])
+    else:
+        for name, length in zip(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), lengths, strict=False):
+            arm[name] = length
+        forearm = np.hypot(arm["a3"], arm["d4"])
+        arm["forearm"], arm["links"] = forearm, arm["a2"] * forearm
+        arm["c_bend"], arm["s_bend"] = arm["d4"] / forearm, arm["a3"] / forearm
+        held = lengths[7]
+        arm["c_held"], arm["s_held"] = (np.cos(held), np.sin(held)) if held else (1.0, 0.0)
     low, high = windows.T
     arm["window"][:, 0] = low
     arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)

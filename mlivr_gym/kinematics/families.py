@@ -1,19 +1,212 @@
-"""What an arm can do, each operation behind one name; every other module asks here.
+"""The operations on an arm, each behind one name; every other module asks here (compiled).
 
-The operations say which branches reach a flange pose and how far they are from singular, which
-joint angles they have, where their joints are and where the links are. There is one closed form,
-that of the UR arms. Arms of seven joints whose first is locked, as those of space stations, are of
-that form with other lengths; `tests/kinematics/test_families.py` shows it.
+They say which branches reach a flange pose and how far they are from singular, which joint angles
+they have, where their joints and links are, and how far these move at most. There are two closed
+forms, that of the UR arms (`ur`), which arms of space stations share once their first joint is
+locked, and that of arms with a spherical wrist (`spherical_wrist`). Each kernel calls one or the
+other by the field `family` of `Arm`.
 
-A second closed form is a module with these functions beside `ur`, a field of `Arm` that names the
-form, and here, in place of each import, a kernel that calls one or the other by that field.
+A third closed form is a module with these functions, a value of `family`, and a case in each
+kernel here.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Joints
+from mlivr_gym.kinematics import spherical_wrist, spherical_wrist_bounds, ur, ur_bounds
+from mlivr_gym.kinematics.arm import UR, Arm
+from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR
 from mlivr_gym.kinematics.ur import SINGULAR_TOO as SINGULAR_TOO
-from mlivr_gym.kinematics.ur import branch_angles as branch_angles
-from mlivr_gym.kinematics.ur import branch_frames as branch_frames
-from mlivr_gym.kinematics.ur import branch_terms as branch_terms
-from mlivr_gym.kinematics.ur import forward_kinematics as forward_kinematics
-from mlivr_gym.kinematics.ur import joint_axes as joint_axes
-from mlivr_gym.kinematics.ur import link_frames as link_frames
+
+if TYPE_CHECKING:
+    from mlivr_gym.kinematics.arm import FlangeAxis
+    from mlivr_gym.values import Triple
+
+
+@kernel
+def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
+    """Fill in the squares that decide reach and singularity of the four classes of branches.
+
+    `out`, shape (4, 4): squared `u` [m^2], squared sine of joint 5, cosine of the elbow angle, and
+    the square of `det J / arm.links` [m^2], which is not above zero out of reach.
+    """
+    if arm.family == UR:
+        ur.branch_terms(arm, flange, out)
+    else:
+        spherical_wrist.branch_terms(arm, flange, out)
+
+
+@kernel
+def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
+    """Find the joint axes of one branch, `out` being `JointAxes`; whether it is not singular."""
+    if arm.family == UR:
+        return ur.joint_axes(arm, flange, branch, out)
+    return spherical_wrist.joint_axes(arm, flange, branch, out)
+
+
+@kernel
+def branch_angles(
+    arm: Arm, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array
+) -> bool:
+    """Compute the joint angles of one branch.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    x
+        Its first axis in the limb base frame.
+    branch
+        Branch label.
+    slack
+        0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
+    q
+        Filled with joint angles [rad], shape (6,), on no particular winding.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach.
+    """
+    if arm.family == UR:
+        return ur.branch_angles(arm, flange, x, branch, slack, q)
+    return spherical_wrist.branch_angles(arm, flange, x, branch, slack, q)
+
+
+@kernel
+def link_frames(arm: Arm, q: Array, frames: Array) -> None:
+    """Compute the frames of the links in the limb base frame by joint angles [rad], shape (6,).
+
+    `frames`, shape (7, 4, 3): of links 0 (fixed) to 6 the origin [m] and axes x, y, z, z along the
+    joint; x and y of link 6 are any pair across the flange axis.
+    """
+    if arm.family == UR:
+        ur.link_frames(arm, q, frames)
+    else:
+        spherical_wrist.link_frames(arm, q, frames)
+
+
+@kernel
+def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
+    """Compute the frames of the links of one branch; whether it is not singular.
+
+    `axes` is `JointAxes`, for scratch; `frames` are filled like by `link_frames`.
+    """
+    if arm.family == UR:
+        return ur.branch_frames(arm, flange, branch, axes, frames)
+    return spherical_wrist.branch_frames(arm, flange, branch, frames)
+
+
+@kernel
+def stays_above(
+    arm: Arm, terms: Array, choice: int, change: tuple[float, float], square_floor: float
+) -> bool:
+    """Return whether bounds keep a class of branches above a floor on an interval.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    terms
+        Filled by `branch_terms`, in the middle.
+    choice
+        The class.
+    change
+        How far the wrist moves [m] and the flange axis turns [rad] at most.
+    square_floor
+        Least square of `det J / arm.links` [m^2].
+    """
+    if arm.family == UR:
+        return ur_bounds.stays_above(arm, terms, choice, change, square_floor)
+    return spherical_wrist_bounds.stays_above(arm, terms, choice, change, square_floor)
+
+
+@kernel
+def line_turns(arm: Arm, change: Joints, turns: Turns) -> None:
+    """Compute the turns on a line in joint space by the change of joint angles to its end [rad]."""
+    if arm.family == UR:
+        ur_bounds.line_turns(change, turns)
+    else:
+        spherical_wrist_bounds.line_turns(arm, change, turns)
+
+
+@kernel
+def more_turns(arm: Arm, change: Joints, turns: Turns) -> None:
+    """Raise turns to those on a line in joint space where these are larger, see `line_turns`."""
+    if arm.family == UR:
+        ur_bounds.more_turns(change, turns)
+    else:
+        spherical_wrist_bounds.more_turns(arm, change, turns)
+
+
+@kernel
+def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
+    """Bound how far the joints of a limb turn whose flange moves in its base frame.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    q
+        Joint angles in the middle of an interval [rad].
+    flange
+        How the flange moves on its path from there to either end.
+    turns
+        Filled.
+
+    Returns
+    -------
+    bool
+        Whether the bounds hold: the limb stays on its branch, and no joint turns by half a turn.
+    """
+    if arm.family == UR:
+        return ur_bounds.held_turns(arm, q, flange, turns)
+    return spherical_wrist_bounds.held_turns(arm, q, flange, turns)
+
+
+@kernel
+def lower_turns(arm: Arm, minus: Joints, plus: Joints, turns: Turns) -> None:
+    """Lower the turns on the path by the changes from the middle to both ends [rad]."""
+    if arm.family == UR:
+        ur_bounds.lower_turns(minus, plus, turns)
+    else:
+        spherical_wrist_bounds.lower_turns(arm, minus, plus, turns)
+
+
+@kernel
+def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
+    """Bound how far links turn and anchors move, seen from the links 0 to 4.
+
+    `shift`, shape (5, 4), is filled with the travel of limb base, elbow, forearm end and wrist
+    point [m], `spin`, shape (5, 7), with the turn of each link [rad].
+    """
+    if arm.family == UR:
+        ur_bounds.link_motion(arm, turns, shift, spin)
+    else:
+        spherical_wrist_bounds.link_motion(arm, turns, shift, spin)
+
+
+@kernel
+def grasp_motion(arm: Arm, turns: Turns) -> GraspMotion:
+    """Bound how far the links of a limb that holds move in the world, followed from its grasp."""
+    if arm.family == UR:
+        return ur_bounds.grasp_motion(arm, turns)
+    return spherical_wrist_bounds.grasp_motion(arm, turns)
+
+
+def forward_kinematics(q: Array, lengths: Array, family: int = UR) -> Array:
+    """Return the frames of the links in the limb base frame, homogeneous, shape (7, 4, 4).
+
+    Joint angles [rad] have shape (6,), lengths are those of the form of the family. Frame 6 is the
+    flange; the others lie at the far ends of the links of a UR arm, at the joints of others.
+    """
+    if family == UR:
+        return ur.forward_kinematics(q, lengths)
+    return spherical_wrist.forward_kinematics(q, lengths)

@@ -23,6 +23,7 @@ from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, committed_motion
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
 from mlivr_gym.postures.postures import FIELDS, Postures
+from mlivr_gym.robot.limb import LinkOffset
 from mlivr_gym.stances.build import COMPILED
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
@@ -154,7 +155,7 @@ def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> N
     given, robot = _rotations(motion)[k], graph.robot
     places, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
-        place, turn = _flange(robot.limb.lengths, motion.joint_positions[k, i])
+        place, turn = _flange(robot.limb.link_offsets, motion.joint_positions[k, i])
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
             (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),
@@ -172,25 +173,14 @@ def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> N
         )
 
 
-def _flange(lengths: Array, joints: Array) -> tuple[Array, Array]:
-    """Return flange position [m] and rotation in the mount frame, by the standard DH convention."""
-    d1, a2, a3, d4, d5, d6 = lengths
+def _flange(offsets: tuple[LinkOffset, ...], joints: Array) -> tuple[Array, Array]:
+    """Return the position [m] and rotation of the flange in the limb base frame, link by link."""
     place, turn = np.zeros(3), np.eye(3)
-    rows = zip(
-        joints,
-        (d1, 0.0, 0.0, d4, d5, d6),
-        (0.0, a2, a3, 0.0, 0.0, 0.0),
-        (1.0, 0.0, 0.0, 1.0, -1.0, 0.0),
-        strict=True,
-    )
-    for q, d, a, quarter in rows:
-        place = place + turn @ np.array([a * np.cos(q), a * np.sin(q), d])
-        turn = (
-            turn
-            @ scipy.spatial.transform.Rotation.from_euler(
-                "ZX", [q, quarter * np.pi / 2]
-            ).as_matrix()
-        )
+    for q, (offset, quat) in zip(joints, offsets, strict=True):
+        place = place + turn @ np.array(offset)
+        fixed = scipy.spatial.transform.Rotation.from_quat(quat, scalar_first=True)
+        about = scipy.spatial.transform.Rotation.from_euler("Z", q)
+        turn = turn @ (fixed * about).as_matrix()
     return place, turn
 
 

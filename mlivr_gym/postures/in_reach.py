@@ -38,7 +38,6 @@ from mlivr_gym.kinematics.poses import (
     vector,
 )
 from mlivr_gym.postures.base_frames import OPPOSED
-from mlivr_gym.postures.flange_bound import farthest_flange
 from mlivr_gym.postures.records import PostureRule, set_candidates
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
@@ -130,7 +129,7 @@ def reach_queries(
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], heights_and_rolls)
     out["rule"]["thresholds"]["w_m"] = w_m
-    limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
+    limbs_reach = robot.limb.farthest_flange(robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance
     return out
@@ -387,7 +386,7 @@ def _all_limbs_reach(order: int, world: _ReachWorld, scratch: ReachScratch) -> b
     robot, least = world.robot, world.query.rule.thresholds.w_m * (1.0 - SLACK)
     for i in range(robot.limb_count):
         limb, point = robot.limbs[i], scratch.points[world.orders[order, i]]
-        unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
+        unit = limb.arm.links / robot.characteristic_length**3
         seen, _ = flange_seen(limb, scratch.base, world.grasps[point].flange)
         branch_terms(limb.arm, seen, scratch.terms)
         square = -1.0

@@ -54,7 +54,7 @@ def evaluate_reach(
     terms = scratch.holding.proof.terms
     for i in range(robot.limb_count):
         limb, limb_reach = robot.limbs[i], candidate.limbs[i]
-        unit = abs(limb.arm.a2 * limb.arm.a3) / robot.characteristic_length**3
+        unit = limb.arm.links / robot.characteristic_length**3
         seen, _ = flange_seen(limb, candidate.base, held.grasps[i].flange)
         branch_terms(limb.arm, seen, terms)
         best = 0.0

@@ -1,4 +1,8 @@
-"""The kinematics of a limb: lengths, joint limits, and the windows of its joints."""
+"""The kinematics of a limb: lengths, joint limits, and the windows of its joints.
+
+`Limb` is an arm of the UR family. `LimbBase` is what limbs of all families have; another family is
+a class of its own, as `spherical_wrist_limb.SphericalWristLimb`.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.arm import UR
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
@@ -33,8 +38,66 @@ turns by half a turn and more.
 """
 
 
+FOLDS = (
+    (-0.6, np.pi, 2.4, 0.0, -0.75),
+    (0.3, np.pi, 0.0, -1.6, 0.75),
+    (2.19, -0.15, 1.83, 0.7, -0.38),
+)
+"""Joints 1 to 5 [rad] of a UR limb folded beside the body, on the side away from the surface.
+
+Chosen from postures that keep clear of the body: each in turn adds most steps of the JEM over which
+a limb can fold, stay folded and unfold.
+"""
+
+CELLS = 256
+"""Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
+
+LinkOffset = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+"""Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
+
+AnchorPlace = tuple[int, tuple[float, float, float]]
+"""An anchor, 0 limb base, 1 elbow, 2 forearm end, 3 wrist point, and where it lies on a link [m].
+"""
+
+HALF = float(np.sqrt(0.5))
+STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HALF, 0.0, 0.0)
+"""Quaternions of no turn, and of a quarter turn about x in either sense."""
+
+
+class LimbBase:
+    """Joint limits and windows of a limb of six moving joints, of any family."""
+
+    window_starts: tuple[float, ...]
+
+    @property
+    def limits(self) -> Array:
+        """Limits of the joints that move [rad], shape (6, 2)."""
+        raise NotImplementedError
+
+    @property
+    def windows(self) -> Array:
+        """Least and largest angle of each joint of a limb that holds [rad], shape (6, 2).
+
+        A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
+        and no more than they allow. Within it a posture has one winding: a limb never needs to turn
+        back, so every walk of steps that are legal one by one can be carried out. A step on which a
+        joint of a limb that holds would leave its window is no edge for the branch concerned.
+        """
+        low, high = self.limits.T
+        start = np.clip(self.window_starts, low, np.maximum(low, high - 2.0 * np.pi))
+        return np.stack([start, np.minimum(start + 2.0 * np.pi, high)], axis=1)
+
+    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
+        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
+        low, high = self.windows[:5].T
+        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
+        angles = low + np.mod(angles - low, 2.0 * np.pi)
+        inside: Array = angles[(angles <= high).all(axis=1)]
+        return inside
+
+
 @dataclass(frozen=True)
-class Limb:
+class Limb(LimbBase):
     """A six-joint arm of the UR family, standard DH convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`.
 
     The default lengths [m] are the UR5e's, published by the manufacturer.
@@ -74,30 +137,82 @@ class Limb:
         return np.array(self.joint_limits)
 
     @property
-    def windows(self) -> Array:
-        """Least and largest angle of each joint of a limb that holds [rad], shape (6, 2).
-
-        A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
-        and no more than they allow. Within it a posture has one winding: a limb never needs to turn
-        back, so every walk of steps that are legal one by one can be carried out. A step on which a
-        joint of a limb that holds would leave its window is no edge for the branch concerned.
-        """
-        low, high = self.limits.T
-        start = np.clip(self.window_starts, low, np.maximum(low, high - 2.0 * np.pi))
-        return np.stack([start, np.minimum(start + 2.0 * np.pi, high)], axis=1)
-
-    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
-        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
-        low, high = self.windows[:5].T
-        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
-        angles = low + np.mod(angles - low, 2.0 * np.pi)
-        inside: Array = angles[(angles <= high).all(axis=1)]
-        return inside
-
-    @property
     def reach(self) -> float:
         """An upper bound of the flange's distance from the mount [m]."""
         return float(np.abs(self.lengths).sum())
+
+    @property
+    def family_code(self) -> int:
+        """Number of the family, see `kinematics.arm`."""
+        return UR
+
+    @property
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
+        return FOLDS
+
+    @property
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the six links, each in that of the link before it, at joint angles of 0.
+
+        Joints turn about the z axes; the last frame is the flange's.
+        """
+        return (
+            ((0.0, 0.0, self.d1), STRAIGHT), ((0.0, 0.0, 0.0), FORTH),
+            ((self.a2, 0.0, 0.0), STRAIGHT), ((self.a3, 0.0, self.d4), STRAIGHT),
+            ((0.0, -self.d5, 0.0), FORTH), ((0.0, self.d6, 0.0), BACK),
+        )  # fmt: skip
+
+    @property
+    def link_distances(self) -> tuple[float, ...]:
+        """Upper bounds of the distance of each link's origin from the limb's base [m], from it on."""
+        d1, a2, a3, d4, d5, d6 = np.abs(self.lengths).tolist()
+        return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
+
+    @property
+    def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
+        """Anchors from which the motion of points of each link, 1 to 6, can be bounded."""
+        here = (0.0, 0.0, 0.0)
+        return {
+            1: ((0, here),),
+            2: ((0, here), (1, (self.a2, 0.0, 0.0))),
+            3: ((1, here), (2, (self.a3, 0.0, 0.0))),
+            4: ((2, (0.0, 0.0, -self.d4)), (3, (0.0, -self.d5, 0.0))),
+            5: ((3, here),),
+            6: ((3, (0.0, 0.0, -self.d6)),),
+        }
+
+    @property
+    def side_offsets(self) -> tuple[float, float] | None:
+        """Distances of the wrist point from the forearm's plane and of the flange axis from wrist 1
+        [m], by which these links keep clear of each other; None if nothing keeps them clear.
+        """
+        return self.d4, self.d5
+
+    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
+        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
+
+        `w_m` asks for `|s3 s5 u| >= c = w_m l_c^3 / |a2 a3|`. In the arm's plane the flange lies at
+        most `D + sqrt(d5^2 + d6^2 s5^2)` from the shoulder, with `D` the distance to the forearm
+        end, and `|u| - d6 |s5|` or more from joint 1's axis; across it at most `d4 + d6 |c5|`. The
+        largest of the resulting bounds is taken over cells of joints 3 and 5, in each with the best
+        ends.
+        """
+        d1, a2, a3, d4, d5, d6 = np.abs(self.lengths)
+        q3, q5 = (np.linspace(0.0, top, CELLS + 1) for top in (np.pi, 0.5 * np.pi))
+        forearm = np.sqrt(np.maximum(a2**2 + a3**2 + 2.0 * a2 * a3 * np.cos(q3[:-1]), 0.0))[:, None]
+        middle = (q3[:-1] <= 0.5 * np.pi) & (q3[1:] >= 0.5 * np.pi)
+        s3 = np.where(middle, 1.0, np.maximum(np.sin(q3[:-1]), np.sin(q3[1:])))[:, None]
+        s5, c5 = np.sin(q5[1:]), np.cos(q5[:-1])
+        u = w_m * characteristic_length**3 / (a2 * a3 * s3 * s5)
+        possible = u <= forearm + d5
+        if not possible.any():
+            return 0.0
+        plane = forearm + np.sqrt(d5**2 + (d6 * s5) ** 2)
+        radial = np.maximum(u - d6 * s5, 0.0)
+        height = np.sqrt(np.maximum(plane**2 - radial**2, 0.0))
+        square = plane**2 + d1**2 + 2.0 * d1 * height + (d4 + d6 * c5) ** 2
+        return float(np.sqrt(square[possible].max()))
 
 
 LENGTH = Tuples((), most=LONGEST_ROBOT, unit="m")

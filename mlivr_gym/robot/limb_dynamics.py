@@ -17,7 +17,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
-from mlivr_gym.robot.limb import Limb
+from mlivr_gym.robot.limb import Limb, LimbBase
 from mlivr_gym.schema import Choice, FieldPath, Kind, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
@@ -116,9 +116,9 @@ def arm_limb(name: str) -> Limb:
     return Limb(d1, a2, a3, d4, d5, d6, joint_limits=limits)
 
 
-def arm_of(limb: Limb) -> str | None:
-    """The arm that ships with the lengths of a limb, or None."""
-    for name in ARMS:
+def arm_of(limb: LimbBase) -> str | None:
+    """Return the name of the arm that ships with the lengths of a limb, or None."""
+    for name in ARMS if isinstance(limb, Limb) else ():
         apart: Array = limb.lengths - arm_limb(name).lengths
         if np.abs(apart).max() < SAME_LENGTH:
             return name

@@ -1,4 +1,4 @@
-"""The robot: a body with N equal limbs of the UR family.
+"""The robot: a body with N equal limbs.
 
 Figures of the default robots: the manufacturer's UR5e kinematics and the body
 of the published two-limb model, see `envs_assets/ur5e.json`.
@@ -22,7 +22,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load
 from mlivr_gym.robot.capsules import CAPSULE, LINKS, Capsule
-from mlivr_gym.robot.limb import FARTHEST_TURN, LIMB, Limb
+from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     ARMS,
     LIMB_DYNAMICS,
@@ -34,6 +34,7 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_limb,
     arm_of,
 )
+from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, SphericalWristLimb
 from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
 
@@ -62,19 +63,11 @@ MOST_LIMBS = 8
 MOST_FOLDS = 4
 """Most rows of `RobotSpec.folds`."""
 
+FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
+"""Stands for the folds of the limb's family, `Limb.default_folds`."""
+
 MOST_POSES = 64
 """Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
-
-FOLDS = (
-    (-0.6, np.pi, 2.4, 0.0, -0.75),
-    (0.3, np.pi, 0.0, -1.6, 0.75),
-    (2.19, -0.15, 1.83, 0.7, -0.38),
-)
-"""Joints 1 to 5 [rad] of a UR limb folded beside the body, on the side away from the surface.
-
-Chosen from postures that keep clear of the body: each in turn adds most steps of the JEM over which
-a limb can fold, stay folded and unfold.
-"""
 
 
 def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
@@ -127,10 +120,11 @@ class RobotSpec:
     folds
         Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
         moves, at most four, the preferred first; those that do not lie in the windows of the
-        joints are left out.
+        joints are left out. By default those of the limb's family.
     capsules
         Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
-        lengths, and a gripper from the flange to the grasp.
+        lengths, or those of another family along its links, and a gripper from the flange to the
+        grasp.
     body_size
         Edge of the body, a cube [m].
     body_mass
@@ -144,7 +138,7 @@ class RobotSpec:
 
     name: str = "robot"
     limbs: int = 2
-    limb: Limb = field(default_factory=Limb)
+    limb: Limb | SphericalWristLimb = field(default_factory=Limb)
     mount_radius: float = 0.1
     tool_length: float = 0.05
     characteristic_length: float = 0.87
@@ -153,7 +147,7 @@ class RobotSpec:
     heights: tuple[float, ...] = (0.60, 0.65, 0.70, 0.75)
     rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
     lift: float = 0.1
-    folds: tuple[tuple[float, ...], ...] = FOLDS
+    folds: tuple[tuple[float, ...], ...] = FOLDS_OF_LIMB
     capsules: tuple[Capsule, ...] | None = None
     body_size: float = 0.2
     body_mass: float = 20.0
@@ -162,6 +156,8 @@ class RobotSpec:
 
     def __post_init__(self) -> None:
         """Check every figure."""
+        if self.folds is FOLDS_OF_LIMB:
+            object.__setattr__(self, "folds", self.limb.default_folds)
         ROBOT.check(self, FieldPath("", RobotError))
         object.__setattr__(self, "heights", tuple(sorted(self.heights)))
         object.__setattr__(self, "rolls", geometric_order(self.rolls))
@@ -197,9 +193,8 @@ class RobotSpec:
     @property
     def extent(self) -> float:
         """An upper bound of the distance of any part of the robot from the body's middle [m]."""
-        d1, a2, a3, d4, d5, d6 = np.abs(self.limb.lengths).tolist()
-        # Distance of each link's origin from the limb's base at most, in the order of `LINKS`.
-        origins = np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6, 0.0]).tolist()
+        # In the order of `LINKS`, of which the gripper is on the flange.
+        origins = (*self.limb.link_distances, self.limb.link_distances[-1])
         farthest = self.limb.reach + self.tool_length
         for capsule in self.shapes:
             end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
@@ -215,6 +210,11 @@ class RobotSpec:
         if self.capsules is not None:
             return self.capsules
         data, limb = arm_data("ur5e"), self.limb
+        radius = data["gripper"]["radius"]
+        tip = self.tool_length - radius
+        gripper = Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius)
+        if not isinstance(limb, Limb):
+            return (*limb.link_capsules, gripper)
         published = data["dh"]
         stretch = {
             "upper_arm": (limb.a2 / published["a2"], 1.0, limb.d4 / published["d4"]),
@@ -227,10 +227,7 @@ class RobotSpec:
             factor = np.array(stretch.get(entry["link"], (1.0, 1.0, 1.0)))
             start, end = (tuple((np.array(entry[name]) * factor).tolist()) for name in ("p0", "p1"))
             out.append(Capsule(entry["link"], start, end, entry["r"]))
-        radius = data["gripper"]["radius"]
-        tip = self.tool_length - radius
-        out.append(Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius))
-        return tuple(out)
+        return (*out, gripper)
 
     @property
     def limb_dynamics(self) -> LimbDynamics:
@@ -309,7 +306,7 @@ ROBOT = Struct(
     {
         "name": NAME,
         "limbs": Whole(2, MOST_LIMBS),
-        "limb": Named(LIMB, arm_limb),
+        "limb": Named(LIMB_OF_FAMILY, arm_limb),
         "mount_radius": SIZE,
         "tool_length": SIZE,
         "characteristic_length": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),

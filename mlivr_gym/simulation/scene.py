@@ -197,26 +197,22 @@ def _add_base(spec: mujoco.MjSpec, robot: RobotSpec) -> mujoco.MjsBody:
 
 def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> dict[str, mujoco.MjsBody]:
     """Add the links of a limb with joints and inertias; return them by name."""
-    limb, quarter = robot.limb, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+    limb = robot.limb
     known = robot.dynamics is not None or arm_of(limb) is not None
     dynamics = robot.limb_dynamics if known else arm_dynamics("ur5e")
-    origins = (
-        ([0, 0, limb.d1], None), ([0, 0, 0], quarter), ([limb.a2, 0, 0], None),
-        ([limb.a3, 0, limb.d4], None), ([0, -limb.d5, 0], quarter),
-        ([0, limb.d6, 0], [quarter[0], -quarter[1], 0, 0]),
-    )  # fmt: skip
     mount = _quaternion(robot.mount_rotations[i])
     parent = base.add_body(name=f"limb{i}", pos=robot.mount_positions[i], quat=mount)
     radius, length = dynamics.base_size
     _cylinder(parent, dynamics.base_mass, radius, length, 0.5 * length)
     links = {"base": parent}
-    for k, ((offset, quaternion), link) in enumerate(zip(origins, LINKS[1:-1], strict=True)):
-        extra = {} if quaternion is None else {"quat": quaternion}
-        parent = parent.add_body(name=f"limb{i}/{link}", pos=offset, **extra)
+    for k, ((offset, quaternion), link) in enumerate(
+        zip(limb.link_offsets, LINKS[1:-1], strict=True)
+    ):
+        parent = parent.add_body(name=f"limb{i}/{link}", pos=offset, quat=quaternion)
         links[link] = parent
         parent.add_joint(
             name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
-            range=list(limb.joint_limits[k]), armature=dynamics.rotor_inertias[k],
+            range=limb.limits[k], armature=dynamics.rotor_inertias[k],
         )  # fmt: skip
         parent.explicitinertial = True
         parent.mass, parent.ipos = dynamics.masses[k], dynamics.centres[k]

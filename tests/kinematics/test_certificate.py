@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT, base_poses
-from mlivr_gym.kinematics.certificate import Proof, _stays, certify
+from mlivr_gym.kinematics.certificate import Proof, certify
+from mlivr_gym.kinematics.families import stays_above
 from mlivr_gym.kinematics.ur import branch_terms, forward_kinematics, jacobian
 
 HERE = mounted()
@@ -93,12 +94,12 @@ def proved(arm, limb, q, change):
     terms, here = np.zeros((4, 4)), square_of(limb, q)
     called(branch_terms)(arm, flange_axis(forward_kinematics(q, limb.lengths)[6]), terms)
     choice = int(np.abs(terms[:, 3] - here).argmin())
-    if not called(_stays)(arm, terms, choice, change, 0.0):
+    if not called(stays_above)(arm, terms, choice, change, 0.0):
         return None
     low, high = 0.0, here
     for _ in range(40):
         middle = 0.5 * (low + high)
-        if called(_stays)(arm, terms, choice, change, middle):
+        if called(stays_above)(arm, terms, choice, change, middle):
             low = middle
         else:
             high = middle

@@ -9,15 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
+from mlivr_gym.kinematics.families import held_turns, line_turns, lower_turns, more_turns
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.turns import (
-    FlangeMotion,
-    Turns,
-    come_back,
-    held_turns,
-    line_turns,
-    more_turns,
-)
+from mlivr_gym.kinematics.turns import FlangeMotion, Turns
 from mlivr_gym.kinematics.ur import forward_kinematics
 
 ARM = arm_of(LIMB)
@@ -47,7 +41,7 @@ def bounded(q, flange):
     if not called(held_turns)(ARM, middle, flange, turns):
         return None
     way = {name: float(turns[name]) for name in SUMS}
-    called(come_back)(q[0] - middle, q[-1] - middle, turns)
+    called(lower_turns)(ARM, q[0] - middle, q[-1] - middle, turns)
     return way, {name: float(turns[name]) for name in SUMS}
 
 
@@ -177,7 +171,7 @@ def test_joints_of_a_limb_that_departs_turn_no_farther(seed, lift, branch):
 @settings(deadline=None)
 def test_on_a_line_joints_turn_as_far_as_its_end(change):
     turns = Turns.row()
-    called(line_turns)(change, turns)
+    called(line_turns)(ARM, change, turns)
     for name, joints in SUMS.items():
         assert turns[name] == pytest.approx(abs(change[joints].sum()), abs=1e-12)
 
@@ -186,7 +180,7 @@ def test_on_a_line_joints_turn_as_far_as_its_end(change):
 @settings(max_examples=50, deadline=None)
 def test_of_two_lines_joints_turn_as_far_as_on_the_longer_one(seed):
     both, turns = np.random.default_rng(seed).normal(size=(2, 6)), Turns.row()
-    called(line_turns)(both[0], turns)
-    called(more_turns)(both[1], turns)
+    called(line_turns)(ARM, both[0], turns)
+    called(more_turns)(ARM, both[1], turns)
     for name, joints in SUMS.items():
         assert turns[name] == pytest.approx(np.abs(both[:, joints].sum(axis=1)).max(), abs=1e-15)

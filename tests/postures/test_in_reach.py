@@ -11,7 +11,6 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.postures.flange_bound import farthest_flange
 from mlivr_gym.postures.in_reach import orders_of
 from mlivr_gym.robot.limb import Limb
 
@@ -134,11 +133,11 @@ def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
             assert closed_w_m(angles, one) == pytest.approx(definition, abs=1e-9)
         w_m = closed_w_m(q, robot.__class__(name="one", limbs=3, limb=limb))
         for least in (0.0, 0.05, 0.1):
-            bound, some = farthest_flange(limb, scale, least), q[w_m >= least]
+            bound, some = limb.farthest_flange(scale, least), q[w_m >= least]
             some = some[rng.choice(len(some), min(len(some), 3000), replace=False)]
             away = [np.linalg.norm(forward_kinematics(a, lengths)[6, :3, 3]) for a in some]
             assert 0.85 * bound < max(away) <= bound
-    assert farthest_flange(robot.limb, robot.characteristic_length, 10.0) == 0.0
+    assert robot.limb.farthest_flange(robot.characteristic_length, 10.0) == 0.0
 
 
 def test_orders_differ_by_neighbours_around_the_body():

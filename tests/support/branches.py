@@ -21,7 +21,7 @@ def flange_axis(pose):
 def arm_of(limb):
     """The arm of a limb as compiled code reads it."""
     out = Arm.row()
-    set_arm(out, limb.lengths, limb.windows)
+    set_arm(out, limb.lengths, limb.windows, limb.family_code)
     return out
 
 

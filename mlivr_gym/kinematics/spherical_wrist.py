@@ -1,0 +1,406 @@
+"""Closed-form kinematics of arms with a spherical wrist (compiled).
+
+Axes 4, 5 and 6 meet in the wrist point W, axis 2 is at right angles to axis 1. Two kinds of arms
+have this form: six-joint arms whose axis 3 is parallel to axis 2 (most industrial robots), and
+seven-joint arms with a spherical shoulder whose third joint, the roll of the upper arm, is held at
+an angle `t` (KUKA iiwa and others); for them the elbow axis leans by `t` to axis 2.
+
+Frames: z of each link is its joint axis, y of the links 2, 3 and 5 points along the arm. At zero
+angles the arm stands upright along z of the limb base. The link frames follow from each other by
+
+    Rz(q1), z by d1 | x by a1, Rx(90), Rz(q2) | (0, a2, d2), Ry(t), Rz(q3) | (a3, d4, 0), Rx(-90),
+    Rz(q4) | Rx(90), Rz(q5) | y by d6, Rx(-90), Rz(q6)
+
+With `L^2 = a3^2 + d4^2`, the elbow angle `f = q3 - atan2(a3, d4)` and W seen from the height of
+the shoulder at `(x, y, h)`, the distance of W from the shoulder gives `cos f`, as in a triangle.
+Along axis 2 the point W lies off axis 1 by `k = d2 + sin(t) L sin f`; in the plane across axis 2
+it lies off axis 1 by `u`, with `u^2 + k^2 = x^2 + y^2`. The offsets `a1` and `d2` must be zero if
+`t` is not: then the shoulder is one point, and the elbow follows before `u`. Otherwise `k = d2`,
+and `u` comes first. The eight solutions are labelled by
+
+    branch = 4 * shoulder + 2 * elbow + wrist
+
+where `shoulder` is 1 if `u < 0`, `elbow` is 1 if `sin f < 0`, `wrist` is 1 if `s5 < 0`. Labels
+change only where `|det J| = a2 L |sin f  s5  u|` is zero (Pieper 1968; Siciliano et al. 2009,
+section 3.3): the positions of W and the directions of the flange separate. A half turn of the tool
+about its axis is a half turn of joint 6 and changes nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.bit_sets import CLASSES
+from mlivr_gym.compiled.kernels import kernel
+
+if TYPE_CHECKING:
+    from mlivr_gym.kinematics.arm import Arm, FlangeAxis
+    from mlivr_gym.values import Triple
+
+SINGULAR = 1e-9
+"""Squared sines and lengths [m^2] within this of zero count as zero."""
+
+ON_AXIS = 1e-12
+"""Length within which a point counts as lying on an axis [m]; its angle about it is then 0."""
+
+
+class Elbow(NamedTuple):
+    """Shoulder and elbow of one branch, as far as distances determine them."""
+
+    u2: float
+    """Squared distance `u^2` [m^2]; below zero out of reach."""
+    u: float
+    """Distance of W from joint 1's axis in the plane across axis 2, signed [m]."""
+    offset: float
+    """Distance of W from joint 1's axis along axis 2, signed [m]."""
+    cosine: float
+    """Cosine of the elbow angle; beyond -1 or 1 out of reach."""
+    sine: float
+    """Its sine; 0 out of reach."""
+
+
+class Bend(NamedTuple):
+    """Cosines and sines of joints 1 to 5."""
+
+    c1: float
+    s1: float
+    c2: float
+    s2: float
+    c3: float
+    s3: float
+    c4: float
+    s4: float
+    c5: float
+    s5: float
+
+
+@kernel
+def wrist_seen(arm: Arm, flange: FlangeAxis) -> Triple:
+    """Return the wrist point seen from the height of the shoulder on joint 1's axis [m]."""
+    p, z = flange.p, flange.z
+    return p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1], p[2] - arm.d6 * z[2] - arm.d1
+
+
+@kernel
+def elbow_at(arm: Arm, wrist: Triple, choice: int) -> Elbow:
+    """Return shoulder and elbow of a class of branches at a wrist point."""
+    x, y, h = wrist
+    square, k2 = x * x + y * y, arm.a2 * arm.a2 + arm.forearm * arm.forearm
+    offset, u2, u = arm.d2, 0.0, 0.0
+    if arm.s_held == 0.0:
+        u2 = square - offset * offset
+        u = np.sqrt(max(u2, 0.0))
+        if choice & 2:
+            u = -u
+        square = (u - arm.a1) * (u - arm.a1)
+    cosine = (square + h * h - k2) / (2.0 * arm.links)
+    sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
+    if choice & 1:
+        sine = -sine
+    if arm.s_held != 0.0:
+        offset = arm.s_held * arm.forearm * sine
+        u2 = square - offset * offset
+        u = np.sqrt(max(u2, 0.0))
+        if choice & 2:
+            u = -u
+    return Elbow(u2, u, offset, cosine, sine)
+
+
+@kernel
+def _unit(x: float, y: float) -> tuple[float, float]:
+    """Return a pair of products of lengths divided by its size, (1, 0) of one that has none."""
+    size = np.sqrt(x * x + y * y)
+    if size < ON_AXIS * ON_AXIS:
+        return 1.0, 0.0
+    return x / size, y / size
+
+
+@kernel
+def _arm_at(arm: Arm, wrist: Triple, elbow: Elbow) -> Bend:
+    """Return cosines and sines of joints 1 to 3; joints 4 and 5 are 0."""
+    x, y, h = wrist
+    c1, s1 = _unit(elbow.u * x - elbow.offset * y, elbow.u * y + elbow.offset * x)
+    # W in the plane across axis 2, seen from there: before joint 2 turns, and after.
+    before_x = -arm.c_held * arm.forearm * elbow.sine
+    before_y = arm.a2 + arm.forearm * elbow.cosine
+    after_x = elbow.u - arm.a1
+    c2, s2 = _unit(after_x * before_x + h * before_y, h * before_x - after_x * before_y)
+    cosine, sine = _unit(elbow.cosine, elbow.sine)
+    c3 = cosine * arm.c_bend - sine * arm.s_bend
+    s3 = sine * arm.c_bend + cosine * arm.s_bend
+    return Bend(c1, s1, c2, s2, c3, s3, 1.0, 0.0, 1.0, 0.0)
+
+
+@kernel
+def seen_from_forearm(arm: Arm, bend: Bend, v: Triple) -> Triple:
+    """Return a direction in the axes of link 3, given in those of the limb base."""
+    radial, across = bend.c1 * v[0] + bend.s1 * v[1], bend.s1 * v[0] - bend.c1 * v[1]
+    x, y = bend.c2 * radial + bend.s2 * v[2], bend.c2 * v[2] - bend.s2 * radial
+    rolled, z = arm.c_held * x - arm.s_held * across, arm.s_held * x + arm.c_held * across
+    return bend.c3 * rolled + bend.s3 * y, bend.c3 * y - bend.s3 * rolled, z
+
+
+@kernel
+def _bend_at(arm: Arm, flange: FlangeAxis, branch: int) -> tuple[Elbow, Bend]:
+    """Return a branch at a flange position and axis; joint 4 is 0 where the wrist is singular."""
+    wrist = wrist_seen(arm, flange)
+    elbow = elbow_at(arm, wrist, branch >> 1)
+    bend = _arm_at(arm, wrist, elbow)
+    x, c5, z = seen_from_forearm(arm, bend, flange.z)
+    s5, c4, s4 = np.sqrt(x * x + z * z), 1.0, 0.0
+    if s5 >= ON_AXIS:
+        c4, s4 = -x / s5, z / s5
+    else:
+        s5 = 0.0
+    if branch & 1:
+        c4, s4, s5 = -c4, -s4, -s5
+    # Of a singular wrist both signs are one solution, of which joint 4 is taken as 0.
+    if s5 == 0.0:
+        c4, s4 = 1.0, 0.0
+    return elbow, Bend(bend.c1, bend.s1, bend.c2, bend.s2, bend.c3, bend.s3, c4, s4, c5, s5)
+
+
+@kernel
+def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
+    """Fill in the squares that decide reach and singularity of the four classes of branches.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    out
+        Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `cos f` and `(sin f s5 u)^2` [m^2] of class
+        `2 * shoulder + elbow`. The last is `(det J / (a2 L))^2`, and not above zero out of reach.
+    """
+    wrist = wrist_seen(arm, flange)
+    for row in range(CLASSES):
+        elbow = elbow_at(arm, wrist, row)
+        out[row, 0], out[row, 1], out[row, 2], out[row, 3] = elbow.u2, 0.0, elbow.cosine, -1.0
+        if elbow.u2 > 0.0 and elbow.sine != 0.0:
+            x, _, z = seen_from_forearm(arm, _arm_at(arm, wrist, elbow), flange.z)
+            s5_2 = x * x + z * z
+            out[row, 1], out[row, 3] = s5_2, elbow.sine * elbow.sine * s5_2 * elbow.u2
+
+
+@kernel
+def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
+    """Find the joint axes of one branch, without forming joint angles.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    out
+        `JointAxes`, filled.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach and away from the singularities of elbow and wrist.
+    """
+    elbow, bend = _bend_at(arm, flange, branch)
+    if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
+        return False
+    c1, s1, axis, point = bend.c1, bend.s1, out.axis, out.point
+    # Axes x and y of link 2, and x of link 3 before its joint turns.
+    x2, y2 = (bend.c2 * c1, bend.c2 * s1, bend.s2), (-bend.s2 * c1, -bend.s2 * s1, bend.c2)
+    z2 = (s1, -c1, 0.0)
+    for k in range(3):
+        axis[0, k], point[0, k] = 0.0, 0.0
+        axis[1, k] = z2[k]
+        rolled = arm.c_held * x2[k] - arm.s_held * z2[k]
+        axis[2, k] = arm.s_held * x2[k] + arm.c_held * z2[k]
+        axis[3, k] = bend.c3 * y2[k] - bend.s3 * rolled
+        x3 = bend.c3 * rolled + bend.s3 * y2[k]
+        axis[4, k] = bend.s4 * x3 + bend.c4 * axis[2, k]
+        axis[5, k] = flange.z[k]
+    axis[0, 2] = 1.0
+    point[1, 0], point[1, 1], point[1, 2] = arm.a1 * c1, arm.a1 * s1, arm.d1
+    for k in range(3):
+        point[2, k] = point[1, k] + arm.a2 * y2[k] + arm.d2 * z2[k]
+        point[3, k] = point[4, k] = point[5, k] = flange.p[k] - arm.d6 * flange.z[k]
+    return True
+
+
+@kernel
+def branch_angles(
+    arm: Arm, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array
+) -> bool:
+    """Compute the joint angles of one branch.
+
+    At the wrist singularity (joints 4 and 6 in line) joint 4 is 0; where W lies on joint 1's axis
+    joint 1 is 0.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    x
+        Its first axis in the limb base frame.
+    branch
+        Branch label.
+    slack
+        0, or `families.SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
+    q
+        Filled with joint angles [rad], shape (6,), on no particular winding.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach.
+    """
+    elbow, bend = _bend_at(arm, flange, branch)
+    if elbow.u2 < -SINGULAR or elbow.cosine * elbow.cosine > 1.0 + slack:
+        return False
+    if slack == 0.0 and (elbow.u2 <= 0.0 or bend.s5 * bend.s5 < SINGULAR):
+        return False
+    q[0] = np.arctan2(bend.s1, bend.c1)
+    q[1] = np.arctan2(bend.s2, bend.c2)
+    q[2] = np.arctan2(bend.s3, bend.c3)
+    q[3] = np.arctan2(bend.s4, bend.c4)
+    q[4] = np.arctan2(bend.s5, bend.c5)
+    x3, y3, z3 = seen_from_forearm(arm, bend, x)
+    along_x4, along_y4 = bend.c4 * x3 - bend.s4 * z3, -bend.s4 * x3 - bend.c4 * z3
+    q[5] = np.arctan2(along_y4, bend.c5 * along_x4 + bend.s5 * y3)
+    return True
+
+
+@kernel
+def link_frames(arm: Arm, q: Array, frames: Array) -> None:
+    """Compute the frames of the links in the limb base frame.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    q
+        Joint angles [rad], shape (6,).
+    frames
+        Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z; x and y
+        of link 6 are any pair across the flange axis.
+    """
+    bend = Bend(
+        np.cos(q[0]),
+        np.sin(q[0]),
+        np.cos(q[1]),
+        np.sin(q[1]),
+        np.cos(q[2]),
+        np.sin(q[2]),
+        np.cos(q[3]),
+        np.sin(q[3]),
+        np.cos(q[4]),
+        np.sin(q[4]),
+    )
+    _set_frames(arm, bend, frames)
+
+
+@kernel
+def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, frames: Array) -> bool:
+    """Compute the frames of the links of one branch, without forming joint angles.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    frames
+        Filled like by `link_frames`.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach and away from the singularities of elbow and wrist.
+    """
+    elbow, bend = _bend_at(arm, flange, branch)
+    if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
+        return False
+    _set_frames(arm, bend, frames)
+    return True
+
+
+@kernel
+def _set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
+    """Compute the frames of the links by cosines and sines of joints 1 to 5."""
+    c1, s1, c2, s2, c3, s3, c4, s4, c5, s5 = bend
+    for row in range(4):
+        for k in range(3):
+            frames[0, row, k] = frames[1, row, k] = 1.0 if row == k + 1 else 0.0
+    frames[1, 0, 2] = arm.d1
+    frames[1, 1, 0], frames[1, 1, 1] = c1, s1
+    frames[1, 2, 0], frames[1, 2, 1] = -s1, c1
+    for k in range(3):
+        x1, up, z2 = frames[1, 1, k], frames[1, 3, k], -frames[1, 2, k]
+        x2, y2 = c2 * x1 + s2 * up, c2 * up - s2 * x1
+        frames[2, 0, k] = frames[1, 0, k] + arm.a1 * x1
+        frames[2, 1, k], frames[2, 2, k], frames[2, 3, k] = x2, y2, z2
+        rolled, z3 = arm.c_held * x2 - arm.s_held * z2, arm.s_held * x2 + arm.c_held * z2
+        x3, y3 = c3 * rolled + s3 * y2, c3 * y2 - s3 * rolled
+        frames[3, 0, k] = frames[2, 0, k] + arm.a2 * y2 + arm.d2 * z2
+        frames[3, 1, k], frames[3, 2, k], frames[3, 3, k] = x3, y3, z3
+        x4, y4 = c4 * x3 - s4 * z3, -s4 * x3 - c4 * z3
+        frames[4, 0, k] = frames[5, 0, k] = frames[3, 0, k] + arm.a3 * x3 + arm.d4 * y3
+        frames[4, 1, k], frames[4, 2, k], frames[4, 3, k] = x4, y4, y3
+        x5, y5 = c5 * x4 + s5 * y3, c5 * y3 - s5 * x4
+        frames[5, 1, k], frames[5, 2, k], frames[5, 3, k] = x5, y5, -y4
+        frames[6, 0, k] = frames[5, 0, k] + arm.d6 * y5
+        frames[6, 1, k], frames[6, 2, k], frames[6, 3, k] = x5, y4, y5
+
+
+def forward_kinematics(q: Array, lengths: Array) -> Array:
+    """Return the frames of the links in the limb base frame, the flange's with its turn.
+
+    Parameters
+    ----------
+    q
+        Joint angles [rad], shape (6,).
+    lengths
+        d1, a1, d2, a2, a3, d4, d6 [m] and the held angle t [rad], shape (8,).
+
+    Returns
+    -------
+    Array
+        Homogeneous transforms, shape (7, 4, 4); frame 6 is the flange.
+    """
+    d1, a1, d2, a2, a3, d4, d6, held = lengths
+    cosine, sine = np.cos(held), np.sin(held)
+    roll = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    forth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    steps = (
+        ((0.0, 0.0, d1), np.eye(3)),
+        ((a1, 0.0, 0.0), forth),
+        ((0.0, a2, d2), roll),
+        ((a3, d4, 0.0), forth.T),
+        ((0.0, 0.0, 0.0), forth),
+        ((0.0, d6, 0.0), forth.T),
+    )
+    frames = np.tile(np.eye(4), (7, 1, 1))
+    for k, (offset, turn) in enumerate(steps):
+        c, s = np.cos(q[k]), np.sin(q[k])
+        before, frame = frames[k], frames[k + 1]
+        frame[:3, 3] = before[:3, 3] + before[:3, :3] @ np.array(offset)
+        frame[:3, :3] = before[:3, :3] @ turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return frames
+
+
+def jacobian(q: Array, lengths: Array) -> Array:
+    """Return the geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
+
+    Linear rows come first.
+    """
+    frames = forward_kinematics(q, lengths)
+    axes, origins = frames[1:, :3, 2], frames[1:, :3, 3]
+    return np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])

@@ -1,0 +1,287 @@
+"""A limb whose arm has a spherical wrist, of six joints or of seven of which one is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.arm import SPHERICAL_WRIST
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.limb import (
+    BACK,
+    CELLS,
+    FARTHEST_TURN,
+    FORTH,
+    LENGTH,
+    LIMB,
+    STRAIGHT,
+    AnchorPlace,
+    Limb,
+    LimbBase,
+    LinkOffset,
+)
+from mlivr_gym.schema import Choice, FieldPath, Maybe, Struct, Tuples, Whole
+from mlivr_gym.values import SMALLEST
+
+FAMILIES = ("ur", "spherical_wrist")
+"""Families of limbs by the names that robot files give them, in the order of their numbers."""
+
+HELD_JOINT = 3
+"""The joint of a seven-joint arm that can be held: the roll of the upper arm.
+
+Without it the six other joints have a closed form, see `kinematics.spherical_wrist`.
+"""
+
+DEGREES = (170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0)
+"""Limits of the joints of a KUKA LBR iiwa 14 R820 in either direction [degrees], the maker's."""
+
+JOINT_LIMITS = tuple((-limit, limit) for limit in np.deg2rad(DEGREES).tolist())
+"""The same in radians, lower and upper limit of each joint."""
+
+WINDOW_STARTS = (-np.pi,) * 6
+"""Where the windows of the joints that move begin [rad], see `LimbBase.windows`."""
+
+FOLDS = (
+    (0.0, -0.6, 2.0, 0.0, 0.6),
+    (0.0, 0.9, -2.0, 0.0, 0.6),
+)
+"""Joints 1 to 5 of a limb folded back over itself, away from the surface and towards it [rad]."""
+
+THICKNESS = 0.08
+"""Radius of the default collision shapes as a share of the length of upper arm and forearm."""
+
+
+@dataclass(frozen=True)
+class SphericalWristLimb(LimbBase):
+    """An arm whose last three axes meet, of six joints, or of seven with joint 3 held at an angle.
+
+    At joint angles of 0 the arm stands upright along z of its base; joints 2, 3 and 5 of the six
+    that move turn about -y, joints 1, 4 and 6 about z, see `kinematics.spherical_wrist`. The
+    defaults are the published lengths and limits of a KUKA LBR iiwa 14 R820, whose joint 3 is held;
+    its joints 2 and 6 turn in the other sense there.
+
+    A joint that is held does not move while the limb holds or swings. Manipulability is that of the
+    six joints that move, a lower bound of that of all seven: `det(J J^T)` is the sum of the squares
+    of the determinants of all choices of six columns (Cauchy-Binet).
+
+    Attributes
+    ----------
+    family
+        `"spherical_wrist"`.
+    d1
+        Height of axis 2 over the base [m].
+    a1
+        Distance of axis 2 from axis 1 [m]; 0 of an arm of seven joints.
+    d2
+        Offset of the arm along axis 2 [m]; 0 of an arm of seven joints.
+    a2
+        Upper arm, from axis 2 to the elbow axis [m].
+    a3
+        Distance of the forearm's axis from the elbow axis [m].
+    d4
+        Forearm, from the elbow to the wrist point [m].
+    d6
+        From the wrist point to the flange [m].
+    held_joint
+        Number of the joint of a seven-joint arm that is held, 3; None of six joints.
+    held_angle
+        Angle at which it is held [rad].
+    joint_limits
+        Lower and upper limit of each joint [rad], the held one among them: seven or six pairs.
+    window_starts
+        Where the turn begins in which each of the six joints stays while the limb holds [rad], see
+        `windows`.
+    """
+
+    family: str = FAMILIES[SPHERICAL_WRIST]
+    d1: float = 0.36
+    a1: float = 0.0
+    d2: float = 0.0
+    a2: float = 0.42
+    a3: float = 0.0
+    d4: float = 0.4
+    d6: float = 0.126
+    held_joint: int | None = HELD_JOINT
+    held_angle: float = 0.0
+    joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
+    window_starts: tuple[float, ...] = WINDOW_STARTS
+
+    def __post_init__(self) -> None:
+        """Check lengths, limits and the held joint."""
+        place = FieldPath("limb", RobotError)
+        SPHERICAL_WRIST_LIMB.check(self, place)
+        if self.a2 < SMALLEST:
+            raise place.field("a2").fault(f"is {self.a2:g}; the upper arm must have a length")
+        if np.hypot(self.a3, self.d4) < SMALLEST:
+            raise place.field("d4").fault(f"is {self.d4:g}; the forearm must have a length")
+        joints = 6 if self.held_joint is None else 7
+        if len(self.joint_limits) != joints:
+            raise place.field("joint_limits").fault(
+                f"has {len(self.joint_limits)} entries; an arm with held_joint "
+                f"{self.held_joint} has {joints} joints"
+            )
+        for joint, (low, high) in enumerate(self.joint_limits):
+            if not low < high:
+                limits = place.field("joint_limits").entry(joint)
+                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        if self.held_joint is None:
+            if self.held_angle != 0.0:
+                raise place.field("held_angle").fault(
+                    f"is {self.held_angle:g}, but no joint is held; set held_joint to {HELD_JOINT}"
+                )
+            return
+        for name in ("a1", "d2"):
+            if getattr(self, name) != 0.0:
+                raise place.field(name).fault(
+                    f"is {getattr(self, name):g}; it must be 0 where joint {HELD_JOINT} is held, "
+                    "the shoulder of a seven-joint arm being spherical"
+                )
+        low, high = self.joint_limits[HELD_JOINT - 1]
+        if not low <= self.held_angle <= high:
+            raise place.field("held_angle").fault(
+                f"is {self.held_angle:g} rad; joint {HELD_JOINT} turns from {low:g} to {high:g} rad"
+            )
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths d1, a1, d2, a2, a3, d4, d6 [m] and the held angle [rad], shape (8,)."""
+        named = (self.d1, self.a1, self.d2, self.a2, self.a3, self.d4, self.d6, self.held_angle)
+        return np.array(named, dtype=np.float64)
+
+    @property
+    def limits(self) -> Array:
+        """Limits of the six joints that move [rad], shape (6, 2)."""
+        rows = np.array(self.joint_limits)
+        return rows if self.held_joint is None else np.delete(rows, HELD_JOINT - 1, axis=0)
+
+    @property
+    def reach(self) -> float:
+        """An upper bound of the flange's distance from the mount [m]."""
+        return self.link_distances[-1]
+
+    @property
+    def family_code(self) -> int:
+        """Number of the family, see `kinematics.arm`."""
+        return SPHERICAL_WRIST
+
+    @property
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
+        return FOLDS
+
+    @property
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the six links, each in that of the link before it, at joint angles of 0.
+
+        Joints turn about the z axes; the last frame is the flange's.
+        """
+        half = 0.5 * self.held_angle
+        rolled = (float(np.cos(half)), 0.0, float(np.sin(half)), 0.0)
+        return (
+            ((0.0, 0.0, self.d1), STRAIGHT),
+            ((self.a1, 0.0, 0.0), FORTH),
+            ((0.0, self.a2, self.d2), rolled),
+            ((self.a3, self.d4, 0.0), BACK),
+            ((0.0, 0.0, 0.0), FORTH),
+            ((0.0, self.d6, 0.0), BACK),
+        )
+
+    @property
+    def link_distances(self) -> tuple[float, ...]:
+        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
+        shoulder, elbow = abs(self.d1) + abs(self.a1), float(np.hypot(self.a2, self.d2))
+        wrist = shoulder + elbow + float(np.hypot(self.a3, self.d4))
+        return (
+            0.0, abs(self.d1), shoulder, shoulder + elbow, wrist, wrist, wrist + abs(self.d6),
+        )  # fmt: skip
+
+    @property
+    def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
+        """Anchors from which the motion of points of each link, 1 to 6, can be bounded."""
+        here = (0.0, 0.0, 0.0)
+        return {
+            1: ((0, here),),
+            2: ((0, here), (1, (0.0, self.a2, self.d2))),
+            3: ((1, here), (3, (self.a3, self.d4, 0.0))),
+            4: ((3, here),),
+            5: ((3, here),),
+            6: ((3, (0.0, 0.0, -self.d6)),),
+        }
+
+    @property
+    def side_offsets(self) -> tuple[float, float] | None:
+        """None: no links keep clear of each other by lying side by side."""
+        return None
+
+    @property
+    def link_capsules(self) -> tuple[Capsule, ...]:
+        """Simple collision shapes along the links, without a gripper."""
+        d1, d4, d6 = self.d1, self.d4, self.d6
+        radius = THICKNESS * (self.a2 + float(np.hypot(self.a3, d4)))
+        flange = max(min(0.6 * radius, 0.5 * abs(d6)), SMALLEST)
+        here, tip = (0.0, 0.0, 0.0), -float(np.copysign(flange, d6))
+        return (
+            Capsule("base", here, (0.0, 0.0, 0.25 * d1), radius),
+            Capsule("shoulder", (0.0, 0.0, -0.45 * d1), here, radius),
+            Capsule("upper_arm", (0.0, 0.0, self.d2), (0.0, self.a2, self.d2), radius),
+            Capsule("forearm", here, (self.a3, 0.35 * d4, 0.0), radius),
+            Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, -0.35 * d4), radius),
+            Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
+            Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, tip), flange),
+        )
+
+    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
+        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
+
+        `w_m` asks for `|sin f u| >= w_m l_c^3 / (a2 L)`, and `|u| <= |a1| + D` with `D` the
+        distance of the wrist point from axis 2. The largest bound is taken over cells of the elbow
+        angle, in each with the best ends.
+        """
+        upper, fore = self.a2, float(np.hypot(self.a3, self.d4))
+        angle = np.linspace(0.0, np.pi, CELLS + 1)
+        square = upper**2 + fore**2 + 2.0 * upper * fore * np.cos(angle[:-1])
+        distance = np.sqrt(np.maximum(square, 0.0))
+        middle = (angle[:-1] <= 0.5 * np.pi) & (angle[1:] >= 0.5 * np.pi)
+        sine = np.where(middle, 1.0, np.maximum(np.sin(angle[:-1]), np.sin(angle[1:])))
+        needed = w_m * characteristic_length**3 / (upper * fore * sine)
+        possible = needed <= abs(self.a1) + distance
+        if not possible.any():
+            return 0.0
+        wrist = abs(self.a1) + float(np.hypot(distance[possible].max(), self.d2))
+        return abs(self.d1) + wrist + abs(self.d6)
+
+
+SPHERICAL_WRIST_LIMB = Struct(
+    SphericalWristLimb,
+    {
+        "family": Choice(FAMILIES[SPHERICAL_WRIST:]),
+        **dict.fromkeys(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), LENGTH),
+        "held_joint": Maybe(Whole(HELD_JOINT, HELD_JOINT)),
+        "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
+        "joint_limits": Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
+        "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
+    },
+)
+"""Fields of a `SphericalWristLimb`."""
+
+
+class LimbKind:
+    """A limb of any family; plain data without a family are of the UR family."""
+
+    def read(self, value: object, place: FieldPath) -> Limb | SphericalWristLimb:
+        """Return the limb of plain data, or a limb as it is."""
+        if isinstance(value, SphericalWristLimb):
+            return value
+        if isinstance(value, dict) and "family" in value:
+            family = Choice(FAMILIES).read(value["family"], place.field("family"))
+            if family != FAMILIES[0]:
+                return SPHERICAL_WRIST_LIMB.read(value, place)
+            value = {name: entry for name, entry in value.items() if name != "family"}
+        return LIMB.read(value, place)
+
+
+LIMB_OF_FAMILY = LimbKind()
+"""The kind of the field `limb` of a robot."""

@@ -1,0 +1,101 @@
+"""Arms with a spherical wrist, and Pinocchio models of them built from their axes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from mlivr_gym.robot.limb_dynamics import LimbDynamics
+from mlivr_gym.robot.specification import MLIVR2
+from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
+
+WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
+IIWA = SphericalWristLimb()
+"""KUKA LBR iiwa 14 R820 by the maker's data sheet, joint 3 at 0."""
+SIX = SphericalWristLimb(
+    d1=0.29, a1=0.05, d2=0.03, a2=0.27, a3=0.07, d4=0.302, d6=0.072, held_joint=None,
+    joint_limits=WIDE,
+)  # fmt: skip
+"""Lengths of a small industrial robot (ABB IRB 120), with every offset that the form has."""
+PUMA = SphericalWristLimb(
+    d1=0.66, a1=0.0, d2=0.149, a2=0.432, a3=-0.02, d4=0.432, d6=0.056, held_joint=None,
+    joint_limits=WIDE,
+)  # fmt: skip
+LIMBS = {
+    "iiwa": IIWA,
+    "iiwa-rolled": replace(IIWA, held_angle=0.7),
+    "iiwa-across": replace(IIWA, held_angle=-0.5 * np.pi),
+    "six": SIX,
+    "puma": PUMA,
+}
+"""Limbs by name; of three joint 3 is held."""
+
+
+def moved_by(limb, q):
+    """Angles of all joints of the model by those of the joints that move."""
+    return np.asarray(q) if limb.held_joint is None else np.insert(q, 2, limb.held_angle)
+
+
+def columns(limb):
+    """Columns of the model's Jacobian that belong to the joints that move."""
+    return list(range(6)) if limb.held_joint is None else [0, 1, 3, 4, 5, 6]
+
+
+def pinocchio_wrist_arm(limb):
+    """Model of one arm; frame "flange" has the axes of the base at zero angles."""
+    shoulder, elbow = np.array([limb.a1, 0, limb.d1]), np.array([limb.a1, -limb.d2, limb.d1])
+    elbow[2] += limb.a2
+    wrist = elbow + np.array([limb.a3, 0.0, limb.d4])
+    up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
+    joints = [(np.zeros(3), up), (shoulder, across), (elbow, across), (wrist, up)]
+    joints += [(wrist, across), (wrist, up)]
+    if limb.held_joint is not None:
+        joints.insert(2, (shoulder, up))
+    model, parent, last = pin.Model(), 0, np.zeros(3)
+    for k, (place, axis) in enumerate(joints):
+        joint = pin.JointModelRevoluteUnaligned(axis)
+        placement = pin.SE3(np.eye(3), place - last)
+        parent, last = model.addJoint(parent, joint, placement, f"joint{k + 1}"), place
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, limb.d6]))
+    model.addFrame(pin.Frame("flange", parent, tip, pin.FrameType.OP_FRAME))
+    return model
+
+
+def flange_of(model, limb, q):
+    """Flange pose and its Jacobian to the joints that move, linear rows first."""
+    data, frame = model.createData(), model.getFrameId("flange")
+    pin.computeJointJacobians(model, data, moved_by(limb, q))
+    pin.updateFramePlacements(model, data)
+    jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    return data.oMf[frame].homogeneous, jacobian[:, columns(limb)], jacobian
+
+
+def iiwa_dynamics():
+    """Masses and limits of the iiwa 14, links taken as rods; link 2 carries the held joint."""
+    masses = (5.76, 9.85, 3.5, 3.5, 1.8, 1.2)
+    size = (0.06, 0.1, 0.1, 0.06, 0.04, 0.02)
+    return LimbDynamics(
+        base_mass=5.0,
+        base_size=(0.08, 0.15),
+        masses=masses,
+        centres=(
+            (0.0, 0.0, -0.1), (0.0, 0.2, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, -0.15),
+            (0.0, 0.0, 0.0), (0.0, 0.0, -0.02),
+        ),
+        inertias=tuple(
+            (m * s * s + 1e-3, m * s * s + 1e-3, m * s * s + 1e-3, 0.0, 0.0, 0.0)
+            for m, s in zip(masses, size, strict=True)
+        ),
+        torque_limits=(320.0, 320.0, 176.0, 110.0, 40.0, 40.0),
+        speed_limits=tuple(np.deg2rad([85.0, 85.0, 75.0, 130.0, 135.0, 135.0]).tolist()),
+        rotor_inertias=(0.1,) * 6,
+    )  # fmt: skip
+
+
+def iiwa_robot(held_angle=0.0, **changes):
+    """Two iiwa on opposite faces of a cube."""
+    given = {
+        "name": "two-iiwa", "limb": replace(IIWA, held_angle=held_angle),
+        "folds": IIWA.default_folds, "dynamics": iiwa_dynamics(),
+    } | changes  # fmt: skip
+    return replace(MLIVR2, **given)
