@@ -36,7 +36,7 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
 
     Raises
     ------
-    NodeTableError
+    TableError
         If there is no such table.
     """
     sets = sets_of(graph)

@@ -191,12 +191,20 @@ def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None
 
 
 def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
-    """The table with what is known of all its pairs, which it does not have yet."""
+    """Return a table with the results for all its pairs, which it does not have yet.
+
+    Raises
+    ------
+    ValueError
+        If there are results for more or fewer pairs.
+    """
     words, supports = len(table.bits), len(table.offset) - 1
     bits, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
     blank = table._replace(bits=bits, loses_branches=loses_branches)
-    _set_bits(blank, Pair.before(table, 0), supports, known)
+    complete = _set_bits(blank, Pair.before(table, 0), supports, known)
     counts = np.bitwise_count(loses_branches)
+    if not complete or counts.sum() != 2 * len(known.lost):
+        raise ValueError
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
     _set_lost(full, Pair.before(table, 0), supports, known)
@@ -216,11 +224,18 @@ def gather(table: NodeTable) -> EdgeSet:
 
 
 @entry
-def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
-    """Set the bits of pairs that are joined, and of those that lose branches."""
+def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> bool:
+    """Set the bits of joined pairs, and of those that lose branches.
+
+    Returns whether there is a result for each pair, and no other.
+    """
     count, steps = 0, 0
     while next_pair(table, pair, last):
+        if count == len(known.joined):
+            return False
         if known.joined[count]:
+            if steps == len(known.loses_branches):
+                return False
             there = _bit_of(table, pair.support, pair.first, pair.second)
             back = _bit_of(table, pair.support, pair.second, pair.first)
             set_bit(table.bits, there)
@@ -230,6 +245,7 @@ def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
                 set_bit(table.loses_branches, back)
             steps += 1
         count += 1
+    return count == len(known.joined) and steps == len(known.loses_branches)
 
 
 @entry

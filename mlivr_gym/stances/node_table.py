@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import packed
-from mlivr_gym.errors import MlivrError
 from mlivr_gym.postures.turns import lowest_first, permuted_limbs, same_after_turns
 
 RESOLUTION = 1e-12
@@ -25,10 +24,6 @@ RESOLUTION = 1e-12
 ROUNDED = RESOLUTION
 """Farthest that a kept base position lies from the true one [m]: half a diagonal, and the rounding
 of the numbers."""
-
-
-class NodeTableError(MlivrError):
-    """A table of nodes cannot be built or read."""
 
 
 class Nodes(NamedTuple):

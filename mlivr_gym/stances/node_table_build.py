@@ -20,9 +20,10 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs, spread
-from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
+from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import Arrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
+from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -58,7 +59,7 @@ def build(
 
     Raises
     ------
-    NodeTableError
+    TableError
         If the sets of points are not known, which are those of three or four
         limbs; if steps are not checked, or there are obstacles or occupied points.
     """
@@ -84,16 +85,16 @@ def sets_of(graph: LazyGraph) -> StanceSets:
 
     Raises
     ------
-    NodeTableError
+    TableError
         See `build`.
     """
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
-        raise NodeTableError(
+        raise TableError(
             "nodes are worked out where steps are checked, without obstacles and occupied points"
         )
     sets = graph.sets()
     if sets is None:
-        raise NodeTableError(
+        raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
             f"nodes are worked out for three or four limbs and at most 40 million sets of points"
         )

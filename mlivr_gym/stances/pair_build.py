@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import zlib
-from contextlib import suppress
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,16 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.stances.pair_files import (
-    PairTableError,
-    content_of,
-    kept_file,
-    read_stances,
-    table_files,
-    write_stances,
-)
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.parts import Parts, keep_table
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.parts import Parts
 from mlivr_gym.stances.workers import Progress
 
 SAMPLE = 5000
@@ -96,14 +88,14 @@ def built_pairs(graph: PairGraph) -> Path | None:
 
     A graph that was made before the table was kept has all its steps from then on.
     """
-    for path in filter(Path.is_file, table_files(graph)):
-        with suppress(PairTableError):
-            known = read_stances(graph, path)
-            if not (graph.complete or graph.obstacles or graph.occupied):
-                graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
-                graph.complete = True
-            return path
-    return None
+    found = PAIR_TABLES.find(graph, warn=False)
+    if found is None:
+        return None
+    path, known = found
+    if not (graph.complete or graph.obstacles or graph.occupied):
+        graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
+        graph.complete = True
+    return path
 
 
 def parts_of_pairs(graph: PairGraph) -> Parts:
@@ -117,7 +109,7 @@ def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | No
     if path is None:
         parts = parts_of_pairs(graph)
         fill_rows(graph, progress, parts)
-        path = keep_table(kept_file(graph), lambda file: write_stances(graph, graph.kept(), file))
+        path = PAIR_TABLES.cache(graph, graph.kept())
         if path is not None:
             parts.remove()
     return path
@@ -126,7 +118,7 @@ def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | No
 def estimate_pairs(graph: PairGraph) -> Estimate:
     """What building the table of a graph takes, told by a few of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
-    size: float = len(content_of(graph, graph.kept()._replace(edges=None, released=None)))
+    size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, released=None)))
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
     if graph.complete or not steps:
         return Estimate(candidates, 0.0, size)

@@ -23,7 +23,6 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.pair_files import COUNTS, PairStances, known_stances
 from mlivr_gym.stances.pair_nodes import pair_nodes
 from mlivr_gym.stances.pair_rows import rows_of
 from mlivr_gym.stances.pair_steps import (
@@ -33,6 +32,7 @@ from mlivr_gym.stances.pair_steps import (
     unknown_steps,
 )
 from mlivr_gym.stances.pair_table import PairEdges
+from mlivr_gym.stances.pair_table_file import COUNTS, PAIR_TABLES, PairStances
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -86,8 +86,8 @@ class PairGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Take every stance, and every step, from a table where there is one, else work it out."""
         super().__init__(grasp_map, robot, settings)
-        found = known_stances(self) if self.solver_class is PostureSolver else None
-        known = found or self._worked_out()
+        found = PAIR_TABLES.find(self) if self.solver_class is PostureSolver else None
+        known = found[1] if found else self._worked_out()
         self.considered, self.reachable, self.no_departure, *removed = (
             known.counts[name] for name in COUNTS
         )

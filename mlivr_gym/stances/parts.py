@@ -20,30 +20,9 @@ from numpy.typing import NDArray
 from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_files import key_of
 
 Arrays = Sequence[NDArray[Any]]
-
-
-def keep_table(path: Path | None, write: Callable[[Path], None]) -> Path | None:
-    """Keep a finished table; returns where, None where nothing is kept or, which is told, can be.
-
-    Parameters
-    ----------
-    path
-        Where, None for nowhere.
-    write
-        Writes it.
-    """
-    if path is None:
-        return None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(path)
-    except (OSError, FileError) as error:
-        logging.getLogger(__name__).warning("the table is not kept: %s", error)
-        return None
-    return path
 
 
 class Parts:

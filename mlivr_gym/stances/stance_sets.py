@@ -8,27 +8,21 @@ neighbours. The sets of a map and robot are worked out once and kept on disk.
 
 from __future__ import annotations
 
-import io
-import logging
 import zipfile
-import zlib
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.postures import in_reach
-from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
 
 MOST_LIMBS = 4
 """Most limbs: the numbers of stances have 64 bits."""
@@ -36,9 +30,6 @@ MOST_LIMBS = 4
 MOST_SETS = 40_000_000
 """Most sets of points close enough that are looked at; those of four limbs on the JEM are 11
 million."""
-
-FORMAT = 1
-"""Format of the files."""
 
 KEPT = 2
 """Graphs whose sets are kept in memory."""
@@ -121,18 +112,17 @@ class StanceSets:
         """
         if not 3 <= graph.limbs <= MOST_LIMBS:
             return None
-        key = f"{key_of(graph)}-{source_digest(Path(in_reach.__file__))}"
+        key = SET_TABLES.name(graph)
         if key not in _kept:
-            folder = cache_folder()
-            path = None if folder is None else folder / f"sets-{key}.npz"
-            found = _read(path) if path is not None and path.is_file() else None
-            if found is None:
+            found = SET_TABLES.find(graph)
+            sets = found and found[1]
+            if sets is None:
                 if not work_out:
                     return None
-                found = _worked_out(graph, progress)
-                if found is not None and path is not None:
-                    _write(found, path)
-            _keep(key, found)
+                sets = _worked_out(graph, progress)
+                if sets is not None:
+                    SET_TABLES.cache(graph, sets)
+            _keep(key, sets)
         return _kept[key]
 
 
@@ -145,13 +135,6 @@ def _keep(key: str, sets: StanceSets | None) -> None:
     _kept[key] = sets
     if len(_kept) > KEPT:
         _kept.popitem(last=False)
-
-
-def key_of(graph: StanceGraph) -> str:
-    """Digest of map, robot, settings and rules of a graph, by which what is kept of it is known."""
-    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
-    return digest.hexdigest()[:20]
 
 
 def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
@@ -246,26 +229,30 @@ def _codes(points: IntArray | NDArray[np.uint16]) -> NDArray[np.uint64]:
     return code
 
 
-def _write(sets: StanceSets, path: Path) -> None:
-    """Write the sets; they are not kept if that fails."""
-    buffer = io.BytesIO()
-    np.savez(
-        buffer, format=FORMAT, points=sets.points, supports=sets.supports, count=sets.support_count
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, buffer.getvalue())
-    except (OSError, FileError) as error:
-        logging.getLogger(__name__).warning("stance sets are not kept: %s", error)
+def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
+    """Return sets in the arrays of a file."""
+    return {
+        "points": sets.points,
+        "supports": sets.supports,
+        "support_count": np.array(sets.support_count),
+    }
 
 
-def _read(path: Path) -> StanceSets | None:
-    """The sets in a file; None if it has none of this format."""
-    try:
-        with path.open("rb") as stream, np.load(stream) as data:
-            if int(data["format"]) == FORMAT:
-                return StanceSets(data["points"], data["supports"], int(data["count"]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-        pass
-    logging.getLogger(__name__).warning("%r holds no stance sets: worked out anew", str(path))
-    return None
+def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
+    """Check the arrays of a file and return its sets."""
+    points, supports, count = (arrays[name] for name in ("points", "supports", "support_count"))
+    if (
+        points.shape != (len(points), graph.limbs)
+        or points.shape != supports.shape
+        or (points.dtype, supports.dtype) != (np.uint16, np.int32)
+        or not (points < len(graph.grasp_map)).all()
+        or not ((supports >= 0) & (supports < count)).all()
+    ):
+        raise ValueError
+    return StanceSets(points, supports, int(count))
+
+
+SET_TABLES = TableFiles(
+    "sets", zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__)
+)
+"""Files of stance sets."""

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_estimate import estimate_nodes
-from mlivr_gym.stances.node_files import (
-    node_table,
-    remember,
-    small_name,
-    unpacked_path,
-    write_table,
-    write_unpacked,
-)
 from mlivr_gym.stances.node_table_build import build, parts_of_nodes
+from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, remember
 from mlivr_gym.stances.pair_build import Estimate, build_pairs, built_pairs, estimate_pairs
-from mlivr_gym.stances.pair_files import file_name, write_stances
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.parts import keep_table
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.workers import Progress
 
 
@@ -48,7 +38,7 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
     ------
     SettingError
         If there are obstacles or occupied points.
-    NodeTableError
+    TableError
         If there is no table of that many limbs or points.
 
     Example:
@@ -62,12 +52,12 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
         raise SettingError("tables are built without obstacles and occupied points; clear them")
     if isinstance(graph, PairGraph):
         return build_pairs(graph, progress)
-    path, table = unpacked_path(key_of(graph)), node_table(graph)
+    path, table = NODE_TABLES.cached(graph), node_table(graph)
     if table is None:
         parts = parts_of_nodes(graph)
         table = build(graph, progress, parts)
         remember(table, graph)
-        path = keep_table(path, partial(write_unpacked, table, graph))
+        path = NODE_TABLES.cache(graph, table)
         if path is not None:
             parts.remove()
     return path
@@ -78,7 +68,7 @@ def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
 
     Raises
     ------
-    NodeTableError
+    TableError
         If there is no table of that many limbs or points.
     """
     if isinstance(graph, PairGraph):
@@ -95,12 +85,12 @@ def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
         If the file cannot be written.
     """
     if isinstance(graph, PairGraph):
-        write_stances(graph, graph.kept(), path)
+        PAIR_TABLES.write(graph, graph.kept(), path)
     else:
         assert graph.table is not None
-        write_table(graph.table, graph, path)
+        NODE_TABLES.write(graph, graph.table, path)
 
 
 def name_of(graph: PairGraph | LazyGraph) -> str:
     """Name under which a file of `write_built` is found in a cache folder."""
-    return file_name(graph) if isinstance(graph, PairGraph) else small_name(key_of(graph))
+    return (PAIR_TABLES if isinstance(graph, PairGraph) else NODE_TABLES).name(graph)

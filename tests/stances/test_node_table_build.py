@@ -9,10 +9,9 @@ from small_tables import small_map, small_table
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
-from mlivr_gym.stances import node_files, node_table_build
+from mlivr_gym.stances import node_table_build, node_table_file
 from mlivr_gym.stances.node_estimate import estimate_nodes
-from mlivr_gym.stances.node_files import unpacked_path
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import build_table
 
 KERNELS = kernel_root()
@@ -25,7 +24,7 @@ def cache(monkeypatch, tmp_path):
     folder.mkdir()
     (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
     return folder
 
 
@@ -74,12 +73,12 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     parts = len(list(cache.glob("parts-*/*.npz")))
     assert parts == sum(first.values())
     again = stance_graph(small_map(), "mlivr3")
-    assert build_table(again) == unpacked_path(key_of(again))
+    assert build_table(again) == NODE_TABLES.cached(again)
     assert_same(again.table, truth)
     assert not list(cache.glob("parts-*"))
     together = dict(done)
-    node_files._kept.clear()
-    unpacked_path(key_of(again)).unlink()
+    node_table_file._kept.clear()
+    NODE_TABLES.cached(again).unlink()
     build_table(stance_graph(small_map(), "mlivr3"))
     assert {name: done[name] - together[name] for name in done} == together  # each part once
 
@@ -117,8 +116,8 @@ def test_time_and_size_are_told_beforehand(limbs):
 
 def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
     graph = stance_graph(small_map(), "mlivr3")
-    path, (_, table) = unpacked_path(key_of(graph)), small_table(3)
+    path, (_, table) = NODE_TABLES.cached(graph), small_table(3)
     other = stance_graph(small_map(), "mlivr4")
-    node_files.write_unpacked(table, other, path)
-    assert node_files.node_table(graph) is None
-    assert "of another robot: it is passed over" in caplog.text
+    NODE_TABLES.cache(other, table).rename(path)
+    assert node_table_file.node_table(graph) is None
+    assert "is for another robot; the file is not used" in caplog.text
