@@ -1,11 +1,11 @@
-"""What a step may keep at most: a check that more branches only make milder (compiled).
+"""Relaxed steps: an upper bound of the branches that a step keeps, whatever the label (compiled).
 
-What `steps` finds of a step depends on the branches that the limbs that hold may be on: of two that
-come too close to each other one is dropped, and the other base path is looked at only where the
-first serves none. So a step that fails with all branches may pass with some of them. Here a branch
-is dropped only if it serves on no base path, in no fold and on no line, whatever branches the other
-limbs are on. All that `steps` keeps is among what is left, whichever branches are wanted; where
-nothing is left there is no step.
+The branches that `steps` keeps depend on those that the support limbs may be on: of two branches
+that come too close to each other one is removed, and the second base path is checked only if the
+first keeps none. So a step that fails with all branches may pass with some of them. A relaxed step
+removes a branch only if it is kept on no base path, in no fold and on no line, whatever branches
+the other limbs are on. It keeps all that `steps` keeps for any label; if it keeps none, there is no
+step.
 """
 
 from __future__ import annotations
@@ -31,16 +31,19 @@ from mlivr_gym.transitions.steps import (
 
 @entry
 def may_keep_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """What limbs that hold may keep on steps from `start` to `stop`, see `steps.check_all`."""
+    """Relax the steps from `start` to `stop`: write the branches that they keep at most.
+
+    For the parameters see `steps.check_all`.
+    """
     for k in range(start, stop):
         _may_keep(steps[k], scene, scratch_rows[0])
 
 
 @kernel
 def _may_keep(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Write what limbs that hold may keep into `step.kept`.
+    """Write the branches that support limbs keep at most into `step.kept`.
 
-    What is kept already is no more looked for.
+    A motion is checked only while it can add a branch.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     clear_step(step, robot, scratch)
@@ -65,7 +68,7 @@ def _may_keep(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
 
 @kernel
 def _enough(step: StepRecord, wanted: Limbs, limbs: int) -> bool:
-    """Whether all that is wanted is kept."""
+    """Return whether all requested branches are kept."""
     missing = EMPTY
     for i in range(limbs):
         if i != step.limb:
@@ -75,7 +78,7 @@ def _enough(step: StepRecord, wanted: Limbs, limbs: int) -> bool:
 
 @kernel
 def _add(step: StepRecord, masks: Limbs, limbs: int) -> None:
-    """Add what serves to what may be kept."""
+    """Add branches to those that are kept at most."""
     for i in range(limbs):
         if i != step.limb:
             step.kept[i] |= masks[i]
@@ -85,7 +88,7 @@ def _add(step: StepRecord, masks: Limbs, limbs: int) -> None:
 def _each_stands(
     parts: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> bool:
-    """Take out branches that touch something, whatever the others; whether each limb has some."""
+    """Remove branches that collide whatever other limbs do; return whether each limb keeps one."""
     world = scene.world
     for layer in range(world.first, world.stop):
         if not each_clear(parts, layer, step, scene, masks, scratch):
@@ -95,7 +98,7 @@ def _each_stands(
 
 @kernel
 def _in_folds(folds: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves while the limb that moves stays in one of some folds."""
+    """Add the branches that are clear while the swing limb stays in one of the given folds."""
     robot, world = scene.robots[0], scene.world
     for k in range(robot.fold_count):
         if not has(folds, k) or _enough(step, scratch.standing, robot.limb_count):
@@ -113,7 +116,7 @@ def _in_folds(folds: int, step: StepRecord, scene: StepContext, scratch: StepScr
 
 @kernel
 def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves while the limb that moves swings along one of the lines that are tried."""
+    """Add the branches that are clear while the swing limb follows one of the candidate lines."""
     limbs = scene.robots[0].limb_count
     if _enough(step, scratch.standing, limbs):
         return
@@ -126,7 +129,7 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
 
 @kernel
 def _beside_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves beside the swing in `scratch`."""
+    """Add the branches that are clear of the swing in `scratch`."""
     limbs, masks = scene.robots[0].limb_count, scratch.now_on_line
     for i in range(limbs):
         masks[i] = scratch.standing[i]
@@ -146,7 +149,7 @@ def _beside_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) ->
 def _some_apart(
     i: int, j: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> None:
-    """Take out branches of two limbs that hold which come too close to all of the other limb."""
+    """Remove the branches of two support limbs that are too close to all of the other limb."""
     alone_i, alone_j = masks[i], masks[j]
     for b in range(BRANCHES):
         for c in range(BRANCHES):

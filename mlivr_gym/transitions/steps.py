@@ -1,10 +1,9 @@
 """The check of a step, for any number of limbs (compiled).
 
-Where a limb cannot stay folded while the base moves, see `release`, the line in joint space from
-above one point to above the other is checked instead, for pairs of branches in order of travel.
-Both branches come from those on which the limb can be released at the two stances, among which it
-can change at rest: one pair that is free serves them all, and the search need not know which it
-was.
+If a limb cannot stay folded while the base moves, see `release`, the line in joint space from above
+one point to above the other is checked instead, for pairs of branches in order of length. Both
+branches are among those on which the limb can be released at the two stances, between which it can
+change at rest: one pair that is clear serves them all, and the search need not know which.
 """
 
 from __future__ import annotations
@@ -38,14 +37,14 @@ TRIES = 8
 """Pairs of branches that are checked for one base path."""
 
 TIE = 1e-9
-"""Lines whose lengths differ by this or less count as equal [rad]: the first pair is taken."""
+"""Difference of lengths up to which lines count as equally long [rad]: the first pair is used."""
 
 
 @entry
 def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """Whether every limb that holds can follow some base path, for steps from `start` to `stop`.
+    """Check whether every support limb can follow some base path, for steps from `start` to `stop`.
 
-    This is quick; `StepRecord.kept` is then not empty, and says no more.
+    This is quick. `StepRecord.kept` is not empty if it can, and has no other meaning.
     """
     robot = scene.robots[0]
     for k in range(start, stop):
@@ -59,19 +58,18 @@ def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows
 
 @entry
 def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """Check steps from `start` to `stop`.
+    """Check the steps from `start` to `stop`.
 
     Parameters
     ----------
     start
         First row of `steps`.
     stop
-        One past the last.
+        One past the last row.
     steps
-        Rows of `StepRecord`, shape (k,); what is found is written into them.
+        Rows of `StepRecord`, shape (k,), which receive the results.
     scene
-        The stances before and after them, with what can be released there, and what is
-        checked.
+        The stances before and after the steps, with their releases, the robot and the world.
     scratch_rows
         A row of `StepScratch`, shape (1,).
     """
@@ -81,10 +79,10 @@ def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_row
 
 @kernel
 def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Start with no answer, and with no limb at rest."""
+    """Clear the results of a step, and the limbs at rest."""
     scratch.sweep.resting.count = 0
     for kind in range(2):
-        # Of an edge that is known it is known on which branches limbs can hold on either path.
+        # A known edge has the branches on which limbs can hold on either path.
         scratch.holds_known[kind] = step.again
         for i in range(robot.limb_count):
             on_path = step.on_arc if kind == ARC else ~step.on_arc
@@ -99,7 +97,7 @@ def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> Non
 
 @kernel
 def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Whether all limbs that hold can follow a kind of path; `scratch.holds` is filled once."""
+    """Return whether all support limbs can follow a path; `scratch.holds` is filled once."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not scratch.holds_known[kind]:
         scratch.holds_known[kind] = True
@@ -121,7 +119,7 @@ def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScrat
 
 @kernel
 def _each_holds(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
-    """Whether every limb that holds has one of the branches `now` on which it can follow a path."""
+    """Return whether every support limb can follow a path on one of the branches `now`."""
     for i in range(robot.limb_count):
         if i != step.limb and scratch.holds[kind, i] & scratch.now[i] == 0:
             return False
@@ -130,7 +128,7 @@ def _each_holds(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScr
 
 @kernel
 def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Set up the base path of a step, for the sweeps too."""
+    """Set the base path of a step."""
     stances = scene.stances
     before, after = stances.base[step.before], stances.base[step.after]
     set_path(scratch.path, before, after, kind, vector(step.pivot))
@@ -138,9 +136,9 @@ def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: Step
 
 @part
 def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Check a step; what is found is written into it.
+    """Check a step and write the result into it.
 
-    Of an edge that is known already its motion alone is checked, on the branches it keeps.
+    If the edge is known already, only its motion is checked, on the branches that it keeps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     on_line = step.again and step.pair >= 0
@@ -173,7 +171,7 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
 
 @kernel
 def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
-    """Whether limbs keep a branch."""
+    """Return whether support limbs keep a branch."""
     kept = EMPTY
     for i in range(robot.limb_count):
         kept |= step.kept[i]
@@ -182,16 +180,16 @@ def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
 
 @kernel
 def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Which branches of the limb that holds alone are looked at, in three stages.
+    """Select the branches of a single support limb that are checked, in three stages.
 
-    First those on which it can be released before the step and after it, as one must be that
-    grasped just before or moves just after; then those where only one is true, then the others.
-    Where more limbs hold all branches are looked at at once: a limb that neither grasped just
-    before nor moves just after may be on any.
+    First those on which it can be released both before and after the step, since it grasped just
+    before or moves just after; then those on which it can be released once, then the others.
+    Several support limbs have a single stage: one that neither grasped just before nor moves just
+    after may be on any branch.
     """
     stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):
-        # What is clear with one flip is clear with the other.
+        # A branch that is clear with one flip is clear with the other.
         first = any_flip(stances.released[step.before, i].branches)
         second = any_flip(stances.released[step.after, i].branches)
         if stage == 0:
@@ -204,10 +202,10 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
 
 @kernel
 def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> None:
-    """Branches that limbs that hold keep while the other moves folded, in one of some folds.
+    """Keep the branches of support limbs that are clear while the other moves in a fold.
 
-    Without collisions there are no folds. One limb that holds may take some branches along the line
-    and others along the arc.
+    Without collision checks there are no folds. A single support limb may keep some branches along
+    the line and others along the arc.
     """
     robot, world = scene.robots[0], scene.world
     alone = robot.limb_count == 2
@@ -235,7 +233,7 @@ def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScrat
 
 @kernel
 def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Keep the branches that are left in `scratch.standing`."""
+    """Keep the branches in `scratch.standing`."""
     if not _any_kept(step, robot):
         step.kind = kind
     for i in range(robot.limb_count):
@@ -247,9 +245,9 @@ def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) 
 
 @part
 def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
-    """The first fold of a set in which the limb can stay along the base path, -1 if none serves.
+    """Return the first fold in which the limb can stay along the base path, -1 if there is none.
 
-    Another fold might serve the obstacles; the first that serves the map must serve all.
+    Among obstacles only the first fold that is clear of the map is checked.
     """
     robot, world = scene.robots[0], scene.world
     fold = NONE
@@ -271,7 +269,7 @@ def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: Ste
 
 @kernel
 def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Branches that limbs that hold keep while the other swings along a line in joint space."""
+    """Keep the branches of support limbs that are clear while the other limb swings along a line."""
     robot = scene.robots[0]
     count = lines_by_travel(step, scene, scratch)
     for kind in range(2):
@@ -287,8 +285,7 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
             if (step.again and pair != step.pair) or not line_clear(pair, step, scene, scratch):
                 continue
             if not stood:
-                # Whether the limbs that hold can stay does not depend on the swing, but for the
-                # limb that makes it.
+                # Only the comparison with the swing limb depends on the swing.
                 stood = True
                 if not hold_apart(STANDING, step, scene, scratch.standing, scratch):
                     break
@@ -304,7 +301,7 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
 
 @kernel
 def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) -> int:
-    """The lines along which a limb may swing, see `pairs_by_travel`, and their number."""
+    """List the lines along which a limb may swing, see `pairs_by_travel`; return how many."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     limb = robot.limbs[step.limb]
     for side in range(2):
@@ -318,7 +315,7 @@ def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) 
 
 @kernel
 def pairs_by_travel(scratch: StepScratch) -> int:
-    """Pairs of branches above both points, the shortest line first, into `scratch.order`.
+    """Write the pairs of branches above both points, the shortest line first, into `scratch.order`.
 
     Returns the number of pairs.
     """
@@ -338,7 +335,7 @@ def pairs_by_travel(scratch: StepScratch) -> int:
 
 @part
 def line_clear(pair: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Whether the limb can swing along the line between a pair of branches, along the base path."""
+    """Return whether the limb can swing along the line of a pair of branches, along the base path."""
     robot, world = scene.robots[0], scene.world
     first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
     line_end(first, last, scratch.end)
