@@ -1,4 +1,4 @@
-"""Work out all nodes of the stance graph of three or four limbs, with what a step asks of them."""
+"""Build the table of nodes of three or four limbs, in processes."""
 
 from __future__ import annotations
 
@@ -28,40 +28,40 @@ from mlivr_gym.stances.workers import Progress, Workers, tell
 from mlivr_gym.world.grasp_map import GraspMap
 
 FEW = 1000
-"""Sets of points for which it is not worth while to start processes."""
+"""Number of sets of points up to which no processes are started."""
 
 AT_ONCE = 4000
-"""Stances that are worked out at once; what a graph remembers of them takes memory."""
+"""Number of stances that are computed at once; what a graph stores of them takes memory."""
 
 PAIRS = 100_000
-"""Bits of rests whose pairs are checked at once, unless one rest has more."""
+"""Number of bits whose pairs are checked at once, unless a single support set has more."""
 
 STAGES = 2
-"""The nodes, and the steps between them."""
+"""Nodes, and the steps between them."""
 
 World = tuple[GraspMap, RobotSpec, Settings]
-"""What a graph is made of."""
+"""Map, robot and settings, from which a graph is made."""
 
 
 def build(
     graph: LazyGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> NodeTable:
-    """Work out every stance that holds one of the sets of points, in processes.
+    """Compute all nodes that hold one of the sets of points, and the steps between them.
 
     Parameters
     ----------
     graph
         The stance graph, without obstacles and occupied points.
     progress
-        Called now and then with the share of the work that is done.
+        Called repeatedly with the finished share of the work.
     parts
-        Where what is done is kept until all is.
+        Stores finished parts until all are.
 
     Raises
     ------
     TableError
-        If the sets of points are not known, which are those of three or four
-        limbs; if steps are not checked, or there are obstacles or occupied points.
+        If the robot has not three or four limbs, or the map too many points; if steps are not
+        checked, or there are obstacles or occupied points.
     """
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
@@ -81,7 +81,7 @@ def build(
 
 
 def sets_of(graph: LazyGraph) -> StanceSets:
-    """The sets of points that nodes of a graph hold.
+    """Return the sets of points that nodes of a graph hold.
 
     Raises
     ------
@@ -102,12 +102,12 @@ def sets_of(graph: LazyGraph) -> StanceSets:
 
 
 def parts_of_nodes(graph: LazyGraph) -> Parts:
-    """What is done of the table of a graph."""
+    """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
 
 Block = tuple[int, Any]
-"""A number, and sets of points or the rest at which to end."""
+"""A number, and sets of points or the support set at which the block ends."""
 
 
 def _in_blocks(
@@ -117,7 +117,7 @@ def _in_blocks(
     parts: Parts,
     shared: tuple[Any, ...],
 ) -> list[Arrays]:
-    """What `work` finds of each of some blocks and what they share; processes take turns."""
+    """Return the results of `work` for each block; blocks are dealt out to the processes."""
     count = processes.count
     given = [(work, blocks[k::count], parts, shared) for k in range(count)]
     found = processes.run(_each, given)
@@ -131,7 +131,7 @@ def _each(
     parts: Parts,
     shared: tuple[Any, ...],
 ) -> list[Arrays]:
-    """What one process finds of its blocks, each of which is a part."""
+    """Compute the blocks of one process, each of which is a part."""
     found = []
     tell(worker, float(not blocks))  # of a process for which there is none all is done
     for k, block in enumerate(blocks, 1):
@@ -142,19 +142,19 @@ def _each(
 
 
 def _orders(limbs: int) -> IntArray:
-    """In which orders limbs may hold ascending points, shape (k, N)."""
+    """Return the orders in which limbs may hold ascending points, shape (k, N)."""
     # Of what turns make alike the lowest point comes first.
     alike = same_after_turns(limbs)
     return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
 
 
 def _no_node(none: IntArray) -> tuple[NDArray[Any], ...]:
-    """What `nodes_of_sets` finds of no sets of points, shape (0, N)."""
+    """Return the results of `nodes_of_sets` for no sets of points, shape (0, N)."""
     return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
 
 
 def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
-    """What `Nodes` lists of those that hold some sets of points, and base rotations."""
+    """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(limbs)].reshape(-1, limbs)
     graph = _graph(world)
@@ -169,7 +169,7 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
 
 
 def _rests(table: NodeTable) -> list[Block]:
-    """First and last of rests that are checked at once."""
+    """Return the blocks of support sets whose pairs are checked at once, by first and last."""
     blocks: list[Block] = []
     at, last = 0, len(table.offset) - 1
     while at < last:
@@ -183,7 +183,7 @@ def _rests(table: NodeTable) -> list[Block]:
 def _joined(
     first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
 ) -> Arrays:
-    """What steps keep at most between the pairs of `list_pairs` of rests, first to last."""
+    """Compute the branches that steps keep at most for the pairs of some support sets."""
     before = Pair.before(table, first)
     pairs = np.empty((count_pairs(table, before.copy(), last), 2), dtype=np.int64)
     list_pairs(table, before, last, pairs)
@@ -195,9 +195,10 @@ def _joined(
 def kept_at_most(
     graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
 ) -> EdgeSet:
-    """What steps between pairs of some members, shape (p, 2), keep at most: see `relaxed_steps`.
+    """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
 
-    It is what is kept on the step there or that back, in which the lines that are tried may differ.
+    They are the union of those kept on the step there and on that back, whose candidate lines may
+    differ, see `relaxed_steps`.
     """
     limbs = graph.limbs
     rows, moved = np.divmod(members, limbs)
@@ -234,7 +235,7 @@ def kept_at_most(
 
 
 def _graph(world: World) -> LazyGraph:
-    """A graph that knows nothing yet: what it remembers takes memory."""
+    """Return an empty graph, since what graphs store takes memory."""
     graph = stance_graph(*world)
     assert isinstance(graph, LazyGraph)
     return graph

@@ -1,4 +1,4 @@
-"""The complete table of two limbs: worked out once, and kept where graphs find it."""
+"""Build the complete table of two limbs."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from mlivr_gym.stances.parts import Parts
 from mlivr_gym.stances.workers import Progress
 
 SAMPLE = 5000
-"""Steps that are checked, if there are as many, to tell how long all take."""
+"""Number of steps that are checked to estimate the time of all, if there are as many."""
 
 SIDE = 64
-"""Most stances of a row whose steps are in the sample."""
+"""Largest number of stances of a row whose steps are in the sample."""
 
 
 class Estimate(NamedTuple):
     """What building a table takes."""
 
     candidates: str
-    """What is tried, and how many."""
+    """What is checked, with its number."""
     seconds: float
-    """Time it takes on this machine [s]."""
+    """Time on this machine [s]."""
     size: float
-    """Size of its file [bytes]."""
+    """Size of the file [bytes]."""
     done: int = 0
-    """Parts that a build that was stopped has done; the time is that of all."""
+    """Number of parts that a stopped build has finished; the time is that of all parts."""
 
 
 def fill_rows(
     graph: PairGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> None:
-    """Check every step of a graph, once.
+    """Check every step of a graph once.
 
     Parameters
     ----------
     graph
         The graph.
     progress
-        Called with the share of the rows that is done.
+        Called with the finished share of the rows.
     parts
-        Where what is done is kept until all is; without obstacles and occupied points alone.
+        Stores finished parts until all are; only without obstacles and occupied points.
     """
     if graph.complete:
         return
@@ -69,7 +69,7 @@ def fill_rows(
 
 
 def _releases(graph: PairGraph) -> list[NDArray[Any]]:
-    """Work out on which branches every limb can be released."""
+    """Compute the branches on which every limb can be released."""
     graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
     return [graph.steps.released]
 
@@ -77,16 +77,16 @@ def _releases(graph: PairGraph) -> list[NDArray[Any]]:
 def _check_rows(
     graph: PairGraph, held: int, points: range, edges: NDArray[Any]
 ) -> list[NDArray[Any]]:
-    """Check the steps of some rows; `edges` are theirs."""
+    """Check the steps of some rows, whose records are `edges`."""
     before, after = np.concatenate([graph.pairs_of_row(held, p) for p in points], axis=1)
     graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
     return [edges]
 
 
 def built_pairs(graph: PairGraph) -> Path | None:
-    """Where the complete table of a graph lies; None if it has to be built.
+    """Return the file of the complete table of a graph; None if it has to be built.
 
-    A graph that was made before the table was kept has all its steps from then on.
+    A graph that was made before the table was stored has all its steps from then on.
     """
     found = PAIR_TABLES.find(graph, warn=False)
     if found is None:
@@ -99,12 +99,12 @@ def built_pairs(graph: PairGraph) -> Path | None:
 
 
 def parts_of_pairs(graph: PairGraph) -> Parts:
-    """What is done of the table of a graph."""
+    """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
 
 def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | None:
-    """See `table_build.build_table`."""
+    """Build the complete table of two limbs, see `table_build.build_table`."""
     path = built_pairs(graph)
     if path is None:
         parts = parts_of_pairs(graph)
@@ -116,7 +116,7 @@ def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | No
 
 
 def estimate_pairs(graph: PairGraph) -> Estimate:
-    """What building the table of a graph takes, told by a few of its steps."""
+    """Estimate what building the table of a graph takes, from a sample of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
     size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, released=None)))
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
@@ -138,7 +138,7 @@ def estimate_pairs(graph: PairGraph) -> Estimate:
 
 
 def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
-    """Limb that holds, stance before and stance after of some steps, (k,) each."""
+    """Return the support limb, the stance before and the stance after of some steps."""
     rows = list(zip(*np.nonzero(graph.degree > 1), strict=True))
     found, count = [], 0
     for k in np.random.default_rng(0).permutation(len(rows)):
@@ -155,5 +155,5 @@ def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _packed(rows: NDArray[Any]) -> float:
-    """Bytes that each of some rows takes in a file."""
+    """Return the number of bytes that each of some records takes in a file."""
     return len(zlib.compress(rows.tobytes())) / len(rows)

@@ -1,4 +1,4 @@
-"""The complete table of any graph: worked out once, and kept where graphs find it."""
+"""Build the table of any stance graph, and store it where graphs find it."""
 
 from __future__ import annotations
 
@@ -16,37 +16,38 @@ from mlivr_gym.stances.workers import Progress
 
 
 def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) -> Path | None:
-    """Work out the complete table of a graph, once, and keep it where graphs find it.
+    """Build the table of a stance graph once, and store it where graphs find it.
 
-    Of two limbs it has all steps, of three and four all nodes and what steps between them keep at
-    most. A build that was stopped goes on where it was. What cannot be written is told as a
-    warning, and the graph has its table all the same.
+    For two limbs the table is complete, with all steps; for three and four limbs it has all nodes
+    and the branches that each step keeps at most. A build that was stopped continues where it was.
+    If the table cannot be stored, a warning says so, and the graph has its table all the same.
 
     Parameters
     ----------
     graph
         The stance graph, without obstacles and occupied points.
     progress
-        Called with the share of the work that is done.
+        Called with the finished share of the work, from 0 to 1.
 
     Returns
     -------
     Path | None
-        Where the table lies; None if it is not kept.
+        The file of the table in the cache folder or the package; None if it is not stored.
 
     Raises
     ------
     SettingError
         If there are obstacles or occupied points.
     TableError
-        If there is no table of that many limbs or points.
+        If robots with this number of limbs have no table, or the map has too many points.
 
-    Example:
-        >>> from mlivr_gym import stance_graph
-        >>> graph = stance_graph()
-        >>> path = build_table(graph)
-        >>> graph.complete
-        True
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> graph = stance_graph()
+    >>> path = build_table(graph)
+    >>> graph.complete
+    True
     """
     if graph.obstacles or graph.occupied:
         raise SettingError("tables are built without obstacles and occupied points; clear them")
@@ -64,12 +65,12 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
 
 
 def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
-    """What building the table of a graph takes on this machine; None if it is there already.
+    """Estimate what building the table of a graph takes on this machine; None if it exists.
 
     Raises
     ------
     TableError
-        If there is no table of that many limbs or points.
+        If robots with this number of limbs have no table, or the map has too many points.
     """
     if isinstance(graph, PairGraph):
         return None if built_pairs(graph) else estimate_pairs(graph)
@@ -77,7 +78,7 @@ def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
 
 
 def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
-    """Write the table of a graph for which it was built to a file to pass on.
+    """Write the table of a graph, which has been built, to a file that can be passed on.
 
     Raises
     ------
@@ -92,5 +93,5 @@ def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
 
 
 def name_of(graph: PairGraph | LazyGraph) -> str:
-    """Name under which a file of `write_built` is found in a cache folder."""
+    """Return the name under which a cache folder must have the file of `write_built`."""
     return (PAIR_TABLES if isinstance(graph, PairGraph) else NODE_TABLES).name(graph)

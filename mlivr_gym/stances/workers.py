@@ -1,4 +1,4 @@
-"""Processes that share the work of building tables, and tell how far they are."""
+"""Processes that share the work of building tables, and report their progress."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from multiprocessing import get_context, parent_process
 from typing import Any
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done."""
+"""Called with the finished share of the work."""
 
 
 class Stopped(Exception):
-    """Raised in a process whose work is not wanted any more."""
+    """Raised in a process whose work is not needed any more."""
 
 
 class Workers:
-    """Processes that tell how far they are."""
+    """Processes that report their progress."""
 
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
-        """Start some; of one none: the work is done where it is asked for.
+        """Start processes, or none if `count` is 1: the work is then done in this process.
 
         Parameters
         ----------
         count
             Number of processes.
         stages
-            How often they are run.
+            Number of calls of `run` or `skip`.
         progress
-            Called with the share of all stages that is done.
+            Called with the finished share of all stages.
         """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
         self.pool: ProcessPoolExecutor | None = None
@@ -44,17 +44,17 @@ class Workers:
         )
 
     def __enter__(self) -> Workers:
-        """Themselves."""
+        """Return the processes."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End them; after an error as soon as they tell something."""
+        """End the processes; after an error as soon as they report."""
         if self.pool is not None:
             self.shares[self.count] = float(kind is not None)
             self.pool.shutdown(cancel_futures=True)
 
     def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """What `work` returns for each of some arguments: one stage."""
+        """Return the results of `work` for each of some arguments, which make up one stage."""
         if self.pool is None:
             found = [work(k, *given) for k, given in enumerate(arguments)]
             self.skip()
@@ -70,17 +70,17 @@ class Workers:
         return [job.result() for job in jobs]
 
     def show(self, share: float) -> None:
-        """Pass on which share of a stage is done."""
+        """Report the finished share of a stage."""
         if self.progress is not None:
             self.progress((self.stage + share) / self.stages)
 
     def skip(self) -> None:
-        """Pass over a stage."""
+        """Go on to the next stage."""
         self.stage += 1
 
 
 class _Alone:
-    """In place of what several processes share: what is told is passed on at once."""
+    """Stand-in for the shared array if there is a single process: reports at once."""
 
     def __init__(self, workers: Workers) -> None:
         self.workers = workers
@@ -93,7 +93,7 @@ class _Alone:
 
 
 _shares: Any = None
-"""In a worker, how far each of them is, and last whether they are to stop."""
+"""In a worker, the finished share of each of them, and last whether they are to stop."""
 
 
 def _start_worker(shares: Any) -> None:
@@ -102,12 +102,12 @@ def _start_worker(shares: Any) -> None:
 
 
 def tell(worker: int, share: float) -> None:
-    """Tell, in a worker, which share of its part of a stage is done.
+    """Report, in a worker, the finished share of its part of a stage.
 
     Raises
     ------
     Stopped
-        If the rest is not wanted any more.
+        If the remaining work is not needed any more.
     """
     _shares[worker] = share
     parent = parent_process()

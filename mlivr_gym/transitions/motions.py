@@ -21,7 +21,7 @@ class SwingSegment(Record):
     """A line in joint space while the base follows part of its path, or a rounded corner."""
 
     path: BasePath
-    """Path of the base."""
+    """Base path."""
     begin: float
     """Parameter of the base path at the start."""
     turning: float

@@ -202,7 +202,7 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
 
 @kernel
 def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> None:
-    """Keep the branches of support limbs that are clear while the other moves in a fold.
+    """Keep the branches of support limbs that are clear while the other limb is folded.
 
     Without collision checks there are no folds. A single support limb may keep some branches along
     the line and others along the arc.
@@ -245,7 +245,7 @@ def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) 
 
 @part
 def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
-    """Return the first fold in which the limb can stay along the base path, -1 if there is none.
+    """Return the first fold in which the limb stays along the base path, else -1.
 
     Among obstacles only the first fold that is clear of the map is checked.
     """
@@ -335,7 +335,7 @@ def pairs_by_travel(scratch: StepScratch) -> int:
 
 @part
 def line_clear(pair: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Return whether the limb can swing along the line of a pair of branches, along the base path."""
+    """Return whether the limb can swing along the line of a pair of branches."""
     robot, world = scene.robots[0], scene.world
     first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
     line_end(first, last, scratch.end)
