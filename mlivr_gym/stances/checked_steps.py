@@ -34,16 +34,16 @@ class CheckedSteps(ChangingWorld):
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """Return the branches on which a limb can be released at a stance, 0 if none."""
         stances = self.checks.stances(np.array([stance]), posture)
-        self._know_released(stances, np.array([[0, limb]]))
+        self._check_releases(stances, np.array([[0, limb]]))
         return int(stances.released["branches"][0, limb])
 
     def all_released(self, points: IntArray, postures: Postures) -> Any:
         """Return the releases of all limbs at stances: rows of `ReleaseRecord`, shape (k, N)."""
         stances = self.checks.stances(points, postures)
-        self._know_released(stances, np.indices(points.shape).reshape(2, -1).T)
+        self._check_releases(stances, np.indices(points.shape).reshape(2, -1).T)
         return stances.released
 
-    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
+    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
         """Compute releases that are not known: rows and limbs, shape (k, 2)."""
         todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
         self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
@@ -84,7 +84,7 @@ class CheckedSteps(ChangingWorld):
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
         held = self.grasp_map.positions[points[after]] * ~moves[..., None]
         steps["pivot"] = held.sum(axis=1) / (self.limbs - 1)
-        steps["wanted"][:, : self.limbs] = masks
+        steps["branches"][:, : self.limbs] = masks
         return steps
 
     def masks_after(
@@ -131,7 +131,7 @@ class CheckedSteps(ChangingWorld):
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
         if not stances.released["known"].all():
-            # To know what can be released takes longer than to know who can hold.
+            # Releases take longer to compute than whether the support limbs can follow.
             able = np.flatnonzero(self.checks.hold(steps, stances, world))
         if self.settings.collisions:
             able = self._releasable_steps(stances, steps, able)
@@ -152,10 +152,10 @@ class CheckedSteps(ChangingWorld):
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
-            self._know_released(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
+            self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
             released = stances.released["branches"][row, limb]
             if end == "before":
-                both = zip(steps["wanted"][able, limb].tolist(), released.tolist(), strict=True)
+                both = zip(steps["branches"][able, limb].tolist(), released.tolist(), strict=True)
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[released != 0]
@@ -163,7 +163,7 @@ class CheckedSteps(ChangingWorld):
             return able
         rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
         every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
-        self._know_released(stances, every.reshape(-1, 2))
+        self._check_releases(stances, every.reshape(-1, 2))
         return able
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
@@ -182,10 +182,10 @@ class CheckedSteps(ChangingWorld):
         stances = self.checks.stances(points, posture)
         first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
         steps = self.step_rows(stances, first, last, np.array([state.masks]))
-        steps["given"] = True
+        steps["fixed"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])
-            self._know_released(stances, np.array([[0, limb], [1, limb]]))
+            self._check_releases(stances, np.array([[0, limb], [1, limb]]))
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
         return edge_of(steps[0])
 

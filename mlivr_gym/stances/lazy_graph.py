@@ -12,7 +12,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.node_steps import moves_of, node_stances
+from mlivr_gym.stances.node_steps import candidate_steps, node_stances
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import Progress, StanceSets
 from mlivr_gym.transitions.records import StanceSet
@@ -63,13 +63,13 @@ class LazyGraph(StanceGraph):
 
         Stances that touch an obstacle or hold an occupied point cannot be held.
         """
-        return self._as_the_world_is(stances, super().postures(stances))
+        return self._among_obstacles(stances, super().postures(stances))
 
     def nodes(self, stances: IntArray) -> Postures:
         """Return postures as `postures` does, but only masks of 0 for stances that are no nodes."""
-        return self._as_the_world_is(stances, super().nodes(stances))
+        return self._among_obstacles(stances, super().nodes(stances))
 
-    def _as_the_world_is(self, stances: IntArray, found: Postures) -> Postures:
+    def _among_obstacles(self, stances: IntArray, found: Postures) -> Postures:
         """Remove the branches that obstacles and occupied points exclude from postures."""
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, found)
@@ -77,7 +77,7 @@ class LazyGraph(StanceGraph):
             found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
-    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
+    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
         """Compute releases, see `CheckedSteps`, and store them."""
         new = []
         todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
@@ -92,7 +92,7 @@ class LazyGraph(StanceGraph):
         free = stances
         if self.obstacles:
             free = stances._replace(mask=self._free_masks(stances, np.unique(unknown[:, 0])))
-        super()._know_released(free, unknown)
+        super()._check_releases(free, unknown)
         rows, limbs = unknown.T
         stances.released["branches"][rows, limbs] &= stances.mask[rows, limbs]
         for row, limb, key in new:
@@ -125,7 +125,7 @@ class LazyGraph(StanceGraph):
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
-        limb, point, stances = self._next_to(stance, range(self.limbs))
+        limb, point, stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)
         return limb[node], point[node], postures.take(node)
@@ -142,7 +142,7 @@ class LazyGraph(StanceGraph):
         row, turn = (int(one[0]) for one in self.table.find(np.array([state.stance])))
         if row < 0:
             return super().successors(state)
-        moves = moves_of(self.table, row, -turn)
+        moves = candidate_steps(self.table, row, -turn)
         rows, turns = np.append(row, moves.rows), np.append(-turn, moves.turns)
         stances = node_stances(self.grasp_map, self.robot, self.table, rows, turns)
         after = np.arange(1, len(rows))
@@ -167,9 +167,9 @@ class LazyGraph(StanceGraph):
             if not self.settings.transitions
             or can_release(state.masks[limb], self.released(state.stance, posture, limb))
         ]
-        return self._next_to(state.stance, able)[2]
+        return self._neighbouring(state.stance, able)[2]
 
-    def _next_to(
+    def _neighbouring(
         self, stance: tuple[int, ...], limbs: Iterable[int]
     ) -> tuple[IntArray, IntArray, IntArray]:
         """Return limb, point and stance of moves of some limbs to points that their others allow.

@@ -12,7 +12,7 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.node_table_build import (
-    FEW,
+    FEW_SETS,
     kept_at_most,
     nodes_of_sets,
     parts_of_nodes,
@@ -52,7 +52,7 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
     table = table_of(nodes)
-    every, begun = len(chosen), np.flatnonzero(_of_rests(table, sets, chosen))
+    every, begun = len(chosen), np.flatnonzero(_in_sample(table, sets, chosen))
     members = table.members.astype(np.int64)
     pairs, more = _pairs(table, begun), sets.support_count / every
     some = pairs[:: max(1, len(pairs) // PAIRS)]
@@ -65,7 +65,7 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     squares = float((np.diff(table.start)[begun].astype(float) ** 2).sum()) * more
     lost = 16.0 * len(found.lost) * more * len(pairs) / max(len(some), 1)
     size = each * len(nodes.points) * len(sets) / len(tried) + squares * 20 / 64 + lost
-    seconds /= workers(len(sets), FEW)
+    seconds /= workers(len(sets), FEW_SETS)
     return Estimate(candidates, seconds, size, parts_of_nodes(graph).count())
 
 
@@ -78,7 +78,7 @@ def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
     return chosen, np.flatnonzero(np.isin(sets.supports, chosen).any(axis=1))
 
 
-def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
+def _in_sample(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
     """Return which support sets of a table are among some of those of the sets, shape (r,).
 
     The order of the limbs does not matter.

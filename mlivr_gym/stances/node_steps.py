@@ -19,7 +19,7 @@ from mlivr_gym.transitions.records import ReleaseRecord, StanceSet
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-class NodeMoves(NamedTuple):
+class CandidateSteps(NamedTuple):
     """Candidate steps from a node."""
 
     limb: IntArray
@@ -64,20 +64,20 @@ def node_stances(
     return StanceSet(np.ascontiguousarray(points), base, masks, released)
 
 
-def moves_of(table: NodeTable, row: int, turn: int) -> NodeMoves:
+def candidate_steps(table: NodeTable, row: int, turn: int) -> CandidateSteps:
     """Return the candidate steps from a node of a table, relabelled, in the order of limbs."""
     limbs, supports = table.limbs, table.supports[row]
     most = int((table.start[supports + 1] - table.start[supports]).sum())
     found = np.empty((most, 3), dtype=np.int64)
-    limb, member, bits = found[: list_moves(table, row, found)].T
+    limb, member, bits = found[: list_candidate_steps(table, row, found)].T
     rows, moved = np.divmod(member, limbs)
     limb_now = (limb - turn) % limbs
     order = np.lexsort((table.points[rows, moved], limb_now))
-    return NodeMoves(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
+    return CandidateSteps(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
 
 
 @entry
-def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
+def list_candidate_steps(table: NodeTable, node: int, found: IntArray) -> int:
     """Write limb, member reached and bit of each candidate step from a node; return how many."""
     count, limbs = 0, table.points.shape[1]
     for limb in range(limbs):

@@ -109,28 +109,28 @@ class NodeTable(NamedTuple):
 
 
 @entry
-def find_rows(points: NDArray[np.uint16], wanted: IntArray, rows: IntArray) -> None:
+def find_rows(points: NDArray[np.uint16], stances: IntArray, rows: IntArray) -> None:
     """Find the rows of stances among stances in the order of their codes, -1 for no row.
 
     Parameters
     ----------
     points
         Point indices, shape (n, N).
-    wanted
+    stances
         Point indices of the stances to find, shape (k, N).
     rows
         Receives the rows, shape (k,).
     """
-    for k in range(len(wanted)):
+    for k in range(len(stances)):
         low, high = 0, len(points)
         while low < high:
             middle = (low + high) // 2
-            if _before(points[middle], wanted[k]):
+            if _before(points[middle], stances[k]):
                 low = middle + 1
             else:
                 high = middle
-        there = low < len(points) and not _before(wanted[k], points[low])
-        rows[k] = low if there else -1
+        found = low < len(points) and not _before(stances[k], points[low])
+        rows[k] = low if found else -1
 
 
 @kernel
@@ -144,7 +144,7 @@ def _before(a: IntArray, b: IntArray) -> bool:
 
 def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
     """Return one number for each stance, in the order of its points, shape (k, N) -> (k,)."""
-    # Points of 16 bits each: four limbs fill a number.
+    # With 16 bits for each point, four limbs fill a number.
     code = np.zeros(len(stances), dtype=np.uint64)
     for column in stances.T:
         code = (code << np.uint64(16)) | column.astype(np.uint64)

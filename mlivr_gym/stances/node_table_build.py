@@ -24,16 +24,16 @@ from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import Arrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_files import TableError
-from mlivr_gym.stances.workers import Progress, Workers, tell
+from mlivr_gym.stances.workers import Progress, Workers, report_share
 from mlivr_gym.world.grasp_map import GraspMap
 
-FEW = 1000
+FEW_SETS = 1000
 """Number of sets of points up to which no processes are started."""
 
-AT_ONCE = 4000
+STANCES_AT_ONCE = 4000
 """Number of stances that are computed at once; what a graph stores of them takes memory."""
 
-PAIRS = 100_000
+PAIRS_AT_ONCE = 100_000
 """Number of bits whose pairs are checked at once, unless a single support set has more."""
 
 STAGES = 2
@@ -65,17 +65,17 @@ def build(
     """
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
-    each, parts = AT_ONCE // len(_orders(limbs)), parts or Parts(None)
+    each, parts = STANCES_AT_ONCE // len(_orders(limbs)), parts or Parts(None)
     sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
-    with Workers(workers(len(sets), FEW), STAGES, progress) as processes:
+    with Workers(workers(len(sets), FEW_SETS), STAGES, progress) as processes:
         found = _in_blocks(processes, nodes_of_sets, sets_of_blocks, parts, (world,))
         none = np.zeros((0, limbs), dtype=np.int64)
-        *columns, rotation = map(np.concatenate, zip(_no_node(none), *found, strict=True))
+        *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
         order = np.argsort(codes(columns[0]))
         nodes = Nodes(*(one[order] for one in columns))
         table = table_of(nodes)
         shared = world, nodes, rotation[order], table
-        steps = _in_blocks(processes, _joined, _rests(table), parts, shared)
+        steps = _in_blocks(processes, _joined, _support_blocks(table), parts, shared)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
     return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
@@ -90,13 +90,15 @@ def sets_of(graph: LazyGraph) -> StanceSets:
     """
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
         raise TableError(
-            "nodes are worked out where steps are checked, without obstacles and occupied points"
+            "a table of nodes is built where steps are checked, without obstacles and occupied "
+            "points: set transitions=True, or clear them"
         )
     sets = graph.sets()
     if sets is None:
         raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
-            f"nodes are worked out for three or four limbs and at most 40 million sets of points"
+            f"a table of nodes can be built for three or four limbs and at most 40 million sets "
+            f"of points"
         )
     return sets
 
@@ -133,22 +135,22 @@ def _each(
 ) -> list[Arrays]:
     """Compute the blocks of one process, each of which is a part."""
     found = []
-    tell(worker, float(not blocks))  # of a process for which there is none all is done
+    report_share(worker, float(not blocks))  # without blocks, all is done
     for k, block in enumerate(blocks, 1):
         name = f"{work.__name__.strip('_')}-{block[0]}"
         found.append(parts.get(name, partial(work, *block, *shared)))
-        tell(worker, k / len(blocks))
+        report_share(worker, k / len(blocks))
     return found
 
 
 def _orders(limbs: int) -> IntArray:
     """Return the orders in which limbs may hold ascending points, shape (k, N)."""
-    # Of what turns make alike the lowest point comes first.
+    # Of cyclic relabellings the one with the lowest point first stands for all.
     alike = same_after_turns(limbs)
     return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
 
 
-def _no_node(none: IntArray) -> tuple[NDArray[Any], ...]:
+def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
     """Return the results of `nodes_of_sets` for no sets of points, shape (0, N)."""
     return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
 
@@ -168,12 +170,12 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
     return stances, base, postures.mask, branches, folds, postures.tried, rotation
 
 
-def _rests(table: NodeTable) -> list[Block]:
+def _support_blocks(table: NodeTable) -> list[Block]:
     """Return the blocks of support sets whose pairs are checked at once, by first and last."""
     blocks: list[Block] = []
     at, last = 0, len(table.offset) - 1
     while at < last:
-        end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1
+        end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS_AT_ONCE, "right")) - 1
         end = min(max(end, at + 1), last)
         blocks.append((at, end))
         at = end
@@ -216,11 +218,11 @@ def kept_at_most(
     for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
         stances.released[name] = permuted_limbs(values[rows], turns)
     stances.released["known"] = True
-    first = moved - turns + 1  # the limb after the one that moves
+    first = moved - turns + 1  # the limb after the swing limb
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         steps = graph.step_rows(stances, one, other, masks[one])
-        graph.checks.may_keep(steps, stances, world)
+        graph.checks.relax(steps, stances, world)
         held = permuted_limbs(steps["kept"][:, :limbs], first[one])[:, :-1]
         kept = packed(held)
         kept[~held.all(axis=1)] = 0

@@ -70,7 +70,7 @@ def fill_rows(
 
 def _releases(graph: PairGraph) -> list[NDArray[Any]]:
     """Compute the branches on which every limb can be released."""
-    graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
+    graph.check_releases(np.indices((len(graph), 2)).reshape(2, -1).T)
     return [graph.steps.released]
 
 
@@ -79,7 +79,7 @@ def _check_rows(
 ) -> list[NDArray[Any]]:
     """Check the steps of some rows, whose records are `edges`."""
     before, after = np.concatenate([graph.pairs_of_row(held, p) for p in points], axis=1)
-    graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
+    graph.check_steps(np.full(len(before), held, dtype=np.int64), before, after)
     return [edges]
 
 
@@ -123,12 +123,12 @@ def estimate_pairs(graph: PairGraph) -> Estimate:
     if graph.complete or not steps:
         return Estimate(candidates, 0.0, size)
     held, before, after = _sample(graph)
-    graph.know_steps(held[:1], before[:1], after[:1])  # compiles
+    graph.check_steps(held[:1], before[:1], after[:1])  # compiles
     stances = np.unique([before, after])
     began = time.perf_counter()
-    graph.know_released(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
+    graph.check_releases(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
     released = time.perf_counter()
-    graph.know_steps(held, before, after)
+    graph.check_steps(held, before, after)
     checked = time.perf_counter()
     seconds = (released - began) * len(graph) / len(stances)
     seconds += (checked - released) * steps / len(held)

@@ -85,7 +85,7 @@ class PairGraph(StanceGraph):
         """Read stances and steps from a table if there is one, else compute the stances."""
         super().__init__(grasp_map, robot, settings)
         found = PAIR_TABLES.find(self) if self.solver_class is PostureSolver else None
-        known = found[1] if found else self._worked_out()
+        known = found[1] if found else self._computed()
         self.considered, self.reachable, self.no_departure, *removed = (
             known.counts[name] for name in COUNTS
         )
@@ -119,7 +119,7 @@ class PairGraph(StanceGraph):
         """Whether the table has every step, among the present obstacles too."""
         return self._table_complete and not (self.obstacles and self.settings.transitions)
 
-    def _worked_out(self) -> PairStances:
+    def _computed(self) -> PairStances:
         """Compute every stance, without steps."""
         postures = self.postures(self.pairs)
         node = self.is_node(postures)
@@ -161,13 +161,13 @@ class PairGraph(StanceGraph):
         """The steps known so far, among the present obstacles, as compiled code reads them."""
         return self._known.table
 
-    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, (k,) each."""
-        self._known.know_steps(held, before, after)
+        self._known.check_steps(held, before, after)
 
-    def know_released(self, todo: IntArray) -> None:
+    def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
-        self._known.know_released(todo)
+        self._known.check_releases(todo)
 
     def pairs_of_row(self, held: int, point: int) -> IntArray:
         """Return every pair of stances of a row, the lower index last, shape (2, k)."""
@@ -288,7 +288,7 @@ class PairGraph(StanceGraph):
         if s < 0:
             return super().released(stance, posture, limb)
         if not self.steps.released["known"][s, limb]:
-            self._known.know_released(np.array([[s, limb]]))
+            self._known.check_releases(np.array([[s, limb]]))
         return int(self.releasable[s, limb])
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
@@ -359,7 +359,7 @@ class PairGraph(StanceGraph):
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)
         steps = [np.array(one) for one in np.broadcast_arrays(held, before, after)]
-        self.know_steps(*steps)
+        self.check_steps(*steps)
         kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
         return kept
 
@@ -378,10 +378,10 @@ class PairGraph(StanceGraph):
         masks = np.empty((size, 2), dtype=np.int64)
         both = state.masks[0], state.masks[1]
         if self.settings.transitions and not self.complete:
-            self._known.know_released(np.array([[s, 0], [s, 1]]))
+            self._known.check_releases(np.array([[s, 0], [s, 1]]))
             count = unknown_steps(s, both, self.steps, masks)
             held, after = masks[:count].T.copy()
-            self.know_steps(held, np.full(count, s), after)
+            self.check_steps(held, np.full(count, s), after)
         count = pair_successors(s, both, self.steps, limb, stance, masks)
         limb, stance = limb[:count], stance[:count]
         return Successors(

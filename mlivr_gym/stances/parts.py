@@ -63,7 +63,7 @@ class Parts:
         if self.folder is None:
             return None
         try:
-            # What is read is compared with the checksums in the archive.
+            # Reading compares the checksums in the archive.
             with (self.folder / f"{name}.npz").open("rb") as stream, np.load(stream) as found:
                 return list(found.values())
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
@@ -79,6 +79,6 @@ class Parts:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(self.folder / f"{name}.npz", buffer.getvalue())
         except (OSError, FileError) as error:
-            text = "parts of the table are not kept, so what is stopped begins anew: %s"
+            text = "parts of the table cannot be stored, so a stopped build will start again: %s"
             logging.getLogger(__name__).warning(text, error)
             self.folder = None

@@ -41,7 +41,7 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     if count > MOST_PAIRS:
         raise MapError(
             f"map {grasp_map.name!r} has {count} pairs of points within the span of {span:g} m; "
-            f"at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+            f"at most {MOST_PAIRS} can be used: choose a larger spacing or a smaller span"
         )
     if len(positions) > FEW_POINTS:
         pairs = tree.query_pairs(limit, output_type="ndarray").astype(np.int64)

@@ -17,7 +17,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 TRIES = 200
 """Number of draws after which sampling ends."""
 
-AS_DRAWN = 4
+LIMBS_AS_DRAWN = 4
 """Largest number of limbs that hold points in the order of the draw, see `round_the_body`."""
 
 
@@ -68,7 +68,7 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
         if not rows:
             return None
         stances = np.array(rows, dtype=np.int64)
-        if graph.limbs > AS_DRAWN:
+        if graph.limbs > LIMBS_AS_DRAWN:
             stances = round_the_body(graph.grasp_map, stances)
         nodes = np.flatnonzero(graph.is_node(graph.nodes(stances)))
         if not len(nodes):

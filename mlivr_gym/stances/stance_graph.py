@@ -231,9 +231,9 @@ class StanceGraph(CheckedSteps):
         stance
             Point id (or index) of each limb.
         pose
-            Base pose, if it is not that of the stance's posture: x, y, z [m] and quaternion w, x, y,
-            z. The thresholds do not apply to it; the robot must reach its points, touch nothing and
-            be able to depart.
+            Base pose, if it is not that of the stance's posture: x, y, z [m] and quaternion
+            w, x, y, z. The thresholds do not apply to it; the robot must reach its points, touch
+            nothing and be able to depart.
         joints
             Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
 

@@ -119,7 +119,7 @@ class StanceSets:
             if sets is None:
                 if not work_out:
                     return None
-                sets = _worked_out(graph, progress)
+                sets = _computed(graph, progress)
                 if sets is not None:
                     SET_TABLES.cache(graph, sets)
             _keep(key, sets)
@@ -137,7 +137,7 @@ def _keep(key: str, sets: StanceSets | None) -> None:
         _kept.popitem(last=False)
 
 
-def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
+def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
     """Compute the sets of a graph; None if there are too many."""
     limbs, together = graph.limbs, graph.together.copy()
     touching = graph.solver.point_cause > 0

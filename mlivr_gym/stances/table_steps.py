@@ -224,7 +224,7 @@ def find_step(s: int, moving: int, point: int, tables: Any) -> int:
     """Return the index of the step from stance `s` that moves a limb to `point`, or -1."""
     low, end = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
     count = end - low
-    while count > 0:  # without branches that the processor would guess wrong
+    while count > 0:  # without branches, which the processor would mispredict
         half = (count + 1) // 2
         low += half * (tables.to_point[low + half - 1] < point)
         count -= half

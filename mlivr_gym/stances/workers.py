@@ -27,17 +27,17 @@ class Workers:
         count
             Number of processes.
         stages
-            Number of calls of `run` or `skip`.
+            Number of calls of `run` or `next_stage`.
         progress
             Called with the finished share of all stages.
         """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
         self.pool: ProcessPoolExecutor | None = None
         if count == 1:
-            _start_worker(_Alone(self))
+            _start_worker(_SingleProcess(self))
             return
         context = get_context("spawn")
-        # How far each is, and whether they are to stop.
+        # The finished share of each process, and whether they are to stop.
         self.shares: Any = context.Array("d", count + 1)
         self.pool = ProcessPoolExecutor(
             count, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
@@ -57,7 +57,7 @@ class Workers:
         """Return the results of `work` for each of some arguments, which make up one stage."""
         if self.pool is None:
             found = [work(k, *given) for k, given in enumerate(arguments)]
-            self.skip()
+            self.next_stage()
             return found
         for k in range(self.count):
             self.shares[k] = 0.0
@@ -65,21 +65,21 @@ class Workers:
         waiting: Any = jobs
         while waiting:
             _, waiting = wait(waiting, timeout=0.5)
-            self.show(sum(self.shares[: self.count]) / self.count)
-        self.skip()
+            self.report(sum(self.shares[: self.count]) / self.count)
+        self.next_stage()
         return [job.result() for job in jobs]
 
-    def show(self, share: float) -> None:
+    def report(self, share: float) -> None:
         """Report the finished share of a stage."""
         if self.progress is not None:
             self.progress((self.stage + share) / self.stages)
 
-    def skip(self) -> None:
+    def next_stage(self) -> None:
         """Go on to the next stage."""
         self.stage += 1
 
 
-class _Alone:
+class _SingleProcess:
     """Stand-in for the shared array if there is a single process: reports at once."""
 
     def __init__(self, workers: Workers) -> None:
@@ -89,7 +89,7 @@ class _Alone:
         return 0.0
 
     def __setitem__(self, _: int, share: float) -> None:
-        self.workers.show(share)
+        self.workers.report(share)
 
 
 _shares: Any = None
@@ -101,7 +101,7 @@ def _start_worker(shares: Any) -> None:
     _shares = shares
 
 
-def tell(worker: int, share: float) -> None:
+def report_share(worker: int, share: float) -> None:
     """Report, in a worker, the finished share of its part of a stage.
 
     Raises
@@ -111,7 +111,7 @@ def tell(worker: int, share: float) -> None:
     """
     _shares[worker] = share
     parent = parent_process()
-    if parent is not None and not parent.is_alive():  # killed: nobody takes what is found
+    if parent is not None and not parent.is_alive():  # it was killed, so results are lost
         os._exit(1)
     if _shares[-1]:
         raise Stopped

@@ -24,7 +24,7 @@ swing limb; and both."""
 
 
 @kernel
-def hold_apart(
+def remove_collisions(
     parts: int,
     step: StepRecord,
     scene: StepContext,
@@ -63,7 +63,7 @@ def hold_apart(
         for i in range(robot.limb_count):
             for j in range(i + 1, robot.limb_count):
                 if i != step.limb and j != step.limb:
-                    _both_apart(i, j, step, scene, masks, scratch)
+                    _remove_collisions_between(i, j, step, scene, masks, scratch)
                     if masks[i] == 0 or masks[j] == 0:
                         return False
     return True
@@ -73,13 +73,13 @@ def hold_apart(
 def each_clear(
     parts: int, layer: int, step: StepRecord, scene: StepContext, masks: Limbs, scratch: StepScratch
 ) -> bool:
-    """Remove branches as `hold_apart` does, in one layer, without comparing support limbs."""
+    """Remove branches as `remove_collisions` does, in one layer, without pairs of support limbs."""
     robot = scene.robots[0]
     for i in range(robot.limb_count):
         if i == step.limb:
             continue
         for b in range(BRANCHES):
-            if has_branch(masks[i], b) and not _hold_clear(
+            if has_branch(masks[i], b) and not _support_clear(
                 parts, i, b, layer, step, scene, scratch
             ):
                 masks[i] = without_branch(masks[i], b)
@@ -89,7 +89,7 @@ def each_clear(
 
 
 @part
-def _hold_clear(
+def _support_clear(
     parts: int,
     i: int,
     b: int,
@@ -109,7 +109,7 @@ def _hold_clear(
 
 
 @kernel
-def holds_apart(
+def both_clear(
     i: int, b: int, j: int, c: int, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> bool:
     """Return whether two support limbs stay clear of each other along the base path.
@@ -125,7 +125,7 @@ def holds_apart(
 
 
 @part
-def _both_apart(
+def _remove_collisions_between(
     i: int,
     j: int,
     step: StepRecord,
@@ -142,8 +142,8 @@ def _both_apart(
     kept = masks[j]
     for c in range(BRANCHES):
         for b in range(BRANCHES):
-            wanted = has_branch(kept, c) and has_branch(masks[i], b)
-            if wanted and not holds_apart(i, b, j, c, step, scene, scratch):
+            present = has_branch(kept, c) and has_branch(masks[i], b)
+            if present and not both_clear(i, b, j, c, step, scene, scratch):
                 kept = without_branch(kept, c)
     if kept:
         masks[j] = kept
@@ -151,5 +151,5 @@ def _both_apart(
     chosen = first_branch(masks[j])
     masks[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(masks[i], b) and not holds_apart(i, b, j, chosen, step, scene, scratch):
+        if has_branch(masks[i], b) and not both_clear(i, b, j, chosen, step, scene, scratch):
             masks[i] = without_branch(masks[i], b)

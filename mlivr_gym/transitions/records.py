@@ -85,11 +85,11 @@ class StepRecord(Record):
     """Stance after the step."""
     pivot: Vector
     """Centre of an arc as base path [m]."""
-    wanted: Limbs
+    branches: Limbs
     """Branches that each support limb may be on."""
-    given: bool
+    fixed: bool
     """Whether the limbs are on just these branches, so that none is preferred."""
-    again: bool
+    recheck: bool
     """Whether the edge is known in the world without obstacles, and only this edge is checked."""
     kept: Limbs
     """Branches on which each support limb can follow the edge; none if the step is no edge."""
@@ -114,11 +114,11 @@ class StepScratch(Record):
     """Branches on which each limb can hold on both kinds of path."""
     holds_known: Annotated[IntArray, (2,), np.int64]
     """Whether these were computed."""
-    now: Limbs
+    selected: Limbs
     """Branches under check."""
-    standing: Limbs
+    clear: Limbs
     """Those of them that are clear of all that does not depend on the swing."""
-    now_on_line: Limbs
+    clear_of_swing: Limbs
     """Those of these that are clear of the swing limb."""
     q: Annotated[Rows[Angles], (2, BRANCHES)]
     """Joint angles above both points on each branch."""

@@ -67,19 +67,19 @@ def release_all(
     stances, world = scene.stances, scene.world
     for k in range(start, stop):
         s, limb = todo[k, 0], todo[k, 1]
-        answer, wanted = stances.released[s, limb], stances.mask[s, limb]
+        answer, branches = stances.released[s, limb], stances.mask[s, limb]
         if world.first > 0:
-            wanted &= answer.branches
+            branches &= answer.branches
         else:
             answer.branches = 0
         for layer in range(world.first, world.stop):
-            if wanted:
-                release(s, limb, wanted, scene, layer, scratch_rows[0])
+            if branches:
+                release(s, limb, branches, scene, layer, scratch_rows[0])
             else:
                 answer.branches = 0
-            wanted = answer.branches
+            branches = answer.branches
         if world.stop == 0:
-            answer.branches = wanted
+            answer.branches = branches
         answer.known = True
 
 
@@ -139,7 +139,7 @@ def release(
                 return
     answer.folds = 0
     if free:
-        answer.branches = _joined_by_lines(limb, free, scene, layer, scratch)
+        answer.branches = _connected_by_lines(limb, free, scene, layer, scratch)
 
 
 @kernel
@@ -213,14 +213,14 @@ def _fold(
     through those that it can change to from there.
     """
     robot, world = scene.robots[0], scene.world
-    again, sweep = layer > 0, scratch.sweep
+    recheck, sweep = layer > 0, scratch.sweep
     for root in range(robot.fold_count):
-        if again and answer.root != root:
+        if recheck and answer.root != root:
             continue
         changeable = only(root)
         folded(robot, root, 0.0, scratch.start)
         for other in range(robot.fold_count):
-            if other == root or (again and not has(answer.folds, other)):
+            if other == root or (recheck and not has(answer.folds, other)):
                 continue
             folded(robot, other, 0.0, scratch.end)
             if swing_clear(robot, world, layer, limb, scratch.start, scratch.end, sweep):
@@ -231,7 +231,7 @@ def _fold(
                 continue
             q = scratch.q[0, b]
             for fold in range(robot.fold_count):
-                if not has(changeable, fold) or (again and answer.via[b] != fold):
+                if not has(changeable, fold) or (recheck and answer.via[b] != fold):
                     continue
                 folded(robot, fold, q.q[5], scratch.end)
                 if swing_clear(robot, world, layer, limb, q, scratch.end, sweep):
@@ -244,7 +244,7 @@ def _fold(
 
 
 @kernel
-def _joined_by_lines(
+def _connected_by_lines(
     limb: int, free: int, scene: StepContext, layer: int, scratch: StepScratch
 ) -> int:
     """Return the largest set of branches of `free` between which a limb can change along lines.

@@ -25,9 +25,9 @@ from mlivr_gym.transitions.records import (
     StepScratch,
     WorldRecord,
 )
-from mlivr_gym.transitions.relaxed_steps import may_keep_all
+from mlivr_gym.transitions.relaxed_steps import relax_all
 from mlivr_gym.transitions.release import release_all
-from mlivr_gym.transitions.steps import check_all, hold_all
+from mlivr_gym.transitions.steps import check_all, check_supports
 
 LEAST_IN_THREADS = 64
 """Number of releases or steps from which on threads are used."""
@@ -56,14 +56,14 @@ class StepChecks:
         self.robots = self.robots.copy()
         self.robots["limbs"]["arm"]["window"][..., 1] = np.inf
 
-    def world(self, obstacles: BoxGrid | None, again: bool = False) -> WorldRecord:
+    def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
         """Return the world that motions are checked against.
 
         Parameters
         ----------
         obstacles
             Boxes in addition to those of the map, if there are any.
-        again
+        obstacles_only
             Whether the results on the map are known, and only their motions are checked among the
             obstacles.
         """
@@ -71,7 +71,7 @@ class StepChecks:
         stop = 0 if not solver.settings.collisions else 1 if obstacles is None else 2
         boxes = solver.boxes
         return WorldRecord(
-            solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(again), stop
+            solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(obstacles_only), stop
         )
 
     def stances(self, points: IntArray, postures: Postures) -> StanceSet:
@@ -107,18 +107,18 @@ class StepChecks:
     def steps(self, count: int) -> Any:
         """Return rows of `StepRecord` to be filled."""
         steps = StepRecord.rows(count)
-        steps["wanted"] = ALL
+        steps["branches"] = ALL
         return steps
 
     def hold(self, steps: Any, stances: StanceSet, world: WorldRecord) -> Any:
         """Return which steps the support limbs can follow on some base path, shape (k,)."""
-        self._run(len(steps), hold_all, steps, StepContext(stances, self.robots, world))
+        self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
         """Check steps between stances; the results are written into them."""
         self._run(len(steps), check_all, steps, StepContext(stances, self.robots, world))
 
-    def may_keep(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
+    def relax(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
         """Write into steps the branches that they keep at most, see `relaxed_steps`."""
-        self._run(len(steps), may_keep_all, steps, StepContext(stances, self.robots, world))
+        self._run(len(steps), relax_all, steps, StepContext(stances, self.robots, world))

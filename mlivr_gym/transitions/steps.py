@@ -26,7 +26,7 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
-from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, hold_apart
+from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, remove_collisions
 from mlivr_gym.transitions.motions import (
     set_base_motion,
     swing_clear,
@@ -41,7 +41,9 @@ TIE = 1e-9
 
 
 @entry
-def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
+def check_supports(
+    start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any
+) -> None:
     """Check whether every support limb can follow some base path, for steps from `start` to `stop`.
 
     This is quick. `StepRecord.kept` is not empty if it can, and has no other meaning.
@@ -52,7 +54,7 @@ def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows
         clear_step(step, robot, scratch)
         held = (step.limb + 1) % robot.limb_count
         for kind in range(2):
-            if all_hold(kind, step, scene, scratch):
+            if all_follow(kind, step, scene, scratch):
                 step.kept[held] = ALL
 
 
@@ -83,20 +85,20 @@ def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> Non
     scratch.sweep.resting.count = 0
     for kind in range(2):
         # A known edge has the branches on which limbs can hold on either path.
-        scratch.holds_known[kind] = step.again
+        scratch.holds_known[kind] = step.recheck
         for i in range(robot.limb_count):
             on_path = step.on_arc if kind == ARC else ~step.on_arc
-            scratch.holds[kind, i] = step.kept[i] & step.wanted[i] & on_path
+            scratch.holds[kind, i] = step.kept[i] & step.branches[i] & on_path
     for i in range(robot.limb_count):
-        step.kept[i], scratch.now[i] = 0, ALL
+        step.kept[i], scratch.selected[i] = 0, ALL
     step.on_arc = 0
-    if not step.again:
+    if not step.recheck:
         step.kind, step.pair = STRAIGHT, -1
         step.folds[0] = step.folds[1] = -1
 
 
 @kernel
-def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
+def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
     """Return whether all support limbs can follow a path; `scratch.holds` is filled once."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not scratch.holds_known[kind]:
@@ -107,21 +109,21 @@ def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScrat
         for i in range(robot.limb_count):
             scratch.holds[kind, i] = 0
             if i != step.limb and able:
-                mask = step.wanted[i]
-                if not step.given:
+                mask = step.branches[i]
+                if not step.fixed:
                     mask &= stances.mask[step.after, i]
                 flange = world.grasps[stances.points[step.after, i]].flange
                 limb, holding = robot.limbs[i], scratch.holding
                 scratch.holds[kind, i] = hold_mask(limb, flange, scratch.path, floor, mask, holding)
                 able = scratch.holds[kind, i] != 0
-    return _each_holds(kind, step, robot, scratch)
+    return _each_follows(kind, step, robot, scratch)
 
 
 @kernel
-def _each_holds(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
+def _each_follows(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
     """Return whether every support limb can follow a path on one of the branches `now`."""
     for i in range(robot.limb_count):
-        if i != step.limb and scratch.holds[kind, i] & scratch.now[i] == 0:
+        if i != step.limb and scratch.holds[kind, i] & scratch.selected[i] == 0:
             return False
     return True
 
@@ -141,11 +143,11 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     If the edge is known already, only its motion is checked, on the branches that it keeps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    on_line = step.again and step.pair >= 0
+    on_line = step.recheck and step.pair >= 0
     clear_step(step, robot, scratch)
     able = False
     for kind in range(2):
-        able = able or all_hold(kind, step, scene, scratch)
+        able = able or all_follow(kind, step, scene, scratch)
     if not able:
         return
     if world.stop == 0:
@@ -156,16 +158,16 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     if before.branches == 0 or after.branches == 0:
         return
     folds = before.folds & after.folds
-    stages = 1 if step.again or step.given or robot.limb_count > 2 else 3
+    stages = 1 if step.recheck or step.fixed or robot.limb_count > 2 else 3
     for stage in range(stages):
         if not _any_kept(step, robot) and not on_line:
             if stages > 1:
                 _set_stage(stage, step, scene, scratch)
             if folds:
                 _folded(step, scene, folds, scratch)
-    if (on_line or not step.again) and not _any_kept(step, robot):
+    if (on_line or not step.recheck) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
-            scratch.now[i] = ALL
+            scratch.selected[i] = ALL
         _on_lines(step, scene, scratch)
 
 
@@ -193,11 +195,11 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
         first = any_flip(stances.released[step.before, i].branches)
         second = any_flip(stances.released[step.after, i].branches)
         if stage == 0:
-            scratch.now[i] = first & second
+            scratch.selected[i] = first & second
         elif stage == 1:
-            scratch.now[i] = (first | second) & ~(first & second)
+            scratch.selected[i] = (first | second) & ~(first & second)
         else:
-            scratch.now[i] = ALL & ~(first | second)
+            scratch.selected[i] = ALL & ~(first | second)
 
 
 @kernel
@@ -212,40 +214,40 @@ def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScrat
     for kind in range(2):
         for i in range(robot.limb_count):
             if alone:
-                scratch.now[i] &= ~step.kept[i]
-        if not all_hold(kind, step, scene, scratch):
+                scratch.selected[i] &= ~step.kept[i]
+        if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
+            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
         fold = NONE
         if world.stop > 0:
             set_step_path(kind, step, scene, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            some = folds & only(step.folds[kind]) if step.again else folds
+            some = folds & only(step.folds[kind]) if step.recheck else folds
             fold = _stays_folded(step, scene, some, scratch)
-            if fold < 0 or not hold_apart(BOTH, step, scene, scratch.standing, scratch):
+            if fold < 0 or not remove_collisions(BOTH, step, scene, scratch.clear, scratch):
                 continue
         step.folds[kind] = fold
         _keep(kind, step, robot, scratch)
-        if step.given or not alone:
+        if step.fixed or not alone:
             return
 
 
 @kernel
 def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Keep the branches in `scratch.standing`."""
+    """Keep the branches in `scratch.clear`."""
     if not _any_kept(step, robot):
         step.kind = kind
     for i in range(robot.limb_count):
         if i != step.limb:
-            step.kept[i] |= scratch.standing[i]
+            step.kept[i] |= scratch.clear[i]
             if kind == ARC:
-                step.on_arc |= scratch.standing[i]
+                step.on_arc |= scratch.clear[i]
 
 
 @part
 def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
-    """Return the first fold in which the limb stays along the base path, else -1.
+    """Return the first fold in which the limb stays along the base path, or -1.
 
     Among obstacles only the first fold that is clear of the map is checked.
     """
@@ -269,31 +271,31 @@ def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: Ste
 
 @kernel
 def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Keep the branches of support limbs that are clear while the other limb swings along a line."""
+    """Keep the branches of support limbs that are clear while the other swings along a line."""
     robot = scene.robots[0]
     count = lines_by_travel(step, scene, scratch)
     for kind in range(2):
-        if not all_hold(kind, step, scene, scratch):
+        if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
+            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
         set_step_path(kind, step, scene, scratch)
         set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
         stood = False
-        for k in range(count if step.again else min(count, TRIES)):
+        for k in range(count if step.recheck else min(count, TRIES)):
             pair = scratch.order[k]
-            if (step.again and pair != step.pair) or not line_clear(pair, step, scene, scratch):
+            if (step.recheck and pair != step.pair) or not line_clear(pair, step, scene, scratch):
                 continue
             if not stood:
                 # Only the comparison with the swing limb depends on the swing.
                 stood = True
-                if not hold_apart(STANDING, step, scene, scratch.standing, scratch):
+                if not remove_collisions(STANDING, step, scene, scratch.clear, scratch):
                     break
             for i in range(robot.limb_count):
-                scratch.now_on_line[i] = scratch.standing[i]
-            if hold_apart(MOVER, step, scene, scratch.now_on_line, scratch):
+                scratch.clear_of_swing[i] = scratch.clear[i]
+            if remove_collisions(MOVER, step, scene, scratch.clear_of_swing, scratch):
                 for i in range(robot.limb_count):
-                    scratch.standing[i] = scratch.now_on_line[i]
+                    scratch.clear[i] = scratch.clear_of_swing[i]
                 step.pair = pair
                 _keep(kind, step, robot, scratch)
                 return

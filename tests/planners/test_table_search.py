@@ -19,7 +19,7 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import (
     edge_ends,
 )
-from mlivr_gym.stances.node_steps import moves_of
+from mlivr_gym.stances.node_steps import candidate_steps
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_files import key_of
 
@@ -137,7 +137,7 @@ def test_obstacles_add_no_step_to_those_of_the_table(known):
             graph.remove_obstacles()
             continue
         found = graph.successors(state)
-        moves = moves_of(table, row, 0)
+        moves = candidate_steps(table, row, 0)
         after = permuted_limbs(table.points[moves.rows].astype(np.int64), moves.turns)
         free = after[np.arange(len(after)), moves.limb]
         some = set(zip(moves.limb.tolist(), free.tolist(), strict=True))

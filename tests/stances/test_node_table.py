@@ -148,12 +148,12 @@ def kept_at_most(graph, table, bits):
     postures = tuple(map(graph.nodes, stances))
     shared = permuted_limbs(masks[a], i + 1)[:, :-1] & permuted_limbs(masks[b], j + 1)[:, :-1]
     both, count = graph.checks.stances(np.concatenate(stances), join(*postures)), len(bits)
-    graph._know_released(both, np.indices(both.points.shape).reshape(2, -1).T)
+    graph._check_releases(both, np.indices(both.points.shape).reshape(2, -1).T)
     kept = np.zeros((count, limbs - 1), dtype=np.int64)
     rows = np.flatnonzero((a != b) & shared.all(axis=1))
     for one, other in ((0, count), (count, 0)):
         steps = graph.step_rows(both, rows + one, rows + other, both.mask[rows + one])
-        graph.checks.may_keep(steps, both, graph.checks.world(None))
+        graph.checks.relax(steps, both, graph.checks.world(None))
         found = permuted_limbs(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
         kept[rows] |= found * found.all(axis=1)[:, None]
     return kept, shared

@@ -30,8 +30,8 @@ def cache(monkeypatch, tmp_path):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(node_table_build, "AT_ONCE", 60)
-    monkeypatch.setattr(node_table_build, "PAIRS", 200)
+    monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 60)
+    monkeypatch.setattr(node_table_build, "PAIRS_AT_ONCE", 200)
 
 
 def assert_same(table, other):
@@ -85,11 +85,11 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
 
 def test_processes_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatch, cache):
     """That processes stop when they are not wanted: `test_workers`."""
-    monkeypatch.setattr(node_table_build, "AT_ONCE", 300)
+    monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 300)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(small_map(), "mlivr3"), stop_at(1e-9))
     (first,) = cache.glob("parts-*/nodes_of_sets-*.npz")
-    monkeypatch.setattr(node_table_build, "FEW", 1)
+    monkeypatch.setattr(node_table_build, "FEW_SETS", 1)
     monkeypatch.setattr(kernels, "_cores", lambda: 2)
     graph, shares, worked_out = stance_graph(small_map(), "mlivr3"), [], first.stat().st_mtime_ns
 

@@ -46,13 +46,13 @@ def whole(fewer):
 @pytest.fixture
 def checked(monkeypatch):
     """How many steps were asked to be checked."""
-    counts, know = [0], PairGraph.know_steps
+    counts, know = [0], PairGraph.check_steps
 
     def counted(self, held, before, after):
         counts[0] += len(held)
         know(self, held, before, after)
 
-    monkeypatch.setattr(PairGraph, "know_steps", counted)
+    monkeypatch.setattr(PairGraph, "check_steps", counted)
     return counts
 
 

@@ -49,11 +49,11 @@ def assert_same_steps(graph, fresh, chosen):
     for held in range(2):
         for s in chosen:
             row = fresh.row(held, s)
-            fresh.know_steps(np.full(len(row), held), np.full(len(row), s), row)
+            fresh.check_steps(np.full(len(row), held), np.full(len(row), s), row)
             for before, after in ((s, row), (row, s)):
                 which = fresh._free.index(held, before, after)
                 np.testing.assert_array_equal(graph.steps.edges[which], fresh.steps.edges[which])
-    fresh.know_released(np.array([(s, limb) for s in chosen for limb in range(2)]))
+    fresh.check_releases(np.array([(s, limb) for s in chosen for limb in range(2)]))
     for name in fresh.steps.released.dtype.names:
         ours, theirs = (one.steps.released[name][chosen] for one in (graph, fresh))
         np.testing.assert_array_equal(ours, theirs, err_msg=name)

@@ -71,8 +71,8 @@ def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, mon
         ours, theirs = kept.candidates(stance), plain.candidates(stance)
         np.testing.assert_array_equal(ours[0], theirs[0])
         np.testing.assert_array_equal(ours[1], theirs[1])
-        assert len(kept._next_to(stance, range(graph.limbs))[0]) <= len(
-            plain._next_to(stance, range(graph.limbs))[0]
+        assert len(kept._neighbouring(stance, range(graph.limbs))[0]) <= len(
+            plain._neighbouring(stance, range(graph.limbs))[0]
         )
 
 
