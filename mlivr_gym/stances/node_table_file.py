@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_masks import WORD, unpacked
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, gather, spread
@@ -22,7 +21,6 @@ from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
 from mlivr_gym.stances.pair_table_file import MOST_BASE_POSES
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
-from mlivr_gym.world.grasp_map import GraspMap
 
 KEPT = 2
 """Number of tables that stay in memory."""
@@ -58,7 +56,7 @@ def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
         unpacked(one, table.limbs).astype(np.uint16)
         for one in (table.masks, table.released, table.folds)
     ]
-    offsets = table.base_position - _centroids(graph.grasp_map, table.points)
+    offsets = table.base_position - graph.grasp_map.positions[table.points].mean(axis=1)
     offset, offset_index = _distinct(np.rint(offsets / RESOLUTION).astype(np.int64))
     mask, mask_index = _distinct(np.stack(masks, axis=2).reshape(-1, 3))
     edges = gather(table)
@@ -97,7 +95,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
     ):
         raise ValueError
     offsets = arrays["base_offset"][arrays["base_offset_index"]]
-    base = _centroids(graph.grasp_map, points) + offsets * RESOLUTION
+    base = graph.grasp_map.positions[points].mean(axis=1) + offsets * RESOLUTION
     masks = arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
     table = table_of(Nodes(points, base, *masks, tried))
     joined, loses_branches = (
@@ -124,12 +122,6 @@ def table_of_arrays(arrays: Arrays) -> NodeTable:
     if types != expected or words != table.offset[-1] // WORD + 1:
         raise ValueError
     return table
-
-
-def _centroids(grasp_map: GraspMap, points: IntArray | NDArray[np.uint16]) -> Array:
-    """Return the centroids of the points of stances, shape (n, 3) [m]."""
-    centroids: Array = grasp_map.positions[points].mean(axis=1)
-    return centroids
 
 
 NODE_TABLES = TableFiles(
