@@ -96,8 +96,10 @@ def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
         raise ValueError
     offsets = arrays["base_offset"][arrays["base_offset_index"]]
     base = graph.grasp_map.positions[points].mean(axis=1) + offsets * RESOLUTION
-    masks = arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
-    table = table_of(Nodes(points, base, *masks, tried))
+    masks, released, folds = (
+        arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
+    )
+    table = table_of(Nodes(points, base, masks, released, folds, tried))
     joined, loses_branches = (
         np.unpackbits(arrays[name], count=count).view(np.bool_)
         for name, count in zip(
@@ -112,7 +114,7 @@ def table_of_arrays(arrays: Arrays) -> NodeTable:
     """Check types and shapes of arrays, by their names, and return their table."""
     table = NodeTable(**arrays)
     (n, limbs), rows, words = table.points.shape, len(table.start), len(table.bits)
-    expected = (
+    expected: Any = (
         (np.uint16, (n, limbs)), (np.float64, (n, 3)), (np.uint64, (n,)), (np.uint64, (n,)),
         (np.uint64, (n,)), (np.uint16, (n,)), (np.int32, (n, limbs)), (np.int32, (rows,)),
         (np.int32, (table.start[-1],)), (np.int64, (rows,)), (np.uint64, (words,)),

@@ -244,7 +244,7 @@ def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
     if (
         points.shape != (len(points), graph.limbs)
         or points.shape != supports.shape
-        or (points.dtype, supports.dtype) != (np.uint16, np.int32)
+        or (points.dtype.name, supports.dtype.name) != ("uint16", "int32")
         or not (points < len(graph.grasp_map)).all()
         or not ((supports >= 0) & (supports < count)).all()
     ):
