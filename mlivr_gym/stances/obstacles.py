@@ -64,7 +64,7 @@ class ChangingWorld(ABC):
         ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
         for box in boxes:
             if box.id in ids:
-                raise ShapeError(f"a box {box.id!r} already exists; give every box its own id")
+                raise ShapeError(f"a box {box.id!r} already exists; give each box an id of its own")
             ids.append(box.id)
         if boxes:
             self._set_obstacles((*self.obstacles, *boxes), self.occupied)
