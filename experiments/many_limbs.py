@@ -31,7 +31,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_stance, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State

@@ -14,8 +14,8 @@ from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
 from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_files import file_name, write_stances
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 
 
 def shipped_graphs() -> dict[str, PairGraph]:
@@ -23,7 +23,7 @@ def shipped_graphs() -> dict[str, PairGraph]:
     setup = default_setup()
     graphs = [stance_graph()]
     graphs += [case_graph(case, setup, mode) for mode in MODES for case in CASES]
-    return {file_name(graph): graph for graph in graphs if isinstance(graph, PairGraph)}
+    return {PAIR_TABLES.name(graph): graph for graph in graphs if isinstance(graph, PairGraph)}
 
 
 def main() -> None:
@@ -34,7 +34,7 @@ def main() -> None:
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)
-        write_stances(graph, graph.kept(), path)
+        PAIR_TABLES.write(graph, graph.kept(), path)
         print(f"{name}: {len(graph)} stances, {path.stat().st_size / 1e6:.2f} MB", flush=True)
 
 

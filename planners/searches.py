@@ -14,9 +14,9 @@ from mlivr_gym.planners.outcome import LIMIT_REACHED, SearchResult, path_indices
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import search_table
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.transitions.state import State
 
 

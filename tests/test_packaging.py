@@ -53,7 +53,10 @@ def test_the_wheel_holds_every_module_and_asset(built):
     for folder in ("mlivr_gym", "planners", "agents", "envs_assets"):
         prefix = "mlivr_gym" if folder == "mlivr_gym" else f"mlivr_gym/{folder}"
         for path in (ROOT / folder).iterdir():
-            if path.suffix in {".py", ".json", ".md", ".pt", ".zip"} or path.name == "py.typed":
+            if (
+                path.suffix in {".py", ".json", ".md", ".pt", ".npz", ".zip"}
+                or path.name == "py.typed"
+            ):
                 assert f"{prefix}/{path.name}" in names
 
 

@@ -5,6 +5,7 @@ Nothing is written without the number of the rules.
 
 import json
 import logging
+import zipfile
 from dataclasses import asdict
 
 import numpy as np
@@ -21,9 +22,9 @@ from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.stances.pair_files import FORMAT, kept_file
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.step_tables import step_tables
-from mlivr_gym.stances.table_heads import head_of
+from mlivr_gym.stances.table_files import FORMAT, HEAD, head_of
 
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
@@ -94,12 +95,12 @@ def test_what_ships_is_of_this_version(env):
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [
-        (1, str(GRAPH_RULES + 1), f"is of rules {GRAPH_RULES + 1}, and this version has rules"),
-        (0, str(FORMAT + 1), f"is of format {FORMAT + 1}, and this version has format {FORMAT}:"),
-        (2, "0" * 16, "is of another robot:"),
-        (3, "0" * 16, "is of another map:"),
-        (4, json.dumps(asdict(Settings(clearance=0.01))), "is of other settings (clearance):"),
-        (None, None, f"holds no step table of format {FORMAT}:"),
+        ("rules", GRAPH_RULES + 1, f"has rules {GRAPH_RULES + 1}, and this version has rules"),
+        ("format", FORMAT + 1, f"has format {FORMAT + 1}, and this version has format {FORMAT};"),
+        ("robot", "0" * 16, "is for another robot;"),
+        ("map", "0" * 16, "is for another map;"),
+        ("settings", asdict(Settings(clearance=0.01)), "is for other settings (clearance);"),
+        (None, None, f"is damaged, or not of format {FORMAT};"),
     ],
 )
 def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):
@@ -107,15 +108,17 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     graph = stance_graph(world)
-    first, file, head = step_tables(graph), kept_file(graph), head_of(graph, FORMAT)
-    with np.load(file) as data:
-        kept = {name: data[name] for name in data}
-    wrong = {**kept, "edges": np.zeros_like(kept["edges"])}
+    first, file, head = step_tables(graph), PAIR_TABLES.cached(graph), head_of(graph)
+    with zipfile.ZipFile(file) as data:
+        kept = {name: data.read(name) for name in data.namelist()}
+    wrong = {**kept, "edges.npy": bytes(len(kept["edges.npy"]))}
     if place is None:
-        del wrong["head"]
+        del wrong[HEAD]
     else:
-        wrong["head"] = np.array([*head[:place], value, *head[place + 1 :]])
-    np.savez_compressed(file, **wrong)
+        wrong[HEAD] = json.dumps({**head, place: value}).encode()
+    with zipfile.ZipFile(file, "w") as data:
+        for name, content in wrong.items():
+            data.writestr(name, content)
     with caplog.at_level(logging.WARNING):
         second = step_tables(stance_graph(world))
     (record,) = caplog.records
@@ -124,8 +127,8 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     assert "\n" not in record.getMessage()
     for ours, theirs in zip(first, second, strict=True):
         np.testing.assert_array_equal(ours, theirs)
-    with np.load(file) as data:
-        assert data["head"].tolist() == head
+    with zipfile.ZipFile(file) as data:
+        assert json.loads(data.read(HEAD)) == head
 
 
 @pytest.mark.parametrize("cut", [10, 0.5, 0.95])
@@ -133,7 +136,7 @@ def test_step_tables_that_were_cut_off_are_worked_out_anew(small_map, tmp_path, 
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     first = step_tables(stance_graph(world))
-    file = kept_file(stance_graph(world))
+    file = PAIR_TABLES.cached(stance_graph(world))
     whole = file.read_bytes()
     file.write_bytes(whole[: cut if cut > 1 else int(cut * len(whole))])
     second = step_tables(stance_graph(world))

@@ -20,7 +20,7 @@ from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 
 

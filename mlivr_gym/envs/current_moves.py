@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
-from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables

@@ -1,4 +1,4 @@
-"""How a stance graph is made."""
+"""The making of a stance graph."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
-"""Tells that the kernels of steps, which that module compiles, and of stances are compiled."""
+"""Marks that the kernels of stances, and those of steps, which that module compiles, are
+compiled."""
 
 
 @checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": Maybe(Of(Settings))})
@@ -25,7 +26,7 @@ def stance_graph(
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",
     settings: Settings | None = None,
 ) -> PairGraph | LazyGraph:
-    """Stance graph of a robot on a map.
+    """Return the stance graph of a robot on a map.
 
     Parameters
     ----------
@@ -34,17 +35,23 @@ def stance_graph(
     robot
         Name, path of a JSON file, plain data, or description.
     settings
-        Thresholds and switches; by default the paper's, with steps checked.
+        Thresholds and switches; by default those of the paper, with steps checked.
+
+    Returns
+    -------
+    PairGraph | LazyGraph
+        The graph: for two limbs with all stances, for more limbs with nodes computed on demand.
 
     Raises
     ------
     MlivrError
-        If map or robot are faulty, or the robot cannot hold any stance on the map.
+        If the map or the robot is faulty, or the robot cannot hold any stance on the map.
 
-    Example:
-        >>> graph = stance_graph()
-        >>> len(graph.grasp_map)
-        331
+    Examples
+    --------
+    >>> graph = stance_graph()
+    >>> len(graph.grasp_map)
+    331
     """
     world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:

@@ -1,4 +1,4 @@
-"""The steps of a robot on a map as the world is now: what can be released, and what is an edge."""
+"""The releases and steps of a robot on a map, among the present obstacles."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from mlivr_gym.transitions.state import State, moving_limb
 
 
 class CheckedSteps(ChangingWorld):
-    """Releases and steps between stances whose postures are given; nothing is remembered."""
+    """Releases and steps between stances whose postures are given; results are not stored."""
 
     @abstractmethod
     def posture_of(self, state: State) -> Postures:
-        """Posture in which a robot stands in a state: that of its stance, or the one given."""
+        """Return the posture of a state: that of its stance, or the pose that a user gave."""
 
     @property
     def limbs(self) -> int:
@@ -32,24 +32,24 @@ class CheckedSteps(ChangingWorld):
         return self.robot.limbs
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance, 0 if on none."""
+        """Return the branches on which a limb can be released at a stance, 0 if none."""
         stances = self.checks.stances(np.array([stance]), posture)
-        self._know_released(stances, np.array([[0, limb]]))
+        self._check_releases(stances, np.array([[0, limb]]))
         return int(stances.released["branches"][0, limb])
 
     def all_released(self, points: IntArray, postures: Postures) -> Any:
-        """Rows of `Release`: how each limb can be released at some stances, shape (k, N)."""
+        """Return the releases of all limbs at stances: rows of `ReleaseRecord`, shape (k, N)."""
         stances = self.checks.stances(points, postures)
-        self._know_released(stances, np.indices(points.shape).reshape(2, -1).T)
+        self._check_releases(stances, np.indices(points.shape).reshape(2, -1).T)
         return stances.released
 
-    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
-        """Work out on which branches limbs can be released: rows and limbs, shape (k, 2)."""
+    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
+        """Compute releases that are not known: rows and limbs, shape (k, 2)."""
         todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
         self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
 
     def mask_after_grasp(self, state: State, limb: int) -> int:
-        """Branches and flips on which a limb may be that has just grasped, in a state's posture."""
+        """Return the branches and flips that a limb may be on after it has grasped."""
         Whole(0, self.limbs - 1).read(limb, FieldPath("limb", StanceError))
         posture = self.posture_of(state)
         if not self.settings.transitions:
@@ -57,7 +57,7 @@ class CheckedSteps(ChangingWorld):
         return self.released(state.stance, posture, limb)
 
     def pivot(self, before: tuple[int, ...], after: tuple[int, ...]) -> Array:
-        """Centre of a base path that is an arc: the centroid of the held points [m], shape (3,)."""
+        """Return the centre of an arc as base path: the centroid of the supports [m], (3,)."""
         limb = moving_limb(before, after)
         held = [point for i, point in enumerate(after) if i != limb]
         centre: Array = self.grasp_map.positions[held].mean(axis=0)
@@ -66,7 +66,7 @@ class CheckedSteps(ChangingWorld):
     def step_rows(
         self, stances: StanceSet, before: IntArray, after: IntArray, masks: IntArray
     ) -> Any:
-        """Rows of `Step` between some stances.
+        """Return rows of `StepRecord` for steps between stances.
 
         Parameters
         ----------
@@ -75,16 +75,16 @@ class CheckedSteps(ChangingWorld):
         before
             Rows of the stances before the steps, shape (k,).
         after
-            Rows of those after them, shape (k,).
+            Rows of the stances after the steps, shape (k,).
         masks
-            Branches and flips of each limb before them, shape (k, N).
+            Branches and flips of each limb before the steps, shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points
         moves = points[after] != points[before]
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
         held = self.grasp_map.positions[points[after]] * ~moves[..., None]
         steps["pivot"] = held.sum(axis=1) / (self.limbs - 1)
-        steps["wanted"][:, : self.limbs] = masks
+        steps["branches"][:, : self.limbs] = masks
         return steps
 
     def masks_after(
@@ -95,7 +95,7 @@ class CheckedSteps(ChangingWorld):
         stances: IntArray,
         after: Postures,
     ) -> Any:
-        """Masks of all limbs after steps that may leave states, shape (k, N); 0 where none does.
+        """Return the masks of all limbs after steps from states, shape (k, N); 0 without a step.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class CheckedSteps(ChangingWorld):
         stances
             Point index of each limb after each step, shape (k, N).
         after
-            The postures after them.
+            The postures after the steps.
         """
         if not self.settings.transitions or not len(stances):
             return after.mask.copy()
@@ -119,19 +119,19 @@ class CheckedSteps(ChangingWorld):
         return self.masks_of_steps(steps, found)
 
     def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
-        """Masks of all limbs after steps, shape (k, N); 0 where there is none.
+        """Return the masks of all limbs after steps, shape (k, N); 0 for what is no step.
 
         Parameters
         ----------
         steps
-            Rows of `Step`, shape (k,), between the stances, see `step_rows`.
+            Rows of `StepRecord`, shape (k,), between the stances, see `step_rows`.
         stances
-            The stances; what can be released at them is remembered there.
+            The stances, which receive the releases that are computed.
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
         if not stances.released["known"].all():
-            # To know what can be released takes longer than to know who can hold.
+            # Releases take longer to compute than whether the support limbs can follow.
             able = np.flatnonzero(self.checks.hold(steps, stances, world))
         if self.settings.collisions:
             able = self._releasable_steps(stances, steps, able)
@@ -145,17 +145,17 @@ class CheckedSteps(ChangingWorld):
         return masks
 
     def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
-        """Which of some steps move a limb that can be released before and after, by index.
+        """Return the indices of steps whose limb can be released before and after them.
 
-        What can be released at their stances is then known of these limbs, and of the one that
-        holds if there is one alone: the check of a step begins with what it can be released on.
+        The releases of these limbs are then known; those of a single support limb too, since the
+        check of a step starts with the branches on which it can be released.
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
-            self._know_released(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
+            self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
             released = stances.released["branches"][row, limb]
             if end == "before":
-                both = zip(steps["wanted"][able, limb].tolist(), released.tolist(), strict=True)
+                both = zip(steps["branches"][able, limb].tolist(), released.tolist(), strict=True)
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[released != 0]
@@ -163,18 +163,18 @@ class CheckedSteps(ChangingWorld):
             return able
         rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
         every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
-        self._know_released(stances, every.reshape(-1, 2))
+        self._check_releases(stances, every.reshape(-1, 2))
         return able
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """The edge that a step is: its base path, its swing and the branches kept.
+        """Return the edge of a step: its base path, its swing and the branches kept.
 
         Parameters
         ----------
         state
-            Stance before the step, and the branch and flip each limb is on, as masks.
+            Stance before the step, and the branch and flip that each limb is on, as masks.
         after
-            Point index of each limb after it.
+            Point index of each limb after the step.
         posture
             Postures of the two stances.
         """
@@ -182,14 +182,14 @@ class CheckedSteps(ChangingWorld):
         stances = self.checks.stances(points, posture)
         first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
         steps = self.step_rows(stances, first, last, np.array([state.masks]))
-        steps["given"] = True
+        steps["fixed"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])
-            self._know_released(stances, np.array([[0, limb], [1, limb]]))
+            self._check_releases(stances, np.array([[0, limb], [1, limb]]))
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
         return edge_of(steps[0])
 
 
 def join(*groups: Postures) -> Postures:
-    """Postures of groups one after the other."""
+    """Return the postures of several groups in order."""
     return Postures(*(np.concatenate([getattr(g, name) for g in groups]) for name in FIELDS))

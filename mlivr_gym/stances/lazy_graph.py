@@ -1,4 +1,4 @@
-"""Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+"""Stance graph of any number of limbs, whose nodes and steps are computed on demand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.node_steps import moves_of, node_stances
+from mlivr_gym.stances.node_steps import candidate_steps, node_stances
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import Progress, StanceSets
 from mlivr_gym.transitions.records import StanceSet
@@ -21,36 +21,36 @@ from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
 SAME = 1e-9
-"""By how much poses may differ that are one [m], or an entry of their rotations."""
+"""Difference up to which two base poses are the same [m], also for entries of rotations."""
 
 
 class LazyGraph(StanceGraph):
-    """Stance graph of any number of limbs, whose neighbours are worked out when asked for."""
+    """Stance graph of any number of limbs, whose nodes and steps are computed on demand."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Start with nothing known."""
+        """Start with no results."""
         super().__init__(grasp_map, robot, settings)
         self._released: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
 
     def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
-        """The sets of points that limbs may hold at once; see `StanceSets.of`.
+        """Return the sets of points that limbs may hold at once; see `StanceSets.of`.
 
-        Where all nodes are known they are those that some node holds. Where they are known only
-        such neighbours are looked at.
+        If all nodes are known, they are the sets that a node holds. Once they are known, only
+        neighbours that hold such a set are checked.
 
         Parameters
         ----------
         progress
-            Called with the share of the work that is done, where there is any.
+            Called with the finished share of the work.
         work_out
-            Whether they are worked out where they are not known.
+            Whether unknown sets are computed.
 
         Returns
         -------
         StanceSets | None
-            The sets; None where they are not known, for two or more than four limbs, and if there
-            are too many.
+            The sets; None if they are not known, for two or more than four limbs, and if there are
+            too many.
         """
         if self._sets is None and self.table is not None:
             self._sets = StanceSets.of_nodes(self, self.table.points)
@@ -59,26 +59,26 @@ class LazyGraph(StanceGraph):
         return self._sets
 
     def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not.
+        """Return the postures of stances, shape (k, N), feasible or not.
 
         Stances that touch an obstacle or hold an occupied point cannot be held.
         """
-        return self._as_the_world_is(stances, super().postures(stances))
+        return self._among_obstacles(stances, super().postures(stances))
 
     def nodes(self, stances: IntArray) -> Postures:
-        """As `postures`, but of stances that are no nodes only that, by masks of 0."""
-        return self._as_the_world_is(stances, super().nodes(stances))
+        """Return postures as `postures` does, but only masks of 0 for stances that are no nodes."""
+        return self._among_obstacles(stances, super().nodes(stances))
 
-    def _as_the_world_is(self, stances: IntArray, found: Postures) -> Postures:
-        """Postures without what obstacles and occupied points take away."""
+    def _among_obstacles(self, stances: IntArray, found: Postures) -> Postures:
+        """Remove the branches that obstacles and occupied points exclude from postures."""
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, found)
         if self.occupied:
             found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
-    def _know_released(self, stances: StanceSet, todo: IntArray) -> None:
-        """See `StanceGraph`; answers are remembered."""
+    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
+        """Compute releases, see `CheckedSteps`, and store them."""
         new = []
         todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
         for row, limb in todo.tolist():
@@ -92,17 +92,17 @@ class LazyGraph(StanceGraph):
         free = stances
         if self.obstacles:
             free = stances._replace(mask=self._free_masks(stances, np.unique(unknown[:, 0])))
-        super()._know_released(free, unknown)
+        super()._check_releases(free, unknown)
         rows, limbs = unknown.T
         stances.released["branches"][rows, limbs] &= stances.mask[rows, limbs]
         for row, limb, key in new:
             self._released[key] = stances.released[row, limb].copy()
 
     def _free_masks(self, stances: StanceSet, rows: IntArray) -> IntArray:
-        """The masks of stances, of some of them as they are without obstacles, shape (k, N).
+        """Return the masks of stances, without obstacles for some of them, shape (k, N).
 
-        How a limb is released is chosen without obstacles, which only take branches away from that:
-        so they add no step.
+        The motion by which a limb is released is chosen without obstacles, which only remove
+        branches from it: so obstacles never add a step.
         """
         masks, points = stances.mask.copy(), stances.points[rows]
         position, rotation = stances.base["position"][rows], stances.base["rotation"][rows]
@@ -124,16 +124,16 @@ class LazyGraph(StanceGraph):
         self._released = {}
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked; see `StanceGraph.candidates`."""
-        limb, point, stances = self._next_to(stance, range(self.limbs))
+        """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
+        limb, point, stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)
         return limb[node], point[node], postures.take(node)
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state; see `StanceGraph.successors`.
+        """Return all steps that leave a state; see `StanceGraph.successors`.
 
-        From a node of the table only those are checked that it does not rule out.
+        For a node of the table only the steps that it allows are checked.
         """
         self.check(state)
         held = not self.occupied.isdisjoint(state.stance)
@@ -142,7 +142,7 @@ class LazyGraph(StanceGraph):
         row, turn = (int(one[0]) for one in self.table.find(np.array([state.stance])))
         if row < 0:
             return super().successors(state)
-        moves = moves_of(self.table, row, -turn)
+        moves = candidate_steps(self.table, row, -turn)
         rows, turns = np.append(row, moves.rows), np.append(-turn, moves.turns)
         stances = node_stances(self.grasp_map, self.robot, self.table, rows, turns)
         after = np.arange(1, len(rows))
@@ -157,9 +157,9 @@ class LazyGraph(StanceGraph):
         )
 
     def neighbours(self, state: State, posture: Postures) -> IntArray:
-        """Stances one move from a state by limbs that can be released there, shape (k, N).
+        """Return the stances one step from a state by limbs that can be released, (k, N).
 
-        Neither their postures nor the steps to them are known.
+        Neither their postures nor the steps to them are checked.
         """
         able = [
             limb
@@ -167,14 +167,14 @@ class LazyGraph(StanceGraph):
             if not self.settings.transitions
             or can_release(state.masks[limb], self.released(state.stance, posture, limb))
         ]
-        return self._next_to(state.stance, able)[2]
+        return self._neighbouring(state.stance, able)[2]
 
-    def _next_to(
+    def _neighbouring(
         self, stance: tuple[int, ...], limbs: Iterable[int]
     ) -> tuple[IntArray, IntArray, IntArray]:
-        """Limb, point and stance of moves of some limbs to points that the others let them hold.
+        """Return limb, point and stance of moves of some limbs to points that their others allow.
 
-        Where the sets of points are known, those that are none are left out: they are no nodes.
+        If the sets of points are known, stances that hold none are omitted: they are no nodes.
         """
         moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for limb in limbs:
@@ -192,9 +192,9 @@ class LazyGraph(StanceGraph):
         return limb_of, point, stances
 
     def likely_base(self, stances: IntArray) -> Array:
-        """Where the base is likely to be at stances, shape (k, N) -> (k, 3) [m].
+        """Return a likely base position at stances, shape (k, N) -> (k, 3) [m].
 
-        Over the centroid of the grasps at the middle height; the posture may be another.
+        It lies above the centroid of the grasps at the mean height; the posture may have another.
         """
         positions, normals = self.grasp_map.positions[stances], self.grasp_map.normals[stances]
         height = float(np.mean(self.robot.heights))
@@ -205,9 +205,9 @@ class LazyGraph(StanceGraph):
     def max_step(self) -> float:
         """An upper bound of the base displacement of one step [m].
 
-        The held grasps stay where they are and each lies within reach of the base before and after.
-        Also the grasps' centroid moves at most `2 span / N`, and the base lies at most the largest
-        height from it.
+        The supports stay where they are, and each is within reach of the base before and after.
+        Also the centroid of the grasps moves at most `2 span / N`, and the base is at most the
+        largest height from it.
         """
         robot = self.robot
         height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))

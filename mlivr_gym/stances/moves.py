@@ -1,7 +1,7 @@
-"""Moves: which actions a state allows, where each leads, and where the base then is.
+"""The actions that a state allows, the states that they lead to, and the base poses there.
 
-`GraphMoves` asks the stance graph, for any number of limbs; `TableMoves` looks into exact tables,
-for two. An action is `limb * m + point` on a map of m points.
+`GraphMoves` reads the stance graph, for any number of limbs; `TableMoves` reads step tables, for
+two. An action is `limb * m + point` on a map of m points.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
 REMEMBERED = 4096
-"""States and stances that `GraphMoves` remembers."""
+"""Number of states and of stances whose results `GraphMoves` stores."""
 
 
 class StanceProperties(NamedTuple):
-    """Where the robot is in a state."""
+    """Base pose and manipulability of a robot in a state."""
 
     ids: tuple[str, ...]
     """Point id of each limb."""
@@ -41,26 +41,26 @@ class StanceProperties(NamedTuple):
 
 
 class Moves(Protocol):
-    """What environments, baselines and policies ask of a stance graph."""
+    """The interface by which environments, baselines and policies read a stance graph."""
 
     @property
     def graph(self) -> StanceGraph:
         """The stance graph."""
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
+        """Return all steps that leave a state."""
 
     def mask(self, state: State) -> BoolArray:
-        """Which actions a state allows, shape (N m,)."""
+        """Return which actions a state allows, shape (N m,)."""
 
     def take(self, state: State, action: int) -> State:
-        """Where an action that a state allows leads."""
+        """Return the state that an allowed action leads to."""
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Whether a limb that holds could be released after each step, shape (k,)."""
+        """Return whether a support limb could be released after each step, shape (k,)."""
 
     def place(self, state: State) -> StanceProperties:
-        """Where the robot is in a state."""
+        """Return base pose and manipulability in a state."""
 
 
 def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
@@ -72,16 +72,16 @@ def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> St
 
 
 class GraphMoves:
-    """Moves worked out by a stance graph when they are asked for, and remembered for a while."""
+    """Moves that a stance graph computes on demand, the latest of which are stored."""
 
     def __init__(self, graph: StanceGraph) -> None:
-        """Start with nothing known."""
+        """Start with no results."""
         self.graph = graph
         self._steps: OrderedDict[State, Successors] = OrderedDict()
         self._places: OrderedDict[tuple[int, ...], StanceProperties] = OrderedDict()
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
+        """Return all steps that leave a state."""
         if state not in self._steps:
             self._steps[state] = self.graph.successors(state)
             if len(self._steps) > REMEMBERED:
@@ -89,20 +89,20 @@ class GraphMoves:
         return self._steps[state]
 
     def mask(self, state: State) -> BoolArray:
-        """Which actions a state allows, shape (N m,)."""
+        """Return which actions a state allows, shape (N m,)."""
         return action_mask(self.graph, self.successors(state))
 
     def take(self, state: State, action: int) -> State:
-        """Where an action that a state allows leads."""
+        """Return the state that an allowed action leads to."""
         steps = self.successors(state)
         return steps.after(state, steps.find(*divmod(action, len(self.graph.grasp_map))))
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Whether a limb that holds could be released after each step, shape (k,)."""
+        """Return whether a support limb could be released after each step, shape (k,)."""
         return self.graph.releasable_after(state, steps)
 
     def place(self, state: State) -> StanceProperties:
-        """Where the robot is in a state."""
+        """Return base pose and manipulability in a state."""
         if state.pose is not None:
             return _place(self.graph, state.stance, self.graph.posture_of(state))
         found = self._places.get(state.stance)
@@ -115,28 +115,28 @@ class GraphMoves:
 
 
 class TableMoves:
-    """Moves looked up in exact tables."""
+    """Moves from step tables."""
 
     def __init__(self, graph: PairGraph, tables: StepTables) -> None:
-        """Number the actions of the tables."""
+        """Index the stances of the tables by their points."""
         self.graph, self.tables = graph, tables
         self._from_given_pose = GraphMoves(graph)
         m = len(graph.grasp_map)
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
-        """Stance index by the points of both limbs, -1 where there is none, shape (m, m)."""
+        """Stance index by the points of both limbs, -1 if there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         self._start = tables.start.tolist()
         self._quaternions = quaternion(graph.base_axes_in_world)
         self._places: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
+        """Return all steps that leave a state."""
         if state.pose is not None:
             return self._from_given_pose.successors(state)
         return self.tables.successors(int(self.stance_at[state.stance]), state.masks)
 
     def mask(self, state: State) -> BoolArray:
-        """Which actions a state allows, shape (2 m,)."""
+        """Return which actions a state allows, shape (2 m,)."""
         if state.pose is not None:
             return self._from_given_pose.mask(state)
         out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
@@ -145,7 +145,7 @@ class TableMoves:
         return out.ravel().view(np.bool_)
 
     def take(self, state: State, action: int) -> State:
-        """Where an action that a state allows leads."""
+        """Return the state that an allowed action leads to."""
         if state.pose is not None:
             return self._from_given_pose.take(state, action)
         limb, point = divmod(action, len(self.stance_at))
@@ -156,7 +156,7 @@ class TableMoves:
         return State(state.stance_after(limb, point), masks)
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Whether the limb that holds could be released after each step, shape (k,)."""
+        """Return whether the support limb could be released after each step, shape (k,)."""
         a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
         first = steps.limb == 0
         after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
@@ -166,7 +166,7 @@ class TableMoves:
         return np.fromiter(free, dtype=np.bool_, count=len(after))
 
     def place(self, state: State) -> StanceProperties:
-        """Where the robot is in a state."""
+        """Return base pose and manipulability in a state."""
         if state.pose is not None:
             return self._from_given_pose.place(state)
         found = self._places.get(state.stance)
@@ -181,7 +181,7 @@ class TableMoves:
 
 
 def action_mask(graph: StanceGraph, steps: Successors) -> BoolArray:
-    """Which actions take one of some steps, shape (N m,)."""
+    """Return which actions belong to some steps, shape (N m,)."""
     m = len(graph.grasp_map)
     out = np.zeros(graph.limbs * m, dtype=np.bool_)
     out[steps.limb * m + steps.point] = True

@@ -1,4 +1,4 @@
-"""How long it takes to work out all nodes of a graph, told by a few of them."""
+"""Estimate the time that building a table of nodes takes, from a sample of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.node_table_build import (
-    FEW,
+    FEW_SETS,
     kept_at_most,
     nodes_of_sets,
     parts_of_nodes,
@@ -22,22 +22,22 @@ from mlivr_gym.stances.pair_build import Estimate
 from mlivr_gym.stances.stance_sets import StanceSets
 
 SAMPLE = 300
-"""Sets of points that are tried, if there are as many."""
+"""Number of sets of points in the sample, if there are as many."""
 
 PAIRS = 3000
-"""Most pairs of nodes that are tried."""
+"""Largest number of pairs of nodes in the sample."""
 
 
 def estimate_nodes(graph: LazyGraph) -> Estimate:
-    """What building the table of a graph takes.
+    """Estimate what building the table of a graph takes.
 
-    Every node a move apart from another has a rest in common with it, so all sets with one of some
-    rests tell how many such pairs there are.
+    Every node one step from another has a support set in common with it, so all sets with some
+    support sets show how many such pairs there are.
 
     Raises
     ------
-    NodeTableError
-        If there is no such table.
+    TableError
+        If robots with this number of limbs have no table, or the map has too many points.
     """
     sets = sets_of(graph)
     candidates = f"{len(sets):,} sets of points"
@@ -52,7 +52,7 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
     table = table_of(nodes)
-    every, begun = len(chosen), np.flatnonzero(_of_rests(table, sets, chosen))
+    every, begun = len(chosen), np.flatnonzero(_in_sample(table, sets, chosen))
     members = table.members.astype(np.int64)
     pairs, more = _pairs(table, begun), sets.support_count / every
     some = pairs[:: max(1, len(pairs) // PAIRS)]
@@ -65,12 +65,12 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     squares = float((np.diff(table.start)[begun].astype(float) ** 2).sum()) * more
     lost = 16.0 * len(found.lost) * more * len(pairs) / max(len(some), 1)
     size = each * len(nodes.points) * len(sets) / len(tried) + squares * 20 / 64 + lost
-    seconds /= workers(len(sets), FEW)
+    seconds /= workers(len(sets), FEW_SETS)
     return Estimate(candidates, seconds, size, parts_of_nodes(graph).count())
 
 
 def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
-    """Some rests, and the rows of all sets that have one of them."""
+    """Return some support sets, and the rows of all sets that have one of them."""
     order = np.random.default_rng(0).permutation(sets.support_count)
     sizes = np.bincount(sets.supports.ravel(), minlength=sets.support_count)
     count = 1 + int(np.searchsorted(np.cumsum(sizes[order]), SAMPLE))
@@ -78,8 +78,11 @@ def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
     return chosen, np.flatnonzero(np.isin(sets.supports, chosen).any(axis=1))
 
 
-def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
-    """Which rests of a table are some of the sets, whichever limb holds which point, shape (r,)."""
+def _in_sample(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
+    """Return which support sets of a table are among some of those of the sets, shape (r,).
+
+    The order of the limbs does not matter.
+    """
     points = table.points.astype(np.int64)
     place = np.argsort(np.argsort(points, axis=1), axis=1)
     others = np.take_along_axis(sets.supports[sets.find(points)], place, axis=1)
@@ -89,7 +92,7 @@ def _of_rests(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray
 
 
 def _pairs(table: NodeTable, supports: IntArray) -> IntArray:
-    """Pairs of members of some rests that share branches, shape (p, 2)."""
+    """Return pairs of members of some support sets that share branches, shape (p, 2)."""
     found = [np.zeros((0, 2), dtype=np.int64)]
     for support in supports.tolist():
         before = Pair.before(table, support)

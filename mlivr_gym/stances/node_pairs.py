@@ -1,9 +1,10 @@
-"""Pairs of nodes a move apart, and what a step between them keeps at most (compiled).
+"""Pairs of nodes that are one step apart, and the branches that steps keep at most (compiled).
 
-Nodes with a rest in common differ in the point of one limb. Many such pairs are no steps: a limb
-that holds would have to change its branch, or cannot follow the base. The others are the bits that
-are kept: a square for each rest, a row and a column for each member. On most steps the limbs that
-hold keep every branch that both nodes have; of the others it is kept which are lost.
+Nodes with a common support set differ in the point of one limb. Many such pairs are no steps: a
+support limb would have to change its branch, or cannot follow the base. The table has a bit for
+each pair: a square for each support set, with a row and a column for each member. On most steps the
+support limbs keep every branch that both nodes have; for the others the table has those that are
+lost.
 """
 
 from __future__ import annotations
@@ -29,41 +30,41 @@ from mlivr_gym.stances.node_table import NodeTable
 
 
 class EdgeSet(NamedTuple):
-    """What is known of pairs that share branches, in the order of `list_pairs`."""
+    """Results for pairs that share branches, in the order of `list_pairs`."""
 
     joined: BoolArray
-    """Whether a step may join each, there or back, shape (p,)."""
+    """Whether a step may join each pair, there or back, shape (p,)."""
     loses_branches: BoolArray
-    """Whether a step loses branches that both nodes have, for each of the joined, shape (j,)."""
+    """Whether a step loses branches that both nodes have, for each joined pair, shape (j,)."""
     lost: NDArray[np.uint64]
-    """Which, as `held_beside`, for each of the losing, shape (l,)."""
+    """The lost branches, as `held_beside`, for each pair that loses some, shape (l,)."""
 
     @classmethod
     def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> EdgeSet:
-        """The same from the branches that both nodes have, and what may be kept, each (p,)."""
+        """Return results from the branches that both nodes have and those kept at most, (p,)."""
         joined = kept != NO_LIMB
         lost = shared[joined] & ~kept[joined]
         return cls(joined, lost != NO_LIMB, lost[lost != NO_LIMB])
 
     @classmethod
     def joint(cls, parts: list[EdgeSet]) -> EdgeSet:
-        """Several, one after the other."""
+        """Return several results in order."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 class Pair(Record):
-    """A pair of members of a rest, for going from one pair to the next."""
+    """A pair of members of a support set, from which `next_pair` continues."""
 
     support: int
-    """The rest."""
+    """Number of the support set."""
     first: int
     """Index of the first of the two in `members`."""
     second: int
-    """Index of the second, larger."""
+    """Index of the second, which is larger."""
 
     @classmethod
     def before(cls, table: NodeTable, support: int) -> Any:
-        """What comes before the first pair of a rest, a row."""
+        """Return the place before the first pair of a support set, a row."""
         pair = cls.row()
         pair["support"], pair["first"], pair["second"] = (
             support,
@@ -76,7 +77,7 @@ class Pair(Record):
 def edge_ends(
     table: NodeTable, bits: IntArray
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
-    """Members of pairs by their bits, and the bits of the same pairs the other way round.
+    """Return the nodes and limbs of pairs by their bits, and the bits of the reverse pairs.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def edge_ends(
 
 @kernel
 def row_of(table: NodeTable, node: int, limb: int) -> int:
-    """The first bit of the row of a member of a rest; -1 if its limb cannot be released."""
+    """Return the first bit of the row of a member; -1 if its limb cannot be released."""
     support, member = table.supports[node, limb], node * table.points.shape[1] + limb
     first, last = int(table.start[support]), int(table.start[support + 1])
     low, high = first, last
@@ -119,7 +120,7 @@ def row_of(table: NodeTable, node: int, limb: int) -> int:
 
 @kernel
 def share_branches(table: NodeTable, a: int, b: int) -> bool:
-    """Whether the limbs that hold at two members of a rest may be on a common branch each."""
+    """Return whether each support limb of two members has a branch that both nodes have."""
     limbs = table.points.shape[1]
     held = held_beside(table.masks[a // limbs], a % limbs, limbs) & held_beside(
         table.masks[b // limbs], b % limbs, limbs
@@ -129,7 +130,7 @@ def share_branches(table: NodeTable, a: int, b: int) -> bool:
 
 @kernel
 def branches_lost(table: NodeTable, bit: int) -> np.uint64:
-    """Branches that both nodes of a pair have and no step between them keeps, as `held_beside`."""
+    """Return the branches that both nodes of a pair have and a step loses, as `held_beside`."""
     if not has_bit(table.loses_branches, bit):
         return NO_LIMB
     return np.uint64(table.lost[table.ranks[bit // WORD] + set_before(table.loses_branches, bit)])
@@ -137,7 +138,7 @@ def branches_lost(table: NodeTable, bit: int) -> np.uint64:
 
 @kernel
 def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
-    """Go on to the next pair that shares branches; False if there is none before a rest `last`."""
+    """Go on to the next pair that shares branches; return False if none comes before `last`."""
     while pair.support < last:
         stop = int(table.start[pair.support + 1])
         pair.second += 1
@@ -155,14 +156,14 @@ def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
 
 @kernel
 def _bit_of(table: NodeTable, support: int, row: int, column: int) -> int:
-    """The bit of a pair of members of a rest."""
+    """Return the bit of a pair of members."""
     begin, end = int(table.start[support]), int(table.start[support + 1])
     return int(table.offset[support]) + (row - begin) * (end - begin) + column - begin
 
 
 @entry
 def count_pairs(table: NodeTable, pair: Pair, last: int) -> int:
-    """How many pairs of members share branches, see `next_pair`."""
+    """Count the pairs of members that share branches, see `next_pair`."""
     count = 0
     while next_pair(table, pair, last):
         count += 1
@@ -171,18 +172,18 @@ def count_pairs(table: NodeTable, pair: Pair, last: int) -> int:
 
 @entry
 def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None:
-    """The pairs of members that share branches, in order, see `next_pair`.
+    """List the pairs of members that share branches, in order, see `next_pair`.
 
     Parameters
     ----------
     table
         The nodes.
     pair
-        What comes before the first.
+        Place before the first pair.
     last
-        The rest at which to end.
+        Number of the support set at which the list ends.
     pairs
-        Filled with indices of members, shape (p, 2), see `count_pairs`.
+        Receives indices of members, shape (p, 2), see `count_pairs`.
     """
     count = 0
     while next_pair(table, pair, last):
@@ -191,12 +192,20 @@ def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None
 
 
 def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
-    """The table with what is known of all its pairs, which it does not have yet."""
+    """Return a table with the results for all its pairs, which it does not have yet.
+
+    Raises
+    ------
+    ValueError
+        If there are results for more or fewer pairs.
+    """
     words, supports = len(table.bits), len(table.offset) - 1
     bits, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
     blank = table._replace(bits=bits, loses_branches=loses_branches)
-    _set_bits(blank, Pair.before(table, 0), supports, known)
+    complete = _set_bits(blank, Pair.before(table, 0), supports, known)
     counts = np.bitwise_count(loses_branches)
+    if not complete or counts.sum() != 2 * len(known.lost):
+        raise ValueError
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
     _set_lost(full, Pair.before(table, 0), supports, known)
@@ -204,7 +213,7 @@ def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
 
 
 def gather(table: NodeTable) -> EdgeSet:
-    """What a table knows of all its pairs: the reverse of `spread`."""
+    """Return the results for all pairs of a table, the inverse of `spread`."""
     supports, steps = len(table.offset) - 1, int(np.bitwise_count(table.bits).sum()) // 2
     found = EdgeSet(
         np.zeros(count_pairs(table, Pair.before(table, 0), supports), dtype=np.bool_),
@@ -216,11 +225,18 @@ def gather(table: NodeTable) -> EdgeSet:
 
 
 @entry
-def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
-    """Set the bits of pairs that are joined, and of those that lose branches."""
+def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> bool:
+    """Set the bits of joined pairs, and of those that lose branches.
+
+    Returns whether there is a result for each pair, and no other.
+    """
     count, steps = 0, 0
     while next_pair(table, pair, last):
+        if count == len(known.joined):
+            return False
         if known.joined[count]:
+            if steps == len(known.loses_branches):
+                return False
             there = _bit_of(table, pair.support, pair.first, pair.second)
             back = _bit_of(table, pair.support, pair.second, pair.first)
             set_bit(table.bits, there)
@@ -230,11 +246,12 @@ def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
                 set_bit(table.loses_branches, back)
             steps += 1
         count += 1
+    return count == len(known.joined) and steps == len(known.loses_branches)
 
 
 @entry
 def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
-    """Put what steps lose where `branches_lost` looks for it."""
+    """Write the branches that steps lose where `branches_lost` reads them."""
     count = 0
     while next_pair(table, pair, last):
         for turn in range(2):
@@ -248,7 +265,7 @@ def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
 
 @entry
 def _get(table: NodeTable, pair: Pair, last: int, found: EdgeSet) -> None:
-    """What is known of pairs, see `gather`."""
+    """Read the results for pairs, see `gather`."""
     count, steps, loses_branches = 0, 0, 0
     while next_pair(table, pair, last):
         bit = _bit_of(table, pair.support, pair.first, pair.second)

@@ -1,4 +1,4 @@
-"""Steps between nodes of a table: their stances as checks read them, and which may be joined."""
+"""Steps between nodes of a table: their stances for the step check, and candidate steps."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from mlivr_gym.transitions.records import ReleaseRecord, StanceSet
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-class NodeMoves(NamedTuple):
-    """What a step may lead to from a node."""
+class CandidateSteps(NamedTuple):
+    """Candidate steps from a node."""
 
     limb: IntArray
     """Limb that moves, shape (k,)."""
     rows: IntArray
-    """Rows of the nodes after it, shape (k,)."""
+    """Rows of the nodes after the steps, shape (k,)."""
     turns: IntArray
-    """Turns of these after which their limbs are those of the robot, shape (k,)."""
+    """Cyclic relabellings from these to the limbs of the robot, shape (k,)."""
     bits: IntArray
     """Bits of the pairs, see `node_pairs`, shape (k,)."""
 
@@ -35,7 +35,7 @@ class NodeMoves(NamedTuple):
 def node_stances(
     grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, turns: IntArray
 ) -> StanceSet:
-    """Nodes of a table, the robot turned, as the checks of steps read them.
+    """Return nodes of a table, relabelled, as the step check reads them.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ def node_stances(
     table
         The nodes.
     rows
-        Which of them, shape (k,).
+        Rows of the nodes, shape (k,).
     turns
-        Turns of the robot, shape (k,).
+        Cyclic relabellings of the limbs, shape (k,).
     """
     points = permuted_limbs(table.points[rows].astype(np.int64), turns)
     base = Pose.rows(len(rows))
@@ -64,21 +64,21 @@ def node_stances(
     return StanceSet(np.ascontiguousarray(points), base, masks, released)
 
 
-def moves_of(table: NodeTable, row: int, turn: int) -> NodeMoves:
-    """What a step may lead to from a node of a table, the robot turned; limbs in order."""
+def candidate_steps(table: NodeTable, row: int, turn: int) -> CandidateSteps:
+    """Return the candidate steps from a node of a table, relabelled, in the order of limbs."""
     limbs, supports = table.limbs, table.supports[row]
     most = int((table.start[supports + 1] - table.start[supports]).sum())
     found = np.empty((most, 3), dtype=np.int64)
-    limb, member, bits = found[: list_moves(table, row, found)].T
+    limb, member, bits = found[: list_candidate_steps(table, row, found)].T
     rows, moved = np.divmod(member, limbs)
     limb_now = (limb - turn) % limbs
     order = np.lexsort((table.points[rows, moved], limb_now))
-    return NodeMoves(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
+    return CandidateSteps(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
 
 
 @entry
-def list_moves(table: NodeTable, node: int, found: IntArray) -> int:
-    """The steps that may leave a node, into `found`: limb, member led to, and bit; how many."""
+def list_candidate_steps(table: NodeTable, node: int, found: IntArray) -> int:
+    """Write limb, member reached and bit of each candidate step from a node; return how many."""
     count, limbs = 0, table.points.shape[1]
     for limb in range(limbs):
         row = row_of(table, node, limb)

@@ -1,9 +1,9 @@
-"""All nodes of the stance graph of three or four limbs, once and for all.
+"""Table of all nodes of the stance graph of three or four limbs.
 
-With four limbs a node stands for those of the robot after turns, see `postures.turns`: limb 0 holds
-its lowest point. Each has what a step asks before it is checked: where the base is, on which
-branches the limbs may hold and be released, and which nodes are a move away. So a walk that no step
-forbids is found without a posture worked out, and what is no walk there is none on the graph.
+With four limbs a node stands for all cyclic relabellings of the limbs, see `postures.turns`: limb 0
+holds its lowest point. Each node has what the search needs before it checks a step: the base
+position, the branches on which limbs may hold and be released, and the nodes that are one step
+away. So a walk is searched without computing postures, and the table has every walk of the graph.
 """
 
 from __future__ import annotations
@@ -16,72 +16,71 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_masks import packed
-from mlivr_gym.errors import MlivrError
 from mlivr_gym.postures.turns import lowest_first, permuted_limbs, same_after_turns
 
 RESOLUTION = 1e-12
-"""Base positions are kept from the grasps' centroid as whole multiples of it [m]."""
+"""Unit in which files have base positions, from the centroid of the grasps [m]."""
 
 ROUNDED = RESOLUTION
-"""Farthest that a kept base position lies from the true one [m]: half a diagonal, and the rounding
-of the numbers."""
-
-
-class NodeTableError(MlivrError):
-    """A table of nodes cannot be built or read."""
+"""Largest distance of a base position of a table from the true one [m]: half a diagonal of the
+unit, and rounding."""
 
 
 class Nodes(NamedTuple):
-    """What is worked out of n nodes, in the order of their codes."""
+    """Results for n nodes, in the order of their codes."""
 
     points: IntArray
     """Point index of each limb, shape (n, N)."""
     base_position: Array
     """Base positions in the world [m], shape (n, 3)."""
     masks: IntArray
-    """On which branches the limbs may hold, shape (n, N)."""
+    """Branches on which the limbs may hold, shape (n, N)."""
     released: IntArray
-    """On which of them they can be released, shape (n, N)."""
+    """Branches on which they can be released, shape (n, N)."""
     folds: IntArray
-    """Folds among which they can change, see `Release`, shape (n, N)."""
+    """Folds between which they can change, see `ReleaseRecord`, shape (n, N)."""
     tried: IntArray
-    """Which of the base poses tried it is, see `tried_poses`, shape (n,)."""
+    """Number of the candidate base pose, see `tried_poses`, shape (n,)."""
 
 
 class NodeTable(NamedTuple):
-    """The n nodes of a graph, in the order of `codes`, as compiled code reads them."""
+    """The n nodes of a graph, in the order of `codes`, as compiled code reads them.
+
+    A support set is the points that the other limbs hold while one moves; nodes with a common
+    support set are one step apart.
+    """
 
     points: NDArray[np.uint16]
-    """Point index of each limb, of four the lowest first, shape (n, N)."""
+    """Point index of each limb, with four limbs the lowest first, shape (n, N)."""
     base_position: NDArray[np.float64]
     """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
     masks: NDArray[np.uint64]
-    """On which branches the limbs may hold, see `limb_masks`, shape (n,)."""
+    """Branches on which the limbs may hold, see `limb_masks`, shape (n,)."""
     released: NDArray[np.uint64]
-    """On which of them they can be released, shape (n,)."""
+    """Branches on which they can be released, shape (n,)."""
     folds: NDArray[np.uint64]
-    """Folds among which they can change, shape (n,)."""
+    """Folds between which they can change, shape (n,)."""
     tried: NDArray[np.uint16]
-    """Which of the base poses tried it is, shape (n,)."""
+    """Number of the candidate base pose, shape (n,)."""
     supports: NDArray[np.int32]
-    """What the others hold beside each limb, in turn from it on, by number, shape (n, N).
-
-    Where turns make a difference it is part of the number which limb that is."""
+    """Number of the support set if each limb moves, shape (n, N). Its points are in cyclic order of
+    the limbs from that limb on; if relabelling makes a difference, the limb is part of the
+    number."""
     start: NDArray[np.int32]
-    """First of `members` of each such rest, and their number, shape (r + 1,)."""
+    """First of the `members` of each support set, and their number, shape (r + 1,)."""
     members: NDArray[np.int32]
-    """Nodes that have a rest in common, which are a move apart: `row * N + limb` of those whose
-    limb can be released, those of a rest one after the other, shape (m,)."""
+    """Nodes by support set, `row * N + limb`, if the limb can be released, shape (m,)."""
     offset: IntArray
-    """First of the bits of each rest, and their number, shape (r + 1,)."""
+    """First of the bits of each support set, and their number, shape (r + 1,)."""
     bits: NDArray[np.uint64]
-    """Which members of a rest a step may join, see `node_pairs`; a bit for each two of them."""
+    """Whether a step may join two members of a support set, a bit for each pair, see
+    `node_pairs`."""
     loses_branches: NDArray[np.uint64]
-    """On which of these steps limbs lose branches that both nodes have; a bit for each two."""
+    """Whether limbs lose branches on that step that both nodes have, a bit for each pair."""
     ranks: NDArray[np.int32]
-    """How many of those bits come before each number of `loses_branches`, shape (len(losing),)."""
+    """Number of those bits before each number of `loses_branches`, shape (len(loses_branches),)."""
     lost: NDArray[np.uint64]
-    """What is lost, as `held_beside`, in the order of these bits, shape (l,)."""
+    """Branches that are lost, as `held_beside`, in the order of these bits, shape (l,)."""
 
     @property
     def limbs(self) -> int:
@@ -89,7 +88,7 @@ class NodeTable(NamedTuple):
         return int(self.points.shape[1])
 
     def find(self, stances: IntArray) -> tuple[IntArray, IntArray]:
-        """Rows of stances, and the turns after which they are those of the table.
+        """Find the rows of stances, and the relabellings that lead to the nodes of the table.
 
         Parameters
         ----------
@@ -99,7 +98,7 @@ class NodeTable(NamedTuple):
         Returns
         -------
         tuple[IntArray, IntArray]
-            Rows, -1 for what is no node, and turns, each of shape (k,).
+            Rows, -1 for a stance that is no node, and cyclic relabellings, each of shape (k,).
         """
         turns = np.zeros(len(stances), dtype=np.int64)
         if same_after_turns(self.limbs):
@@ -110,33 +109,33 @@ class NodeTable(NamedTuple):
 
 
 @entry
-def find_rows(points: NDArray[np.uint16], wanted: IntArray, rows: IntArray) -> None:
-    """Rows of stances among some that are in the order of their codes, -1 for what is not there.
+def find_rows(points: NDArray[np.uint16], stances: IntArray, rows: IntArray) -> None:
+    """Find the rows of stances among stances in the order of their codes, -1 for no row.
 
     Parameters
     ----------
     points
         Point indices, shape (n, N).
-    wanted
-        The same of what is looked for, shape (k, N).
+    stances
+        Point indices of the stances to find, shape (k, N).
     rows
-        Filled, shape (k,).
+        Receives the rows, shape (k,).
     """
-    for k in range(len(wanted)):
+    for k in range(len(stances)):
         low, high = 0, len(points)
         while low < high:
             middle = (low + high) // 2
-            if _before(points[middle], wanted[k]):
+            if _before(points[middle], stances[k]):
                 low = middle + 1
             else:
                 high = middle
-        there = low < len(points) and not _before(wanted[k], points[low])
-        rows[k] = low if there else -1
+        found = low < len(points) and not _before(stances[k], points[low])
+        rows[k] = low if found else -1
 
 
 @kernel
 def _before(a: IntArray, b: IntArray) -> bool:
-    """Whether a stance comes before another one."""
+    """Return whether a stance comes before another one."""
     for limb in range(len(a)):
         if a[limb] != b[limb]:
             return bool(a[limb] < b[limb])
@@ -144,8 +143,8 @@ def _before(a: IntArray, b: IntArray) -> bool:
 
 
 def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
-    """One number for each stance, in the order of its points from limb 0 on, (k, N) -> (k,)."""
-    # Points of 16 bits each: four limbs fill a number.
+    """Return one number for each stance, in the order of its points, shape (k, N) -> (k,)."""
+    # With 16 bits for each point, four limbs fill a number.
     code = np.zeros(len(stances), dtype=np.uint64)
     for column in stances.T:
         code = (code << np.uint64(16)) | column.astype(np.uint64)
@@ -153,7 +152,7 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
 
 
 def table_of(nodes: Nodes) -> NodeTable:
-    """The table of some nodes, of which no steps are known yet, see `node_pairs.spread`."""
+    """Return the table of some nodes without steps, which `node_pairs.spread` adds."""
     points, released = nodes.points, nodes.released
     limbs = points.shape[1]
     beside: Any = np.stack(

@@ -1,4 +1,4 @@
-"""Work out all nodes of the stance graph of three or four limbs, with what a step asks of them."""
+"""Build the table of nodes of three or four limbs, in processes."""
 
 from __future__ import annotations
 
@@ -20,93 +20,96 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs, spread
-from mlivr_gym.stances.node_table import Nodes, NodeTable, NodeTableError, codes, table_of
+from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import Arrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
-from mlivr_gym.stances.workers import Progress, Workers, tell
+from mlivr_gym.stances.table_files import TableError
+from mlivr_gym.stances.workers import Progress, Workers, report_share
 from mlivr_gym.world.grasp_map import GraspMap
 
-FEW = 1000
-"""Sets of points for which it is not worth while to start processes."""
+FEW_SETS = 1000
+"""Number of sets of points up to which no processes are started."""
 
-AT_ONCE = 4000
-"""Stances that are worked out at once; what a graph remembers of them takes memory."""
+STANCES_AT_ONCE = 4000
+"""Number of stances that are computed at once; what a graph stores of them takes memory."""
 
-PAIRS = 100_000
-"""Bits of rests whose pairs are checked at once, unless one rest has more."""
+PAIRS_AT_ONCE = 100_000
+"""Number of bits whose pairs are checked at once, unless a single support set has more."""
 
 STAGES = 2
-"""The nodes, and the steps between them."""
+"""Nodes, and the steps between them."""
 
 World = tuple[GraspMap, RobotSpec, Settings]
-"""What a graph is made of."""
+"""Map, robot and settings, from which a graph is made."""
 
 
 def build(
     graph: LazyGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> NodeTable:
-    """Work out every stance that holds one of the sets of points, in processes.
+    """Compute all nodes that hold one of the sets of points, and the steps between them.
 
     Parameters
     ----------
     graph
         The stance graph, without obstacles and occupied points.
     progress
-        Called now and then with the share of the work that is done.
+        Called repeatedly with the finished share of the work.
     parts
-        Where what is done is kept until all is.
+        Stores finished parts until all are.
 
     Raises
     ------
-    NodeTableError
-        If the sets of points are not known, which are those of three or four
-        limbs; if steps are not checked, or there are obstacles or occupied points.
+    TableError
+        If the robot has not three or four limbs, or the map too many points; if steps are not
+        checked, or there are obstacles or occupied points.
     """
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
-    each, parts = AT_ONCE // len(_orders(limbs)), parts or Parts(None)
+    each, parts = STANCES_AT_ONCE // len(_orders(limbs)), parts or Parts(None)
     sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
-    with Workers(workers(len(sets), FEW), STAGES, progress) as processes:
+    with Workers(workers(len(sets), FEW_SETS), STAGES, progress) as processes:
         found = _in_blocks(processes, nodes_of_sets, sets_of_blocks, parts, (world,))
         none = np.zeros((0, limbs), dtype=np.int64)
-        *columns, rotation = map(np.concatenate, zip(_no_node(none), *found, strict=True))
+        *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
         order = np.argsort(codes(columns[0]))
         nodes = Nodes(*(one[order] for one in columns))
         table = table_of(nodes)
         shared = world, nodes, rotation[order], table
-        steps = _in_blocks(processes, _joined, _rests(table), parts, shared)
+        steps = _in_blocks(processes, _joined, _support_blocks(table), parts, shared)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
     return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
 
 def sets_of(graph: LazyGraph) -> StanceSets:
-    """The sets of points that nodes of a graph hold.
+    """Return the sets of points that nodes of a graph hold.
 
     Raises
     ------
-    NodeTableError
+    TableError
         See `build`.
     """
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
-        raise NodeTableError(
-            "nodes are worked out where steps are checked, without obstacles and occupied points"
+        raise TableError(
+            "a table of nodes is built where steps are checked, without obstacles and occupied "
+            "points: set transitions=True, or clear them"
         )
     sets = graph.sets()
     if sets is None:
-        raise NodeTableError(
+        raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
-            f"nodes are worked out for three or four limbs and at most 40 million sets of points"
+            f"a table of nodes can be built for three or four limbs and at most 40 million sets "
+            f"of points"
         )
     return sets
 
 
 def parts_of_nodes(graph: LazyGraph) -> Parts:
-    """What is done of the table of a graph."""
+    """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
 
 Block = tuple[int, Any]
-"""A number, and sets of points or the rest at which to end."""
+"""A number, and sets of points or the support set at which the block ends."""
 
 
 def _in_blocks(
@@ -116,7 +119,7 @@ def _in_blocks(
     parts: Parts,
     shared: tuple[Any, ...],
 ) -> list[Arrays]:
-    """What `work` finds of each of some blocks and what they share; processes take turns."""
+    """Return the results of `work` for each block; blocks are dealt out to the processes."""
     count = processes.count
     given = [(work, blocks[k::count], parts, shared) for k in range(count)]
     found = processes.run(_each, given)
@@ -130,30 +133,30 @@ def _each(
     parts: Parts,
     shared: tuple[Any, ...],
 ) -> list[Arrays]:
-    """What one process finds of its blocks, each of which is a part."""
+    """Compute the blocks of one process, each of which is a part."""
     found = []
-    tell(worker, float(not blocks))  # of a process for which there is none all is done
+    report_share(worker, float(not blocks))  # without blocks, all is done
     for k, block in enumerate(blocks, 1):
         name = f"{work.__name__.strip('_')}-{block[0]}"
         found.append(parts.get(name, partial(work, *block, *shared)))
-        tell(worker, k / len(blocks))
+        report_share(worker, k / len(blocks))
     return found
 
 
 def _orders(limbs: int) -> IntArray:
-    """In which orders limbs may hold ascending points, shape (k, N)."""
-    # Of what turns make alike the lowest point comes first.
+    """Return the orders in which limbs may hold ascending points, shape (k, N)."""
+    # Of cyclic relabellings the one with the lowest point first stands for all.
     alike = same_after_turns(limbs)
     return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
 
 
-def _no_node(none: IntArray) -> tuple[NDArray[Any], ...]:
-    """What `nodes_of_sets` finds of no sets of points, shape (0, N)."""
+def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
+    """Return the results of `nodes_of_sets` for no sets of points, shape (0, N)."""
     return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
 
 
 def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
-    """What `Nodes` lists of those that hold some sets of points, and base rotations."""
+    """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(limbs)].reshape(-1, limbs)
     graph = _graph(world)
@@ -167,12 +170,12 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
     return stances, base, postures.mask, branches, folds, postures.tried, rotation
 
 
-def _rests(table: NodeTable) -> list[Block]:
-    """First and last of rests that are checked at once."""
+def _support_blocks(table: NodeTable) -> list[Block]:
+    """Return the blocks of support sets whose pairs are checked at once, by first and last."""
     blocks: list[Block] = []
     at, last = 0, len(table.offset) - 1
     while at < last:
-        end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS, "right")) - 1
+        end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS_AT_ONCE, "right")) - 1
         end = min(max(end, at + 1), last)
         blocks.append((at, end))
         at = end
@@ -182,7 +185,7 @@ def _rests(table: NodeTable) -> list[Block]:
 def _joined(
     first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
 ) -> Arrays:
-    """What steps keep at most between the pairs of `list_pairs` of rests, first to last."""
+    """Compute the branches that steps keep at most for the pairs of some support sets."""
     before = Pair.before(table, first)
     pairs = np.empty((count_pairs(table, before.copy(), last), 2), dtype=np.int64)
     list_pairs(table, before, last, pairs)
@@ -194,9 +197,10 @@ def _joined(
 def kept_at_most(
     graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
 ) -> EdgeSet:
-    """What steps between pairs of some members, shape (p, 2), keep at most: see `relaxed_steps`.
+    """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
 
-    It is what is kept on the step there or that back, in which the lines that are tried may differ.
+    They are the union of those kept on the step there and on that back, whose candidate lines may
+    differ, see `relaxed_steps`.
     """
     limbs = graph.limbs
     rows, moved = np.divmod(members, limbs)
@@ -214,11 +218,11 @@ def kept_at_most(
     for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
         stances.released[name] = permuted_limbs(values[rows], turns)
     stances.released["known"] = True
-    first = moved - turns + 1  # the limb after the one that moves
+    first = moved - turns + 1  # the limb after the swing limb
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         steps = graph.step_rows(stances, one, other, masks[one])
-        graph.checks.may_keep(steps, stances, world)
+        graph.checks.relax(steps, stances, world)
         held = permuted_limbs(steps["kept"][:, :limbs], first[one])[:, :-1]
         kept = packed(held)
         kept[~held.all(axis=1)] = 0
@@ -233,7 +237,7 @@ def kept_at_most(
 
 
 def _graph(world: World) -> LazyGraph:
-    """A graph that knows nothing yet: what it remembers takes memory."""
+    """Return an empty graph, since what graphs store takes memory."""
     graph = stance_graph(*world)
     assert isinstance(graph, LazyGraph)
     return graph

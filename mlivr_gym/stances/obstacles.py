@@ -1,4 +1,4 @@
-"""Obstacles and occupied points: what changes in the world of a stance graph after it is made."""
+"""Obstacles and occupied points, which change after a stance graph is made."""
 
 from __future__ import annotations
 
@@ -26,30 +26,34 @@ class ChangingWorld(ABC):
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, solver: PostureSolver
     ) -> None:
-        """Start without obstacles and with every point vacant."""
+        """Start without obstacles and occupied points."""
         self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
         self.solver = solver
         self.obstacles: tuple[Box, ...] = ()
-        """Boxes in the world at present besides those of the map."""
+        """Boxes at present in addition to those of the map."""
         self.occupied: frozenset[int] = frozenset()
-        """Points that may not be grasped at present, by index."""
+        """Indices of the points that may not be grasped at present."""
         self.version = 0
         """Number of changes of obstacles and occupied points."""
         self.checks = StepChecks(solver)
-        """How releases and steps are checked."""
+        """The check of releases and steps."""
         self.obstacle_grid: BoxGrid | None = None
         """The obstacles as compiled code reads them, None if there are none."""
 
     def add_obstacles(self, boxes: Sequence[Box]) -> None:
-        """Put boxes into the world: they take away the stances and steps that touch them.
+        """Add boxes, which remove the stances and steps that touch them.
 
-        Only what lies within reach of them is worked out again, when it is asked for. Stances keep
-        their postures.
+        Only what is within reach of them is computed again, on demand. Stances keep their postures.
+
+        Parameters
+        ----------
+        boxes
+            The boxes, in the world.
 
         Raises
         ------
         ShapeError
-            If a box of that id is there already, on the map or as an obstacle.
+            If the map or an obstacle has a box of the same id.
         SettingError
             If collisions are not checked.
         """
@@ -60,18 +64,23 @@ class ChangingWorld(ABC):
         ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
         for box in boxes:
             if box.id in ids:
-                raise ShapeError(f"a box {box.id!r} is there already")
+                raise ShapeError(f"a box {box.id!r} already exists; give each box an id of its own")
             ids.append(box.id)
         if boxes:
             self._set_obstacles((*self.obstacles, *boxes), self.occupied)
 
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
-        """Take boxes out of the world again, by default all.
+        """Remove boxes that were added, by default all.
+
+        Parameters
+        ----------
+        ids
+            Ids of the boxes.
 
         Raises
         ------
         ShapeError
-            If there is no box of an id.
+            If no obstacle has an id.
         """
         there = [box.id for box in self.obstacles]
         for name in ids or ():
@@ -83,13 +92,13 @@ class ChangingWorld(ABC):
         self._set_obstacles(kept, self.occupied)
 
     def occupy(self, points: Sequence[str | int]) -> None:
-        """Make points unavailable: no limb may take hold of them until they are vacated."""
+        """Make points, given by id or index, unavailable until they are vacated."""
         self._set_obstacles(
             self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
         )
 
     def vacate(self, points: Sequence[str | int] | None = None) -> None:
-        """Make points available again, by default all."""
+        """Make points, given by id or index, available again, by default all."""
         if points is None:
             vacated = self.occupied
         else:
@@ -105,10 +114,10 @@ class ChangingWorld(ABC):
 
     @abstractmethod
     def _obstacles_changed(self) -> None:
-        """Forget what no longer holds."""
+        """Forget results that are no longer valid."""
 
     def close_to_obstacles(self, positions: Array, reach: float) -> BoolArray:
-        """Which of some positions, shape (n, 3), lie within `reach` [m] of an obstacle."""
+        """Return which positions, shape (n, 3), lie within `reach` [m] of an obstacle."""
         close = np.zeros(len(positions), dtype=np.bool_)
         for box in self.obstacles:
             low, high = box.bounds
@@ -116,7 +125,7 @@ class ChangingWorld(ABC):
         return close
 
     def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
-        """Take the branches that touch an obstacle out of the masks of some stances.
+        """Remove the branches that touch an obstacle from the masks of some stances.
 
         Parameters
         ----------

@@ -1,10 +1,9 @@
-"""The complete table of two limbs: worked out once, and kept where graphs find it."""
+"""Build the complete table of two limbs."""
 
 from __future__ import annotations
 
 import time
 import zlib
-from contextlib import suppress
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,51 +13,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.stances.pair_files import (
-    PairTableError,
-    content_of,
-    kept_file,
-    read_stances,
-    table_files,
-    write_stances,
-)
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.parts import Parts, keep_table
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.parts import Parts
 from mlivr_gym.stances.workers import Progress
 
 SAMPLE = 5000
-"""Steps that are checked, if there are as many, to tell how long all take."""
+"""Number of steps that are checked to estimate the time of all, if there are as many."""
 
 SIDE = 64
-"""Most stances of a row whose steps are in the sample."""
+"""Largest number of stances of a row whose steps are in the sample."""
 
 
 class Estimate(NamedTuple):
     """What building a table takes."""
 
     candidates: str
-    """What is tried, and how many."""
+    """What is checked, with its number."""
     seconds: float
-    """Time it takes on this machine [s]."""
+    """Time on this machine [s]."""
     size: float
-    """Size of its file [bytes]."""
+    """Size of the file [bytes]."""
     done: int = 0
-    """Parts that a build that was stopped has done; the time is that of all."""
+    """Number of parts that a stopped build has finished; the time is that of all parts."""
 
 
 def fill_rows(
     graph: PairGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> None:
-    """Check every step of a graph, once.
+    """Check every step of a graph once.
 
     Parameters
     ----------
     graph
         The graph.
     progress
-        Called with the share of the rows that is done.
+        Called with the finished share of the rows.
     parts
-        Where what is done is kept until all is; without obstacles and occupied points alone.
+        Stores finished parts until all are; only without obstacles and occupied points.
     """
     if graph.complete:
         return
@@ -77,66 +69,66 @@ def fill_rows(
 
 
 def _releases(graph: PairGraph) -> list[NDArray[Any]]:
-    """Work out on which branches every limb can be released."""
-    graph.know_released(np.indices((len(graph), 2)).reshape(2, -1).T)
+    """Compute the branches on which every limb can be released."""
+    graph.check_releases(np.indices((len(graph), 2)).reshape(2, -1).T)
     return [graph.steps.released]
 
 
 def _check_rows(
     graph: PairGraph, held: int, points: range, edges: NDArray[Any]
 ) -> list[NDArray[Any]]:
-    """Check the steps of some rows; `edges` are theirs."""
+    """Check the steps of some rows, whose records are `edges`."""
     before, after = np.concatenate([graph.pairs_of_row(held, p) for p in points], axis=1)
-    graph.know_steps(np.full(len(before), held, dtype=np.int64), before, after)
+    graph.check_steps(np.full(len(before), held, dtype=np.int64), before, after)
     return [edges]
 
 
 def built_pairs(graph: PairGraph) -> Path | None:
-    """Where the complete table of a graph lies; None if it has to be built.
+    """Return the file of the complete table of a graph; None if it has to be built.
 
-    A graph that was made before the table was kept has all its steps from then on.
+    A graph that was made before the table was stored has all its steps from then on.
     """
-    for path in filter(Path.is_file, table_files(graph)):
-        with suppress(PairTableError):
-            known = read_stances(graph, path)
-            if not (graph.complete or graph.obstacles or graph.occupied):
-                graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
-                graph.complete = True
-            return path
-    return None
+    found = PAIR_TABLES.find(graph, warn=False)
+    if found is None:
+        return None
+    path, known = found
+    if not (graph.complete or graph.obstacles or graph.occupied):
+        graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
+        graph.complete = True
+    return path
 
 
 def parts_of_pairs(graph: PairGraph) -> Parts:
-    """What is done of the table of a graph."""
+    """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
 
 def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | None:
-    """See `table_build.build_table`."""
+    """Build the complete table of two limbs, see `table_build.build_table`."""
     path = built_pairs(graph)
     if path is None:
         parts = parts_of_pairs(graph)
         fill_rows(graph, progress, parts)
-        path = keep_table(kept_file(graph), lambda file: write_stances(graph, graph.kept(), file))
+        path = PAIR_TABLES.cache(graph, graph.kept())
         if path is not None:
             parts.remove()
     return path
 
 
 def estimate_pairs(graph: PairGraph) -> Estimate:
-    """What building the table of a graph takes, told by a few of its steps."""
+    """Estimate what building the table of a graph takes, from a sample of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
-    size: float = len(content_of(graph, graph.kept()._replace(edges=None, released=None)))
+    size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, released=None)))
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
     if graph.complete or not steps:
         return Estimate(candidates, 0.0, size)
     held, before, after = _sample(graph)
-    graph.know_steps(held[:1], before[:1], after[:1])  # compiles
+    graph.check_steps(held[:1], before[:1], after[:1])  # compiles
     stances = np.unique([before, after])
     began = time.perf_counter()
-    graph.know_released(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
+    graph.check_releases(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
     released = time.perf_counter()
-    graph.know_steps(held, before, after)
+    graph.check_steps(held, before, after)
     checked = time.perf_counter()
     seconds = (released - began) * len(graph) / len(stances)
     seconds += (checked - released) * steps / len(held)
@@ -146,7 +138,7 @@ def estimate_pairs(graph: PairGraph) -> Estimate:
 
 
 def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
-    """Limb that holds, stance before and stance after of some steps, (k,) each."""
+    """Return the support limb, the stance before and the stance after of some steps."""
     rows = list(zip(*np.nonzero(graph.degree > 1), strict=True))
     found, count = [], 0
     for k in np.random.default_rng(0).permutation(len(rows)):
@@ -163,5 +155,5 @@ def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
 
 
 def _packed(rows: NDArray[Any]) -> float:
-    """Bytes that each of some rows takes in a file."""
+    """Return the number of bytes that each of some records takes in a file."""
     return len(zlib.compress(rows.tobytes())) / len(rows)

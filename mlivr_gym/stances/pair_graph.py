@@ -1,8 +1,8 @@
-"""Stance graph of two limbs: the whole feasible set at once.
+"""Stance graph of two limbs, all of whose nodes are computed at once.
 
-The neighbours of a stance (a, b) are the other stances of row a (limb 0 holds) and of row b (limb 1
-holds), so no edge list is stored. What is stored, once known, is the set of branches the holding
-limb can keep on a step: one entry for each ordered pair of stances of a row, filled on demand.
+The neighbours of a stance (a, b) are the other stances of row a of limb 0 and of row b of limb 1,
+so no list of edges is stored. The table has, for each ordered pair of stances of a row, the
+branches that the support limb keeps on the step; entries are filled on demand.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.pair_files import COUNTS, PairStances, known_stances
 from mlivr_gym.stances.pair_nodes import pair_nodes
 from mlivr_gym.stances.pair_rows import rows_of
 from mlivr_gym.stances.pair_steps import (
@@ -33,6 +32,7 @@ from mlivr_gym.stances.pair_steps import (
     unknown_steps,
 )
 from mlivr_gym.stances.pair_table import PairEdges
+from mlivr_gym.stances.pair_table_file import COUNTS, PAIR_TABLES, PairStances
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -40,12 +40,12 @@ from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
-"""Causes that keep a stance out of the graph."""
+"""Causes of collisions that remove a stance from the graph."""
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 class PairGraph(StanceGraph):
-    """All stances of a two-limb robot that are nodes, and the steps between them.
+    """All nodes of a robot with two limbs, and the steps between them.
 
     Attributes
     ----------
@@ -60,34 +60,32 @@ class PairGraph(StanceGraph):
     w_b
         Base manipulability, shape (n,).
     mask
-        Branches and flips each limb may hold on, shape (n, 2).
+        Branches and flips on which each limb may hold, shape (n, 2).
     tried
-        Which of the base poses tried each has, see `tried_poses`, shape (n,).
+        Number of the candidate base pose, see `tried_poses`, shape (n,).
     rows
         Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
     row_start
-        Where the row of each point begins in `rows`, shape (2, m + 1).
+        Start of the row of each point in `rows`, shape (2, m + 1).
     considered
-        Ordered pairs of points that were tried.
+        Number of ordered pairs of points that were checked.
     reachable
-        How many of them inverse kinematics can hold.
+        Number of those that the limbs can reach.
     removed
-        How many that meet the thresholds were omitted because they touch something, by
-        what they touch.
+        Number of those above the thresholds that collide, by cause.
     no_departure
-        How many that meet the thresholds were omitted because a limb could not depart
-        from its point along the surface normal with `w_m` above `Settings.path_floor` and with
-        every joint in its window. Where steps are checked that floor holds without thresholds
-        too.
+        Number of those above the thresholds from which a limb cannot depart along the surface
+        normal with `w_m` above `Settings.path_floor` and every joint in its window. If steps are
+        checked, this floor also holds without thresholds.
     """
 
     has_tables = True
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Take every stance, and every step, from a table where there is one, else work it out."""
+        """Read stances and steps from a table if there is one, else compute the stances."""
         super().__init__(grasp_map, robot, settings)
-        found = known_stances(self) if self.solver_class is PostureSolver else None
-        known = found or self._worked_out()
+        found = PAIR_TABLES.find(self) if self.solver_class is PostureSolver else None
+        known = found[1] if found else self._computed()
         self.considered, self.reachable, self.no_departure, *removed = (
             known.counts[name] for name in COUNTS
         )
@@ -110,10 +108,7 @@ class PairGraph(StanceGraph):
 
     @property
     def table(self) -> NodeTable:  # type: ignore[override]
-        """All stances and what was known of their steps when it was asked for first.
-
-        Once all steps are known it is made anew, complete.
-        """
+        """All stances and the steps known so far; once all are known, a new and complete table."""
         if self._table is None or (self._free.complete and not self._table_complete):
             self._table = pair_nodes(self._free.table, self.tried)
             self._table_complete = self._free.complete
@@ -121,11 +116,11 @@ class PairGraph(StanceGraph):
 
     @property
     def table_complete(self) -> bool:
-        """Whether the table holds every step as it is among what stands there now."""
+        """Whether the table has every step, among the present obstacles too."""
         return self._table_complete and not (self.obstacles and self.settings.transitions)
 
-    def _worked_out(self) -> PairStances:
-        """Every stance, no step."""
+    def _computed(self) -> PairStances:
+        """Compute every stance, without steps."""
         postures = self.postures(self.pairs)
         node = self.is_node(postures)
         stuck = (
@@ -141,7 +136,7 @@ class PairGraph(StanceGraph):
         return PairStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
 
     def kept(self) -> PairStances:
-        """All that is known without obstacles and occupied points, for a file."""
+        """Return all that is known without obstacles and occupied points, for a file."""
         numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
         free, checked = self._free, self.settings.transitions
         return PairStances(
@@ -163,25 +158,25 @@ class PairGraph(StanceGraph):
 
     @property
     def steps(self) -> PairTable:
-        """What is known of the steps, among the present obstacles, as compiled code reads it."""
+        """The steps known so far, among the present obstacles, as compiled code reads them."""
         return self._known.table
 
-    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
-        """Check steps between stances of a row, once: limb that holds and both stances (k,)."""
-        self._known.know_steps(held, before, after)
+    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps once, given by support limb, stance before and stance after, (k,) each."""
+        self._known.check_steps(held, before, after)
 
-    def know_released(self, todo: IntArray) -> None:
-        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
-        self._known.know_released(todo)
+    def check_releases(self, todo: IntArray) -> None:
+        """Compute releases once, given by stances and limbs, shape (k, 2)."""
+        self._known.check_releases(todo)
 
     def pairs_of_row(self, held: int, point: int) -> IntArray:
-        """Every pair of stances of a row, the lower index last, shape (2, k)."""
+        """Return every pair of stances of a row, the lower index last, shape (2, k)."""
         row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
         i, j = np.tril_indices(len(row), -1)
         return np.stack([row[i], row[j]])
 
     def _obstacles_changed(self) -> None:
-        """Start with what is known without obstacles."""
+        """Start from what is known without obstacles."""
         self._known, self.mask = self._free, self._free.table.mask
         if not (self.obstacles or self.occupied):
             return
@@ -200,20 +195,17 @@ class PairGraph(StanceGraph):
 
     @property
     def releasable(self) -> IntArray:
-        """Branches on which limbs can be released as far as they are known, shape (n, 2)."""
+        """Branches on which limbs can be released, for the releases known so far, shape (n, 2)."""
         known: IntArray = self.steps.released["branches"]
         return known
 
     def __len__(self) -> int:
-        """Number of stances."""
+        """Return the number of stances."""
         return len(self.points)
 
     @cached_property
     def farther_than_span(self) -> int:
-        """Ordered pairs of points that two outstretched limbs reach, but farther than the span.
-
-        They are not tried.
-        """
+        """Number of ordered pairs of points beyond the span that two outstretched limbs reach."""
         robot = self.robot
         reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
         pairs = scipy.spatial.cKDTree(self.grasp_map.positions).query_pairs(
@@ -223,7 +215,7 @@ class PairGraph(StanceGraph):
         return 2 * int((apart > robot.span + 1e-9).sum())
 
     def no_stance(self) -> str:
-        """Why a graph without stances has none."""
+        """Return why a graph without stances has none."""
         if not self.reachable:
             return (
                 f"no base pose at heights {self.robot.heights} m lets limbs mounted "
@@ -242,24 +234,24 @@ class PairGraph(StanceGraph):
         )
 
     def find(self, stance: Sequence[int]) -> int:
-        """Index of a stance given by point indices, or -1 if it is no node."""
+        """Return the index of a stance given by point indices, -1 if it is no node."""
         self.check_stance(stance)
         key = stance[0] * len(self.grasp_map) + stance[1]
         k = int(self._keys.searchsorted(key))
         return k if k < len(self._keys) and self._keys[k] == key else -1
 
     def posture(self, stance: Sequence[int]) -> Postures:
-        """Posture of one stance given by point indices, every array with a leading 1."""
+        """Return the posture of a stance given by point indices; arrays have a leading 1."""
         s = self.find(stance)
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
 
     def postures_of(self, states: Sequence[State]) -> Postures:
-        """Postures in which a robot stands in k states."""
+        """Return the postures of k states."""
         rows = np.array([self.find(state.stance) if state.pose is None else -1 for state in states])
         return self.node_postures(rows) if (rows >= 0).all() else super().postures_of(states)
 
     def node_postures(self, chosen: slice | IntArray) -> Postures:
-        """Postures of stances given by index."""
+        """Return the postures of stances given by index."""
         position = self.base_in_world[chosen]
         return Postures(
             position,
@@ -281,7 +273,7 @@ class PairGraph(StanceGraph):
         return super()._fault(points, posture, pose)
 
     def _node(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
-        """Index of a stance if row `k` of `posture` is the one it has in the graph, else -1."""
+        """Return the index of a stance whose posture is row `k` of `posture`, -1 if none."""
         s = self.find((stance[0], stance[1]))
         same = (
             s >= 0
@@ -291,16 +283,16 @@ class PairGraph(StanceGraph):
         return s if same else -1
 
     def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """On which branches a limb can be released at a stance; see `StanceGraph.released`."""
+        """Return the branches on which a limb can be released; see `StanceGraph.released`."""
         s = self._node(stance, posture)
         if s < 0:
             return super().released(stance, posture, limb)
         if not self.steps.released["known"][s, limb]:
-            self._known.know_released(np.array([[s, limb]]))
+            self._known.check_releases(np.array([[s, limb]]))
         return int(self.releasable[s, limb])
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """The edge that a step is; see `StanceGraph.edge`."""
+        """Return the edge of a step; see `StanceGraph.edge`."""
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
         if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
@@ -315,7 +307,7 @@ class PairGraph(StanceGraph):
         return Edge(STRAIGHT, int(entry["fold_on_line"]), -1, kept)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """The state after the step to a neighbouring stance, None if there is no such step."""
+        """Return the state after the step to a neighbouring stance, None without such a step."""
         steps = self.successors(state)
         self.check_stance(after)
         if after == state.stance:
@@ -325,7 +317,7 @@ class PairGraph(StanceGraph):
         return None if k < 0 else steps.after(state, k)
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Whether the limb that holds could be released after each step, shape (k,)."""
+        """Return whether the support limb could be released after each step, shape (k,)."""
         out = np.empty(len(steps.limb), dtype=np.bool_)
         for k, limb in enumerate(steps.limb.tolist()):
             after = steps.after(state, k)
@@ -334,14 +326,14 @@ class PairGraph(StanceGraph):
         return out
 
     def row(self, held: int, s: int) -> IntArray:
-        """The other stances that limb `held` of stance `s` shares its point with."""
+        """Return the other stances that have the point of limb `held` in common with stance `s`."""
         point = self.points[s, held]
         row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
         others: IntArray = row[row != s]
         return others
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances, steps not yet checked; see `StanceGraph.candidates`."""
+        """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
         limbs, rows = [], []
         for limb in range(2):
             held, point = 1 - limb, stance[1 - limb]
@@ -353,12 +345,12 @@ class PairGraph(StanceGraph):
         return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
 
     def edge_masks(self, held: Any, before: Any, after: IntArray) -> IntArray:
-        """Branches that limbs which hold can keep on steps, which are checked, once, shape (k,).
+        """Return the branches that support limbs keep on steps, which are checked once, shape (k,).
 
         Parameters
         ----------
         held
-            The limb that holds, or that of each step, shape (k,).
+            The support limb, or that of each step, shape (k,).
         before
             The stance before, or that before each step, shape (k,).
         after
@@ -367,12 +359,12 @@ class PairGraph(StanceGraph):
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)
         steps = [np.array(one) for one in np.broadcast_arrays(held, before, after)]
-        self.know_steps(*steps)
+        self.check_steps(*steps)
         kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
         return kept
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
+        """Return all steps that leave a state."""
         self.check(state)
         if state.pose is not None:
             return super().successors(state)
@@ -386,10 +378,10 @@ class PairGraph(StanceGraph):
         masks = np.empty((size, 2), dtype=np.int64)
         both = state.masks[0], state.masks[1]
         if self.settings.transitions and not self.complete:
-            self._known.know_released(np.array([[s, 0], [s, 1]]))
+            self._known.check_releases(np.array([[s, 0], [s, 1]]))
             count = unknown_steps(s, both, self.steps, masks)
             held, after = masks[:count].T.copy()
-            self.know_steps(held, np.full(count, s), after)
+            self.check_steps(held, np.full(count, s), after)
         count = pair_successors(s, both, self.steps, limb, stance, masks)
         limb, stance = limb[:count], stance[:count]
         return Successors(

@@ -1,4 +1,4 @@
-"""The stances and steps of two limbs as a table of nodes, which searches read (compiled)."""
+"""The stances and steps of two limbs as a node table, which searches read (compiled)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mlivr_gym.transitions.rule import kept_on_edge
 
 
 def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
-    """A table of nodes with what is known of the steps between them.
+    """Return a node table with the steps known so far.
 
-    A step that is not known is taken to keep all branches that both of its stances have.
+    A step that is not known is assumed to keep all branches that both of its stances have.
 
     Parameters
     ----------
     pairs
         The stances and steps.
     tried
-        Which of the base poses tried each stance has, shape (n,).
+        Number of the candidate base pose of each stance, shape (n,).
     """
     released, folds = pairs.mask, np.zeros_like(pairs.mask)
     if pairs.check:
@@ -57,7 +57,7 @@ def mark_steps(table: NodeTable, pairs: PairTable) -> None:
 
 @entry
 def fill_lost(table: NodeTable, pairs: PairTable) -> None:
-    """Note what steps lose that lose some branches."""
+    """Write the branches that steps lose."""
     for support in range(len(table.start) - 1):
         first, last = int(table.start[support]), int(table.start[support + 1])
         for i in range(first, last):
@@ -71,7 +71,7 @@ def fill_lost(table: NodeTable, pairs: PairTable) -> None:
 
 @kernel
 def _shared_and_kept(a: int, b: int, pairs: PairTable) -> tuple[int, int]:
-    """Branches of the limb that holds which two members of a rest share, and which a step keeps."""
+    """Return the branches that two members share for the support limb, and those kept."""
     before, after, held = a // 2, b // 2, 1 - a % 2
     shared = kept_on_edge(pairs.mask[before, held], pairs.mask[after, held])
     kept = shared

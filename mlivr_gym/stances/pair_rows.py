@@ -1,4 +1,4 @@
-"""Rows of a two-limb stance graph: the stances that share the point of one limb."""
+"""Rows of a stance graph of two limbs: the stances that share the point of one limb."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from mlivr_gym.arrays import IntArray
 
 
 class StanceRows(NamedTuple):
-    """The rows of n stances on m points; an entry belongs to two stances of a row, in order."""
+    """The rows of n stances on m points; an edge belongs to an ordered pair of stances of a row."""
 
     rows: IntArray
     """Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n)."""
     row_start: IntArray
-    """Where the row of each point begins in `rows`, shape (2, m + 1)."""
+    """Start of the row of each point in `rows`, shape (2, m + 1)."""
     degree: IntArray
     """Number of stances in each row, shape (2, m)."""
     offset: IntArray
-    """First entry of each row, shape (2, m)."""
+    """First edge of each row, shape (2, m)."""
     local: IntArray
     """Place of each stance in its rows, shape (2, n)."""
 
 
 def rows_of(points: IntArray, m: int) -> StanceRows:
-    """The rows of stances given by the points of both limbs, shape (n, 2), in lexical order."""
+    """Return the rows of stances, given by their points, shape (n, 2), in lexical order."""
     n = len(points)
     by_second = np.lexsort((points[:, 0], points[:, 1]))
     rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
@@ -42,7 +42,7 @@ def rows_of(points: IntArray, m: int) -> StanceRows:
 
 
 def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
-    """Parts of a graph that no steps connect, checked or not.
+    """Return the connected components of a graph, all of whose steps are assumed to be possible.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
     Returns
     -------
     tuple[int, NDArray[np.int32]]
-        The number of parts, and the part of each stance, shape (n,).
+        The number of components, and the component of each stance, shape (n,).
     """
     pairs = scipy.sparse.coo_array(
         (np.ones(len(points)), (points[:, 0], m + points[:, 1])), shape=(2 * m, 2 * m)

@@ -1,7 +1,7 @@
-"""The table of steps of a two-limb stance graph, and the steps that leave a state (compiled).
+"""Steps of two limbs, and the steps that leave a state (compiled).
 
-The table is a cache of `transitions.steps`: one entry for each ordered pair of stances of a row,
-filled on demand by `PairGraph`.
+The edge table has a record for each ordered pair of stances of a row, filled on demand by
+`PairGraph` with the results of `transitions.steps`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
 class PairEdge(Record):
-    """What is known of a step in which one limb holds."""
+    """Result for a step in which one limb holds."""
 
     kept: Annotated[int, np.uint16]
     """Branches and flips on which it can hold."""
@@ -27,7 +27,7 @@ class PairEdge(Record):
     known: Annotated[int, np.int8]
     """1 if the step was checked."""
     fold_on_line: Annotated[int, np.int8]
-    """Fold in which the limb that moves can be on the straight path, -1 for none."""
+    """Fold in which the swing limb can be on the straight path, -1 for none."""
     fold_on_arc: Annotated[int, np.int8]
     """The same on the arc."""
     pair: Annotated[int, np.int8]
@@ -35,9 +35,9 @@ class PairEdge(Record):
 
 
 class PairTable(NamedTuple):
-    """N stances of two limbs on m points, and what is known of the steps between them.
+    """N stances of two limbs on m points, and the steps known so far.
 
-    Row p of limb i are the stances in which limb i holds point p.
+    Row p of limb i has the stances in which limb i holds point p.
     """
 
     check: bool
@@ -47,13 +47,13 @@ class PairTable(NamedTuple):
     base: Array
     """Base positions in the world [m], shape (n, 3)."""
     mask: IntArray
-    """Branches and flips each limb may hold on, shape (n, 2)."""
+    """Branches and flips on which each limb may hold, shape (n, 2)."""
     released: Any
-    """Rows of `Release`, shape (n, 2)."""
+    """Rows of `ReleaseRecord`, shape (n, 2)."""
     rows: IntArray
     """Stances by the point of limb 0 and of limb 1, shape (2, n)."""
     row_start: IntArray
-    """Where the row of each point begins in `rows`, shape (2, m + 1)."""
+    """Start of the row of each point in `rows`, shape (2, m + 1)."""
     row_base: Array
     """Base positions in the order of `rows` [m], shape (2, n, 3)."""
     degree: IntArray
@@ -68,14 +68,14 @@ class PairTable(NamedTuple):
 
 @kernel
 def branches_kept(edge: PairEdge) -> int:
-    """Branches and flips on which the limb that holds can follow a step."""
+    """Return the branches and flips on which the support limb can follow a step."""
     kept: Any = np.int64(edge.kept)
     return kept  # type: ignore[no-any-return]
 
 
 @kernel
 def edge_index(held: int, before: int, after: int, table: PairTable) -> int:
-    """Index of the step from one stance to another of a row in which limb `held` holds."""
+    """Return the index of the step between two stances of a row in which limb `held` holds."""
     point, local = table.points[before, held], table.local
     first = table.offset[held, point] + local[held, before] * table.degree[held, point]
     index: int = first + local[held, after]
@@ -84,13 +84,13 @@ def edge_index(held: int, before: int, after: int, table: PairTable) -> int:
 
 @kernel
 def releasable(table: PairTable, s: int, limb: int) -> int:
-    """Branches on which a limb can be released at a stance, and may be once it has grasped."""
+    """Return the branches on which a limb can be released, and may be once it has grasped."""
     return int(table.released[s, limb].branches)
 
 
 @entry
 def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArray) -> int:
-    """Steps that may leave a state and are not known yet.
+    """List the steps that may leave a state and are not known yet.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArra
     masks
         Branches that each limb may be on.
     table
-        The table; it is known what can be released at the stance.
+        The table, with the releases of the stance.
     out
-        Filled with limb that holds and stance after the step, shape (k, 2).
+        Receives support limb and stance after the step, shape (k, 2).
 
     Returns
     -------
@@ -133,7 +133,7 @@ def pair_successors(
     stance: IntArray,
     after: IntArray,
 ) -> int:
-    """Steps that leave stance `s`, by the rule of `transitions.rule`; returns their number k.
+    """List the steps that leave stance `s`, by the rule of `transitions.rule`; return how many.
 
     Parameters
     ----------
@@ -144,11 +144,11 @@ def pair_successors(
     table
         The table, in which all these steps are known.
     limb
-        Limb that moves on each step, written.
+        Receives the limb that moves on each step, shape (k,).
     stance
-        Stance reached, written.
+        Receives the stance reached, shape (k,).
     after
-        Masks after the step, shape (k, 2), written.
+        Receives the masks after the step, shape (k, 2).
     """
     count = 0
     for moving in range(2):
@@ -174,7 +174,7 @@ def pair_successors(
 
 @entry
 def longest_step(held: int, rows: IntArray, row_start: IntArray, base: Array, out: Array) -> None:
-    """Largest squared base displacement within each row of limb `held`, into `out` [m^2].
+    """Write the largest squared base displacement in each row of limb `held` into `out` [m^2].
 
     Rows as in `PairTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape
     (m,).
@@ -197,20 +197,20 @@ def gather_steps(
     after: NDArray[np.int32],
     kept: NDArray[np.uint16],
 ) -> None:
-    """Count the steps that leave each stance, or with `fill` write them where `start` says.
+    """Count the steps that leave each stance, or with `fill` write them from `start` on.
 
     Parameters
     ----------
     table
-        The table, every step known if steps are checked.
+        The table, with every step if steps are checked.
     fill
         Whether to write the steps.
     start
         Shape (2 n + 1,); counts are written one place further on.
     after
-        Shape (e,), written with `fill`.
+        Receives the stances after the steps with `fill`, shape (e,).
     kept
-        Shape (e,), written with `fill`.
+        Receives the branches kept with `fill`, shape (e,).
     """
     mask, row_start, rows = table.mask, table.row_start, table.rows
     for s in range(len(table.points)):

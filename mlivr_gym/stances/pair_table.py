@@ -1,4 +1,4 @@
-"""What is known of the steps of a two-limb stance graph, filled on demand."""
+"""Edge table of two limbs, filled on demand."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from mlivr_gym.transitions.step_check import StepChecks
 
 
 class PairEdges:
-    """What is known of releases and steps in one state of the world.
+    """Releases and steps known in one state of the world.
 
     Attributes
     ----------
     stances
-        The stances, with what can be released there.
+        The stances, with their releases.
     table
         The steps.
     """
@@ -36,12 +36,12 @@ class PairEdges:
         base: Array,
         edges: Any = None,
     ) -> None:
-        """Know nothing yet of the steps between stances, or all of them.
+        """Start without steps, or with all of them.
 
         Parameters
         ----------
         checks
-            How steps are checked.
+            The step check.
         stances
             The stances.
         rows
@@ -49,7 +49,7 @@ class PairEdges:
         base
             Base positions [m], shape (n, 3).
         edges
-            All steps, where they are known.
+            All steps, if they are known.
         """
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
@@ -76,12 +76,12 @@ class PairEdges:
     def among_obstacles(
         self, mask: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
     ) -> PairEdgesAmongObstacles:
-        """The same among obstacles and occupied points.
+        """Return the steps among obstacles and occupied points.
 
         Parameters
         ----------
         mask
-            Branches and flips each limb may hold on, shape (n, 2).
+            Branches and flips on which each limb may hold, shape (n, 2).
         gone
             Stances that hold an occupied point, shape (n,).
         close
@@ -92,21 +92,21 @@ class PairEdges:
         return PairEdgesAmongObstacles(self, mask, gone, close, obstacles)
 
     def index(self, held: Any, before: Any, after: Any) -> Any:
-        """Index of steps, see `pair_steps.edge_index`; of numbers or arrays."""
+        """Return the index of steps, of numbers or arrays; see `pair_steps.edge_index`."""
         table = self.table
         point, local = table.points[before, held], table.local
         row = table.offset[held, point] + local[held, before] * table.degree[held, point]
         return row + local[held, after]
 
     def step(self, held: int, before: int, after: int) -> Any:
-        """What is known of one step, which is checked if it was not: a row of `PairEdge`."""
+        """Return the record of a step, which is checked unless it is known: a row of `PairEdge`."""
         entry = self.index(held, before, after)
         if not self.table.edges["known"][entry]:
-            self.know_step(held, before, after)
+            self.check_step(held, before, after)
         return self.table.edges[entry]
 
-    def know_step(self, held: int, before: int, after: int) -> None:
-        """Check one step, as `know_steps` does, with less to do around it."""
+    def check_step(self, held: int, before: int, after: int) -> None:
+        """Check one step as `check_steps` does, with less overhead."""
         if self.collisions and before > after:
             before, after = after, before
         known = self.stances.released["known"]
@@ -117,43 +117,45 @@ class PairEdges:
         step, point = steps[0], table.points[before, held]
         step["limb"], step["before"], step["after"] = 1 - held, before, after
         step["pivot"] = self.checks.solver.grasps["point"][point]
-        step["wanted"][held] = mask[before, held] & mask[after, held]
+        step["branches"][held] = mask[before, held] & mask[after, held]
         self.checks.check(steps, self.stances, self._world)
         found = int(step["kept"][held]), int(step["on_arc"])
-        self._note(held, before, after, (*found, 1, *step["folds"].tolist(), int(step["pair"])))
+        self._store_step(
+            held, before, after, (*found, 1, *step["folds"].tolist(), int(step["pair"]))
+        )
 
-    def _note(self, held: int, before: int, after: int, edge: tuple[int, ...]) -> None:
-        """Keep what was found of one step, the fields of `PairEdge`, in both directions."""
+    def _store_step(self, held: int, before: int, after: int, edge: tuple[int, ...]) -> None:
+        """Store the result of one step, the fields of `PairEdge`, in both directions."""
         edges, pair = self.table.edges, edge[-1]
         back = pair if pair < 0 else 8 * (pair % 8) + pair // 8
         edges[self.index(held, before, after)] = edge
         edges[self.index(held, after, before)] = (*edge[:-1], back)
 
-    def know_released(self, todo: IntArray) -> None:
-        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+    def check_releases(self, todo: IntArray) -> None:
+        """Compute releases once, given by stances and limbs, shape (k, 2)."""
         todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
         if len(todo) > 1:
             todo = np.unique(todo, axis=0)
         self.checks.release(self.stances, todo, self._world)
 
-    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
-        """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
+    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
         held, before, after = self._unknown(held, before, after)
         if not len(held):
             return
         both = np.concatenate([before, after])
-        self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
         steps = self._steps(held, before, after)
         self.checks.check(steps, self.stances, self._world)
-        self._keep(held, before, after, steps)
+        self._store(held, before, after, steps)
 
     def _unknown(
         self, held: IntArray, before: IntArray, after: IntArray
     ) -> tuple[IntArray, IntArray, IntArray]:
-        """Those of some steps that are not known, each once.
+        """Return the steps that are not known, each once.
 
-        They are always checked from the stance with the lower index, since which swing is found
-        first may depend on it.
+        They are always checked from the stance with the lower index, since the swing that is found
+        may depend on the direction.
         """
         if self.collisions:
             before, after = np.minimum(before, after), np.maximum(before, after)
@@ -164,16 +166,16 @@ class PairEdges:
         return held[new], before[new], after[new]
 
     def _steps(self, held: IntArray, before: IntArray, after: IntArray) -> Any:
-        """Rows of `Step` to be checked."""
+        """Return rows of `StepRecord` to be checked."""
         steps, mask = self.checks.steps(len(held)), self.stances.mask
         steps["limb"], steps["before"], steps["after"] = 1 - held, before, after
         grasps = self.checks.solver.grasps["point"]
         steps["pivot"] = grasps[self.table.points[before, held]]
-        steps["wanted"][np.arange(len(held)), held] = mask[before, held] & mask[after, held]
+        steps["branches"][np.arange(len(held)), held] = mask[before, held] & mask[after, held]
         return steps
 
-    def _keep(self, held: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
-        """Keep what was found of steps, in both directions."""
+    def _store(self, held: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
+        """Store the results of steps in both directions."""
         found = PairEdge.rows(len(held))
         found["known"] = 1
         found["kept"] = steps["kept"][np.arange(len(held)), held]
@@ -186,9 +188,9 @@ class PairEdges:
 
 
 class PairEdgesAmongObstacles(PairEdges):
-    """What is known of releases and steps among obstacles and occupied points.
+    """Releases and steps known among obstacles and occupied points.
 
-    Only the motions that are known without obstacles are checked, and only close to them.
+    Only the motions of the steps without obstacles are checked, and only close to them.
     """
 
     def __init__(
@@ -199,24 +201,24 @@ class PairEdgesAmongObstacles(PairEdges):
         close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
-        """See `PairEdges.among_obstacles`."""
+        """Start from the steps without obstacles, see `PairEdges.among_obstacles`."""
         self.free, self.close = free, close
         self.checks, self.collisions = free.checks, free.collisions
-        self._world = self.checks.world(obstacles, again=True)
-        # As bytes, since NumPy copies records field by field, which takes fourteen times as long.
+        self._world = self.checks.world(obstacles, obstacles_only=True)
+        # As bytes: NumPy copies records field by field, which takes fourteen times as long.
         released = free.stances.released
         released = released.view(np.uint8).copy().view(released.dtype)
         released["branches"][gone] = 0
         released["known"][gone] = True
         released["known"][close & ~gone] = False
         self.stances = free.stances._replace(mask=mask, released=released)
-        # Where no obstacle is close only the masks tell a difference.
+        # If no obstacle is close, only the masks differ.
         edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
         self.complete = free.complete and edges is free.table.edges
         self.table = free.table._replace(mask=mask, released=released, edges=edges)
 
-    def know_step(self, held: int, before: int, after: int) -> None:
-        """Check one step, as `know_steps` does, with less to do around it."""
+    def check_step(self, held: int, before: int, after: int) -> None:
+        """Check one step as `check_steps` does, with less overhead."""
         if self.collisions and before > after:
             before, after = after, before
         kept, on_arc, _, *folds, pair = self.free.step(held, before, after).item()
@@ -224,60 +226,65 @@ class PairEdgesAmongObstacles(PairEdges):
         known = released["known"]
         ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
         if ends:
-            self._know_released(np.array(ends))
+            self._check_releases(np.array(ends))
         if self.table.edges is self.free.table.edges:
             return
-        branches, wanted = released["branches"], int(mask[before, held] & mask[after, held])
+        branches, shared = released["branches"], int(mask[before, held] & mask[after, held])
         able = branches[before, moving] and branches[after, moving]
-        kept = kept & wanted if able else 0
+        kept = kept & shared if able else 0
         if kept and (self.close[before] or self.close[after]):
             steps = self.checks.steps(1)
             step = steps[0]
-            step["limb"], step["before"], step["after"], step["again"] = moving, before, after, True
+            step["limb"], step["before"], step["after"], step["recheck"] = (
+                moving,
+                before,
+                after,
+                True,
+            )
             step["pivot"] = self.checks.solver.grasps["point"][self.table.points[before, held]]
-            step["wanted"][held], step["kept"][held] = wanted, kept
+            step["branches"][held], step["kept"][held] = shared, kept
             step["on_arc"], step["folds"], step["pair"] = on_arc, folds, pair
             self.checks.check(steps, self.stances, self._world)
             kept, on_arc = int(step["kept"][held]), int(step["on_arc"])
-        self._note(held, before, after, (kept, on_arc & kept, 1, *folds, pair))
+        self._store_step(held, before, after, (kept, on_arc & kept, 1, *folds, pair))
 
-    def know_released(self, todo: IntArray) -> None:
-        """Work out, once, on which branches limbs can be released: stances and limbs (k, 2)."""
+    def check_releases(self, todo: IntArray) -> None:
+        """Compute releases once, given by stances and limbs, shape (k, 2)."""
         todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
         if len(todo):
-            self._know_released(np.unique(todo, axis=0))
+            self._check_releases(np.unique(todo, axis=0))
 
-    def _know_released(self, todo: IntArray) -> None:
-        """Work out what is not known, each once."""
+    def _check_releases(self, todo: IntArray) -> None:
+        """Compute releases that are not known, each once."""
         released, mask = self.stances.released, self.stances.mask
-        self.free.know_released(todo)
+        self.free.check_releases(todo)
         s, limb = todo.T
         released[s, limb] = self.free.stances.released[s, limb]
         blocked = mask[s, 1 - limb] == 0
         released["branches"][s[blocked], limb[blocked]] = 0
-        again = todo[self.close[s] & ~blocked]
-        self.checks.release(self.stances, again, self._world)
+        close = todo[self.close[s] & ~blocked]
+        self.checks.release(self.stances, close, self._world)
 
-    def know_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
-        """Check steps, once: limb that holds, stance before and stance after, shape (k,)."""
+    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+        """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
         if self.table.edges is self.free.table.edges:
-            self.free.know_steps(held, before, after)
+            self.free.check_steps(held, before, after)
             both = np.concatenate([before, after])
-            self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+            self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
             return
         held, before, after = self._unknown(held, before, after)
         if not len(held):
             return
-        self.free.know_steps(held, before, after)
+        self.free.check_steps(held, before, after)
         both = np.concatenate([before, after])
-        self.know_released(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
         steps = self._steps(held, before, after)
         known = self.free.table.edges[self.index(held, before, after)]
         released = self.stances.released["branches"]
         able = (released[before, 1 - held] != 0) & (released[after, 1 - held] != 0)
         rows = np.arange(len(held))
-        steps["again"] = True
-        steps["kept"][rows, held] = np.where(able, known["kept"] & steps["wanted"][rows, held], 0)
+        steps["recheck"] = True
+        steps["kept"][rows, held] = np.where(able, known["kept"] & steps["branches"][rows, held], 0)
         steps["on_arc"], steps["pair"] = known["on_arc"], known["pair"]
         steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
         close = self.close[before] | self.close[after]
@@ -285,4 +292,4 @@ class PairEdgesAmongObstacles(PairEdges):
         self.checks.check(checked, self.stances, self._world)
         steps[close] = checked
         steps["on_arc"] &= steps["kept"][rows, held]
-        self._keep(held, before, after, steps)
+        self._store(held, before, after, steps)

@@ -1,7 +1,7 @@
-"""What is done of a table that is being built, kept until all of it is.
+"""Finished parts of a table that is being built, stored until all are finished.
 
-A build that was stopped goes on from there. Each part is a file that is written whole, and of two
-builds of one table both write the same, so either takes what the other has done.
+A build that was stopped continues from there. Each part is a file that is written whole. Two builds
+of one table write equal parts, so either uses those of the other.
 """
 
 from __future__ import annotations
@@ -20,47 +20,29 @@ from numpy.typing import NDArray
 from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_files import key_of
 
 Arrays = Sequence[NDArray[Any]]
 
 
-def keep_table(path: Path | None, write: Callable[[Path], None]) -> Path | None:
-    """Keep a finished table; returns where, None where nothing is kept or, which is told, can be.
-
-    Parameters
-    ----------
-    path
-        Where, None for nowhere.
-    write
-        Writes it.
-    """
-    if path is None:
-        return None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write(path)
-    except (OSError, FileError) as error:
-        logging.getLogger(__name__).warning("the table is not kept: %s", error)
-        return None
-    return path
-
-
 class Parts:
-    """The parts of a table that are done, each of some arrays."""
+    """Finished parts of a table, each of some arrays."""
 
     def __init__(self, folder: Path | None) -> None:
-        """Parts in a folder of their own; None: nothing is kept."""
+        """Store parts in a folder of their own; None stores nothing."""
         self.folder = folder
 
     @classmethod
     def of(cls, graph: StanceGraph, source: str) -> Parts:
-        """Those of the table of a graph in the cache folder, by the source that works it out."""
+        """Return the parts of the table of a graph in the cache folder.
+
+        A digest of the source file that computes them is part of the folder's name.
+        """
         folder, digest = cache_folder(), source_digest(Path(source))
         return cls(None if folder is None else folder / f"parts-{key_of(graph)}-{digest}")
 
     def get(self, name: str, work: Callable[[], Arrays]) -> Arrays:
-        """The arrays of a part: those that are kept, else what `work` finds, which then is kept."""
+        """Return the stored arrays of a part, or compute them by `work` and store them."""
         found = self._read(name)
         if found is None:
             found = work()
@@ -68,27 +50,27 @@ class Parts:
         return found
 
     def count(self) -> int:
-        """Number of parts that are kept."""
+        """Return the number of stored parts."""
         return len([] if self.folder is None else list(self.folder.glob("*.npz")))
 
     def remove(self) -> None:
-        """Remove all parts; what another build writes at the same time it removes itself."""
+        """Remove all parts; another build that writes at the same time removes its own."""
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _read(self, name: str) -> Arrays | None:
-        """A part that is kept; None if there is none, or a file that was cut off or altered."""
+        """Return a stored part; None if there is none, or its file is torn or altered."""
         if self.folder is None:
             return None
         try:
-            # What is read is compared with the checksums in the archive.
+            # Reading compares the checksums in the archive.
             with (self.folder / f"{name}.npz").open("rb") as stream, np.load(stream) as found:
                 return list(found.values())
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             return None
 
     def _write(self, name: str, arrays: Arrays) -> None:
-        """Keep a part; the first that cannot be is told, and no more are."""
+        """Store a part; if that fails, warn once and store no more parts."""
         if self.folder is None:
             return
         buffer = io.BytesIO()
@@ -97,6 +79,6 @@ class Parts:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(self.folder / f"{name}.npz", buffer.getvalue())
         except (OSError, FileError) as error:
-            text = "parts of the table are not kept, so what is stopped begins anew: %s"
+            text = "parts of the table cannot be stored, so a stopped build will start again: %s"
             logging.getLogger(__name__).warning(text, error)
             self.folder = None

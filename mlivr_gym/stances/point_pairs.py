@@ -1,23 +1,29 @@
-"""Which points of a map are close enough to be held at once."""
+"""Pairs of points of a map that are close enough to be held at once."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 import scipy
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.errors import MapError
+from mlivr_gym.errors import MapError, StanceError
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
 FEW_POINTS = 1000
-"""Up to here all pairs are compared, which takes less time than it takes to import SciPy's tree."""
+"""Number of points up to which all pairs are compared, which is quicker than to import SciPy's
+tree."""
 
 MOST_PAIRS = 2_000_000
-"""Most ordered pairs of points: those of the JEM with points every 0.03 m take gigabytes."""
+"""Largest number of ordered pairs of points: the JEM with points every 0.03 m would take
+gigabytes."""
 
 
 def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
-    """Pairs of points that are no farther apart than a span [m], each once, shape (k, 2).
+    """Return the pairs of points at most a span [m] apart, each once, shape (k, 2).
 
     Raises
     ------
@@ -35,8 +41,31 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     if count > MOST_PAIRS:
         raise MapError(
             f"map {grasp_map.name!r} has {count} pairs of points within the span of {span:g} m; "
-            f"at most {MOST_PAIRS} can be worked out: take a larger spacing or a smaller span"
+            f"at most {MOST_PAIRS} can be used: choose a larger spacing or a smaller span"
         )
     if len(positions) > FEW_POINTS:
         pairs = tree.query_pairs(limit, output_type="ndarray").astype(np.int64)
     return pairs
+
+
+def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:
+    """Check that the points of a stance are not too close to each other, and within the span.
+
+    Raises
+    ------
+    StanceError
+        Which names the two points, their distance and what is valid.
+    """
+    for a, b in combinations(points, 2):
+        distance = float(np.linalg.norm(grasp_map.positions[a] - grasp_map.positions[b]))
+        names = f"{grasp_map.ids[a]!r} and {grasp_map.ids[b]!r}"
+        if distance < robot.grasp_separation - 1e-9:
+            raise StanceError(
+                f"points {names} are {distance:.3f} m apart; two grippers need "
+                f"{robot.grasp_separation:g} m"
+            )
+        if distance > robot.span + 1e-9:
+            raise StanceError(
+                f"points {names} are {distance:.3f} m apart; robot {robot.name!r} spans "
+                f"{robot.span:g} m"
+            )

@@ -1,4 +1,4 @@
-"""Random stances, and random states from which a step leads."""
+"""Random stances, and random states that a step leaves."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from mlivr_gym.values import SMALLEST
 from mlivr_gym.world.grasp_map import GraspMap
 
 TRIES = 200
-"""Draws after which sampling gives up."""
+"""Number of draws after which sampling ends."""
 
-AS_DRAWN = 4
-"""Most limbs that hold points in the order in which these are drawn; see `round_the_body`."""
+LIMBS_AS_DRAWN = 4
+"""Largest number of limbs that hold points in the order of the draw, see `round_the_body`."""
 
 
 class Randomness(Protocol):
-    """What tasks are drawn from: a `numpy.random.Generator`, or a `Stream`."""
+    """A source of random numbers: a `numpy.random.Generator`, or a `Stream`."""
 
     def integers(self, low: int, /) -> Any:
-        """A whole number from 0 to `low` - 1."""
+        """Return a whole number from 0 to `low` - 1."""
 
     def choice(self, a: Any, size: int, /, *, replace: bool) -> Any:
-        """`size` of the values `a`, all different if not `replace`."""
+        """Return `size` of the values `a`, all different if not `replace`."""
 
 
 def random_state(graph: StanceGraph, rng: Randomness) -> State:
-    """A random stance that at least one step leaves.
+    """Return the state of a random stance that at least one step leaves.
 
     Raises
     ------
     StanceError
-        If none is found.
+        If `TRIES` draws find none.
     """
     for _ in range(TRIES):
         state = random_stance(graph, rng)
@@ -49,9 +49,9 @@ def random_state(graph: StanceGraph, rng: Randomness) -> State:
 
 
 def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
-    """A random stance, or None if the one drawn cannot be held.
+    """Return the state of a random stance, or None if the stance that was drawn cannot be held.
 
-    It is one of all, or where these are not known one of a batch round a random point.
+    It is drawn from all stances or, if these are not known, from a batch around a random point.
     """
     if isinstance(graph, PairGraph):
         stance = graph.points[int(rng.integers(len(graph)))].tolist()
@@ -68,7 +68,7 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
         if not rows:
             return None
         stances = np.array(rows, dtype=np.int64)
-        if graph.limbs > AS_DRAWN:
+        if graph.limbs > LIMBS_AS_DRAWN:
             stances = round_the_body(graph.grasp_map, stances)
         nodes = np.flatnonzero(graph.is_node(graph.nodes(stances)))
         if not len(nodes):
@@ -81,11 +81,11 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
 
 
 def round_the_body(grasp_map: GraspMap, stances: IntArray) -> IntArray:
-    """Stances whose points are put in the order of the mounts, shape (k, N) -> (k, N).
+    """Return stances whose points are in the order of the mounts, shape (k, N) -> (k, N).
 
-    Of the N! orders of N points limbs seldom reach others than the 2N that go round the body, which
-    are of five points one in ten and of six one in sixty. Limb 0 keeps its point; the points run
-    round their centroid in the sense in which that of limb 1 comes before that of limb 2.
+    Limbs seldom reach N points in another of the N! orders than the 2N around the body, which for
+    five points are one in ten and for six one in sixty. Limb 0 keeps its point; the others run
+    around the centroid in the direction in which the point of limb 1 comes before that of limb 2.
     """
     points, normals = grasp_map.positions[stances], grasp_map.normals[stances]
     away = points - points.mean(axis=1, keepdims=True)

@@ -1,7 +1,7 @@
-"""The stance graph: which stances a robot can hold on a map, and which steps join them.
+"""The stance graph: the stances that a robot can hold on a map, and the steps between them.
 
-`build.stance_graph` makes one: for two limbs a `PairGraph`, which holds the whole feasible set; for
-more a `LazyGraph`, which works neighbours out when they are asked for.
+`build.stance_graph` makes one: for two limbs a `PairGraph`, which holds all stances; for more limbs
+a `LazyGraph`, which computes them on demand.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.point_pairs import pairs_within
+from mlivr_gym.stances.point_pairs import check_distances, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
@@ -43,22 +43,23 @@ TOUCHED = {
     HANDRAIL: "a handrail",
     OBSTACLE: "an obstacle",
 }
-"""What a cause of a collision is called in a sentence."""
+"""Causes of collisions as parts of a sentence."""
 
 
 class StanceGraph(CheckedSteps):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
     solver_class: type[PostureSolver] = PostureSolver
-    """What works postures out."""
+    """Class of the posture solver."""
     table: NodeTable | None = None
-    """All stances that can be held and what is known of the steps between them, where there is such
-    a table; without obstacles and occupied points."""
+    """All nodes and the steps known between them, without obstacles and occupied points, if there
+    is such a table."""
     has_tables: ClassVar[bool] = False
-    """Whether the graph holds all its stances, so that tables of steps and costs can be made."""
+    """Whether the graph holds all its stances, so that step tables and the cost-to-go can be
+    computed."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Prepare the solver and the pairs of points close enough to be held at once."""
+        """Prepare the solver and the pairs of points that may be held at once."""
         super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
         positions = grasp_map.positions
@@ -79,22 +80,22 @@ class StanceGraph(CheckedSteps):
 
     @cached_property
     def together(self) -> BoolArray:
-        """Which points may be held at once by two limbs, shape (m, m)."""
+        """Which points two limbs may hold at once, shape (m, m)."""
         together = np.zeros((len(self.grasp_map),) * 2, dtype=np.bool_)
         together[tuple(self.pairs.T)] = True
         return together
 
     def partners(self, point: int) -> IntArray:
-        """Points that may be held together with `point`."""
+        """Return the points that may be held at once with `point`."""
         return self.pairs[self.partner_start[point] : self.partner_start[point + 1], 1]
 
     def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
-        """Point indices of a stance given by ids or indices.
+        """Return the point indices of a stance given by ids or indices.
 
         Raises
         ------
         StanceError
-            If the number of points, an id, or the points' distance is wrong.
+            If the number of points, an id, or the distance of two points is not valid.
         """
         named = STANCE.read(stance, FieldPath("stance", StanceError))
         if len(named) != self.limbs:
@@ -103,44 +104,29 @@ class StanceGraph(CheckedSteps):
                 f"{self.robot.name!r}"
             )
         points = tuple(self.grasp_map.index(point) for point in named)
-        for i, a in enumerate(points):
-            for b in points[i + 1 :]:
-                distance = float(
-                    np.linalg.norm(self.grasp_map.positions[a] - self.grasp_map.positions[b])
-                )
-                names = f"{self.grasp_map.ids[a]!r} and {self.grasp_map.ids[b]!r}"
-                if distance < self.robot.grasp_separation - 1e-9:
-                    raise StanceError(
-                        f"points {names} are {distance:.3f} m apart; two grippers need "
-                        f"{self.robot.grasp_separation:g} m"
-                    )
-                if distance > self.robot.span + 1e-9:
-                    raise StanceError(
-                        f"points {names} are {distance:.3f} m apart; robot {self.robot.name!r} "
-                        f"spans {self.robot.span:g} m"
-                    )
+        check_distances(self.grasp_map, self.robot, points)
         return points
 
     def ids(self, stance: Sequence[int]) -> tuple[str, ...]:
-        """Point ids of a stance."""
+        """Return the point ids of a stance."""
         return tuple(self.grasp_map.ids[p] for p in stance)
 
     def postures(self, stances: IntArray) -> Postures:
-        """Postures of stances, shape (k, N), feasible or not.
+        """Return the postures of stances, shape (k, N), feasible or not.
 
         Raises
         ------
         StanceError
-            If they are not point indices in rows of N.
+            If they are not rows of N point indices.
         """
         return self.solver.solve(self.rows_of_points(stances))
 
     def nodes(self, stances: IntArray) -> Postures:
-        """As `postures`, but of stances that are no nodes only that, by masks of 0."""
+        """Return postures as `postures` does, but only masks of 0 for stances that are no nodes."""
         return self.solver.solve(self.rows_of_points(stances), nodes_only=True)
 
     def rows_of_points(self, stances: Any) -> IntArray:
-        """Stances as point indices, shape (k, N); refuses others, see `postures`."""
+        """Check that stances are rows of point indices, see `postures`, and return them, (k, N)."""
         m = len(self.grasp_map)
         try:
             rows = np.asarray(stances)
@@ -155,35 +141,35 @@ class StanceGraph(CheckedSteps):
         return rows.astype(np.int64)
 
     def check(self, state: State) -> None:
-        """Refuse what is no state on this map.
+        """Check that a state is one of this map.
 
         Raises
         ------
         StanceError
             If its stance or masks are not numbers of points and branches.
         SettingError
-            If it has a pose that is none.
+            If its base pose is not valid.
         """
         check_state(state, self.limbs, len(self.grasp_map))
         if state.pose is not None:
             given_pose(state.pose)
 
     def check_stance(self, stance: Sequence[int]) -> None:
-        """Refuse what is not a point index for each limb, as `check` does."""
+        """Check that a stance has a point index for each limb, see `check`."""
         check_integers(stance, self.limbs, len(self.grasp_map) - 1, "stance")
 
     def posture(self, stance: Sequence[int]) -> Postures:
-        """Posture of one stance given by point indices, every array with a leading 1."""
+        """Return the posture of a stance given by point indices; arrays have a leading 1."""
         self.check_stance(stance)
         return self.postures(np.array([stance], dtype=np.int64))
 
     def is_node(self, postures: Postures) -> BoolArray:
-        """Which of some stances are nodes of the graph, shape (k,)."""
+        """Return which stances are nodes of the graph, given by their postures, shape (k,)."""
         node: BoolArray = np.all(postures.mask > 0, axis=1)
         return node
 
     def posture_of(self, state: State) -> Postures:
-        """Posture in which a robot stands in a state: that of its stance, or a given one."""
+        """Return the posture of a state: that of its stance, or the pose that a user gave."""
         self.check(state)
         if state.pose is None:
             return self.posture(state.stance)
@@ -192,7 +178,7 @@ class StanceGraph(CheckedSteps):
     def given_pose_of(
         self, stance: Sequence[str | int], position: Array, quaternion: Array
     ) -> tuple[float, ...] | None:
-        """A base pose as `state` takes it, None if it is that of the stance's posture."""
+        """Return a base pose as `state` reads it, None if it is that of the stance."""
         posture = self.posture(self.indices(stance))
         off = (
             np.abs(posture.base_position[0] - position).max(),
@@ -201,12 +187,12 @@ class StanceGraph(CheckedSteps):
         return None if max(off) < 1e-9 else given_pose((position, quaternion))
 
     def postures_of(self, states: Sequence[State]) -> Postures:
-        """Postures in which a robot stands in k states."""
+        """Return the postures of k states."""
         found = [self.posture_of(state) for state in states]
         return Postures(*(np.concatenate([getattr(p, name) for p in found]) for name in FIELDS))
 
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
-        """Posture of a stance at a given base pose, among present obstacles and occupied points."""
+        """Return the posture of a stance at a given base pose, see `postures_at`."""
         where = np.array([pose[:3]]), rotation_of(pose)[None]
         return self.postures_at(np.array([points], dtype=np.int64), *where)
 
@@ -217,7 +203,7 @@ class StanceGraph(CheckedSteps):
         rotations: Array,
         thresholds: tuple[float, float] = (0.0, 0.0),
     ) -> Postures:
-        """Postures of stances at given base poses, among present obstacles and occupied points.
+        """Return postures at given base poses, among obstacles and occupied points.
 
         Parameters
         ----------
@@ -228,7 +214,7 @@ class StanceGraph(CheckedSteps):
         rotations
             Base rotations in the world, shape (k, 3, 3).
         thresholds
-            Least `w_m` and `w_b` they must meet.
+            Thresholds of `w_m` and `w_b`.
         """
         postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
         if self.obstacles:
@@ -238,25 +224,25 @@ class StanceGraph(CheckedSteps):
         return postures
 
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
-        """The state of a robot that takes hold of a stance.
+        """Return the state of a robot that holds a stance.
 
         Parameters
         ----------
         stance
             Point id (or index) of each limb.
         pose
-            Base pose, if the robot does not stand in the stance's posture: x, y, z [m] and
-            quaternion w, x, y, z. The thresholds do not apply there; the robot must reach its
-            points, touch nothing and be able to depart.
+            Base pose, if it is not that of the stance's posture: x, y, z [m] and quaternion
+            w, x, y, z. The thresholds do not apply to it; the robot must reach its points, touch
+            nothing and be able to depart.
         joints
             Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
 
         Raises
         ------
         StanceError
-            If the stance cannot be held; the message says why.
+            If the stance cannot be held; the message has the reason.
         SettingError
-            If pose or joint angles are no such numbers.
+            If the pose or the joint angles are not valid numbers.
         """
         points = self.indices(stance)
         here = None if pose is None else given_pose(pose)
@@ -271,12 +257,12 @@ class StanceGraph(CheckedSteps):
         return State(points, tuple(int(m) for m in posture.mask[0]), here)
 
     def checked_state(self, state: State) -> State:
-        """A state that a user gives, as it is.
+        """Check that a state of a user is one of this graph, and return it.
 
         Raises
         ------
         StanceError
-            If it is no state of this graph; the message says why.
+            If it is not; the message has the reason.
         """
         self.check(state)
         known = self.state(state.stance, state.pose)
@@ -293,7 +279,7 @@ class StanceGraph(CheckedSteps):
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
     ) -> str:
-        """Why a stance cannot be held, as the end of a sentence."""
+        """Return why a stance cannot be held, as the end of a sentence."""
         taken = [self.grasp_map.ids[p] for p in points if p in self.occupied]
         if taken:
             return f"point {taken[0]!r} is occupied"
@@ -319,7 +305,7 @@ class StanceGraph(CheckedSteps):
         )
 
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
-        """A configuration of a state, each limb on the first branch and flip that its mask allows.
+        """Return a configuration of a state, each limb on the first branch and flip of its mask.
 
         Returns
         -------
@@ -335,7 +321,7 @@ class StanceGraph(CheckedSteps):
         return posture.base_position[0], quaternion(posture.base_rotation[0]), joints
 
     def joints(self, stances: IntArray, postures: Postures, bits: IntArray) -> Array:
-        """Joint angles with which limbs hold k stances, in their windows, shape (k, N, 6) [rad].
+        """Return the joint angles of k stances, in their windows, shape (k, N, 6) [rad].
 
         Parameters
         ----------
@@ -352,7 +338,7 @@ class StanceGraph(CheckedSteps):
         return angles
 
     def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
-        """The state after a step, or None if no such step leaves the state.
+        """Return the state after a step, None if no such step leaves the state.
 
         Parameters
         ----------
@@ -370,7 +356,7 @@ class StanceGraph(CheckedSteps):
 
     @abstractmethod
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Feasible neighbouring stances of a stance, steps not yet checked.
+        """Return the nodes in which one limb holds another point, steps to them unchecked.
 
         Returns
         -------
@@ -379,7 +365,7 @@ class StanceGraph(CheckedSteps):
         """
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state."""
+        """Return all steps that leave a state."""
         self.check(state)
         limb, point, postures = self.candidates(state.stance)
         stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
@@ -390,16 +376,16 @@ class StanceGraph(CheckedSteps):
         return Successors(limb[kept], point[kept], postures.base_position[kept], masks[kept])
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """The state after the step to a neighbouring stance, None if there is no such step."""
+        """Return the state after the step to a neighbouring stance, None without such a step."""
         both = join(self.posture_of(state), self.posture(after))
         if after == state.stance:
             return None
         return self.transition(state, after, both) if self.is_node(both).all() else None
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Whether a limb that holds could be released after each step, shape (k,).
+        """Return whether a support limb could be released after each step, shape (k,).
 
-        Taken for granted with more than two limbs, where the answer takes long.
+        It is assumed for more than two limbs, whose releases take long to compute.
         """
         return np.ones(len(steps.limb), dtype=np.bool_)
 

@@ -1,50 +1,41 @@
-"""Sets of points that the limbs of a robot may hold at once, whichever limb holds which.
+"""Sets of points that the limbs of a robot may hold at once, in any order of the limbs.
 
 Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
-fewest moves between sets are never more than the steps of a walk, and what is no set is no node:
-that tells searches of three and four limbs how far it is to the goal, and in which order to try
-neighbours. The sets of a map and robot are worked out once and kept on disk.
+smallest number of changes between two sets is a lower bound of the steps of a walk, and a stance
+that holds no such set is no node: searches of three and four limbs use both. The sets of a map and
+robot are computed once and stored.
 """
 
 from __future__ import annotations
 
-import io
-import logging
 import zipfile
-import zlib
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.postures import in_reach
-from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
 
 MOST_LIMBS = 4
-"""Most limbs: the numbers of stances have 64 bits."""
+"""Largest number of limbs, whose points fit into 64 bits."""
 
 MOST_SETS = 40_000_000
-"""Most sets of points close enough that are looked at; those of four limbs on the JEM are 11
+"""Largest number of sets of points close enough to be checked; four limbs on the JEM have 11
 million."""
 
-FORMAT = 1
-"""Format of the files."""
-
 KEPT = 2
-"""Graphs whose sets are kept in memory."""
+"""Number of graphs whose sets stay in memory."""
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done."""
+"""Called with the finished share of the work."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +45,12 @@ class StanceSets:
     Attributes
     ----------
     points
-        Points of each set, ascending, the sets in the order of their numbers, shape (n, N).
-    rests
-        What is left of each set when one of its points is let go, by number: sets with such
-        a rest in common are one move apart; shape (n, N).
-    rest_count
-        Number of rests.
+        Points of each set, ascending, the sets in the order of their codes, shape (n, N).
+    supports
+        Number of the support set that remains of each set without one of its points: sets with
+        a common support set are one step apart; shape (n, N).
+    support_count
+        Number of support sets.
     """
 
     points: NDArray[np.uint16]
@@ -67,7 +58,7 @@ class StanceSets:
     support_count: int
 
     def __len__(self) -> int:
-        """Number of sets."""
+        """Return the number of sets."""
         return len(self.points)
 
     @cached_property
@@ -75,7 +66,7 @@ class StanceSets:
         return _codes(self.points)
 
     def find(self, stances: IntArray) -> IntArray:
-        """Rows of the sets that stances hold, shape (k, N) -> (k,); -1 where that is none."""
+        """Return the rows of the sets that stances hold, (k, N) -> (k,); -1 if there is none."""
         if not len(self):
             return np.full(len(stances), -1)
         code = _codes(np.sort(stances, axis=1))
@@ -85,7 +76,7 @@ class StanceSets:
 
     @classmethod
     def of_nodes(cls, graph: StanceGraph, nodes: NDArray[np.uint16]) -> StanceSets:
-        """The sets of a graph all nodes of which are known, in points of shape (n, N)."""
+        """Return the sets of a graph from the points of all its nodes, shape (n, N)."""
         key = f"{key_of(graph)}-nodes"
         if key not in _kept:
             code = np.unique(_codes(np.sort(nodes, axis=1)))
@@ -100,62 +91,54 @@ class StanceSets:
     def of(
         cls, graph: StanceGraph, progress: Progress | None = None, *, work_out: bool = True
     ) -> StanceSets | None:
-        """The sets of a graph: those in memory or in the cache folder, or worked out.
+        """Return the sets of a graph from memory or from the cache folder, or compute them.
 
-        Obstacles and occupied points do not change them, since they only take stances away.
+        Obstacles and occupied points do not change them, since they only remove stances.
 
         Parameters
         ----------
         graph
             The stance graph.
         progress
-            Called with the share of the work that is done, where there is any.
+            Called with the finished share of the work.
         work_out
-            Whether they are worked out where they are not known.
+            Whether unknown sets are computed.
 
         Returns
         -------
         StanceSets | None
-            The sets; None where they are not known, for two or more than four limbs, and if there
-            are too many.
+            The sets; None if they are not known, for two or more than four limbs, and if there are
+            too many.
         """
         if not 3 <= graph.limbs <= MOST_LIMBS:
             return None
-        key = f"{key_of(graph)}-{source_digest(Path(in_reach.__file__))}"
+        key = SET_TABLES.name(graph)
         if key not in _kept:
-            folder = cache_folder()
-            path = None if folder is None else folder / f"sets-{key}.npz"
-            found = _read(path) if path is not None and path.is_file() else None
-            if found is None:
+            found = SET_TABLES.find(graph)
+            sets = found and found[1]
+            if sets is None:
                 if not work_out:
                     return None
-                found = _worked_out(graph, progress)
-                if found is not None and path is not None:
-                    _write(found, path)
-            _keep(key, found)
+                sets = _computed(graph, progress)
+                if sets is not None:
+                    SET_TABLES.cache(graph, sets)
+            _keep(key, sets)
         return _kept[key]
 
 
 _kept: OrderedDict[str, StanceSets | None] = OrderedDict()
-"""The sets of the graphs used last."""
+"""Sets of the graphs used last."""
 
 
 def _keep(key: str, sets: StanceSets | None) -> None:
-    """Keep the sets of a graph in memory, in place of those that were kept first."""
+    """Keep the sets of a graph in memory, and forget those that were added first."""
     _kept[key] = sets
     if len(_kept) > KEPT:
         _kept.popitem(last=False)
 
 
-def key_of(graph: StanceGraph) -> str:
-    """Digest of map, robot, settings and rules of a graph, by which what is kept of it is known."""
-    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
-    return digest.hexdigest()[:20]
-
-
-def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
-    """The sets of a graph, None if there are too many."""
+def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
+    """Compute the sets of a graph; None if there are too many."""
     limbs, together = graph.limbs, graph.together.copy()
     touching = graph.solver.point_cause > 0
     together[touching], together[:, touching] = False, False
@@ -175,7 +158,7 @@ def _worked_out(graph: StanceGraph, progress: Progress | None) -> StanceSets | N
 
 
 def _of_points(points: NDArray[np.uint16]) -> StanceSets:
-    """Sets that are given by their points, with what is left of each."""
+    """Return sets that are given by their points, with their support sets."""
     limbs = points.shape[1]
     supports = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
     codes, numbers = np.unique(supports, return_inverse=True)
@@ -184,7 +167,7 @@ def _of_points(points: NDArray[np.uint16]) -> StanceSets:
 
 @entry
 def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
-    """How many sets of three or four points begin with each: all of them pairwise `together`.
+    """Count the sets of three or four points, all pairwise `together`, by their first point.
 
     Parameters
     ----------
@@ -193,14 +176,14 @@ def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> 
     limbs
         Points of a set, 3 or 4.
     most
-        Most sets.
+        Largest number of sets.
     counts
-        Filled, shape (m,).
+        Receives the counts, shape (m,).
 
     Returns
     -------
     bool
-        Whether there are no more.
+        Whether there are no more than `most`.
     """
     count, total = len(together), 0
     for a in range(count):
@@ -222,7 +205,7 @@ def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> 
 
 @entry
 def sets_from(together: BoolArray, a: int, out: IntArray) -> None:
-    """The sets that begin with point `a`, in order, into `out`, shape (k, 3) or (k, 4)."""
+    """Write the sets that start with point `a`, in order, into `out`, shape (k, 3) or (k, 4)."""
     count, n = len(together), 0
     for b in range(a + 1, count):
         if together[a, b]:
@@ -239,33 +222,37 @@ def sets_from(together: BoolArray, a: int, out: IntArray) -> None:
 
 
 def _codes(points: IntArray | NDArray[np.uint16]) -> NDArray[np.uint64]:
-    """One number for each row of points, in the order of the first, (k, N) -> (k,)."""
+    """Return one number for each row of points, in the order of the first, (k, N) -> (k,)."""
     code = np.zeros(len(points), dtype=np.uint64)
     for column in points.T:
         code = (code << np.uint64(16)) | column.astype(np.uint64)
     return code
 
 
-def _write(sets: StanceSets, path: Path) -> None:
-    """Write the sets; they are not kept if that fails."""
-    buffer = io.BytesIO()
-    np.savez(
-        buffer, format=FORMAT, points=sets.points, supports=sets.supports, count=sets.support_count
-    )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, buffer.getvalue())
-    except (OSError, FileError) as error:
-        logging.getLogger(__name__).warning("stance sets are not kept: %s", error)
+def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
+    """Return sets in the arrays of a file."""
+    return {
+        "points": sets.points,
+        "supports": sets.supports,
+        "support_count": np.array(sets.support_count),
+    }
 
 
-def _read(path: Path) -> StanceSets | None:
-    """The sets in a file; None if it has none of this format."""
-    try:
-        with path.open("rb") as stream, np.load(stream) as data:
-            if int(data["format"]) == FORMAT:
-                return StanceSets(data["points"], data["supports"], int(data["count"]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
-        pass
-    logging.getLogger(__name__).warning("%r holds no stance sets: worked out anew", str(path))
-    return None
+def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
+    """Check the arrays of a file and return its sets."""
+    points, supports, count = (arrays[name] for name in ("points", "supports", "support_count"))
+    if (
+        points.shape != (len(points), graph.limbs)
+        or points.shape != supports.shape
+        or (points.dtype.name, supports.dtype.name) != ("uint16", "int32")
+        or not (points < len(graph.grasp_map)).all()
+        or not ((supports >= 0) & (supports < count)).all()
+    ):
+        raise ValueError
+    return StanceSets(points, supports, int(count))
+
+
+SET_TABLES = TableFiles(
+    "sets", zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__)
+)
+"""Files of stance sets."""

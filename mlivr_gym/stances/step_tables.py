@@ -1,4 +1,4 @@
-"""Every step of a two-limb stance graph in plain arrays, for environments and experts."""
+"""Every step of a stance graph of two limbs in plain arrays, for environments and experts."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from mlivr_gym.transitions.state import State, Successors
 
 
 class StepTables(NamedTuple):
-    """The steps between n stances on m points; limb j of a stance moves while limb 1 - j holds.
+    """The steps between n stances on m points; limb j moves while limb 1 - j holds.
 
     The steps of stance s that move limb j are the entries from `start[2 s + j]` to `start[2 s + j +
-    1]`, in the order of the points they lead to.
+    1]`, in the order of the points that they lead to.
     """
 
     points: NDArray[np.int32]
@@ -31,20 +31,20 @@ class StepTables(NamedTuple):
     base_in_world: Array
     """Base positions [m], shape (n, 3)."""
     masks: NDArray[np.int32]
-    """Branches and flips each limb of a stance may hold on, shape (n, 2)."""
+    """Branches and flips on which each limb may hold, shape (n, 2)."""
     releasable: NDArray[np.int32]
     """Those on which it can be released, and may be once it has grasped, shape (n, 2)."""
     start: IntArray
-    """Where the steps begin, shape (2 n + 1,)."""
+    """First step of each stance and limb, shape (2 n + 1,)."""
     after: NDArray[np.int32]
-    """Stance that a step leads to, shape (e,)."""
+    """Stance after each step, shape (e,)."""
     to_point: NDArray[np.uint16]
-    """Point that the limb that moves takes hold of, shape (e,)."""
+    """Point that the swing limb grasps, shape (e,)."""
     kept: NDArray[np.uint16]
-    """Branches and flips that the limb that holds can keep on a step, never 0, shape (e,)."""
+    """Branches and flips that the support limb keeps on a step, never 0, shape (e,)."""
 
     def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
-        """Masks after a step that leaves a state, of limb 0 and of limb 1.
+        """Return the masks of both limbs after a step that leaves a state.
 
         Parameters
         ----------
@@ -53,14 +53,14 @@ class StepTables(NamedTuple):
         limb
             The limb that moves.
         masks
-            Those before.
+            The masks before the step.
         """
         kept = int(kept_on_edge(masks[1 - limb], int(self.kept[step])))
         grasped = int(self.releasable[self.after[step], limb])
         return (grasped, kept) if limb == 0 else (kept, grasped)
 
     def successors(self, s: int, masks: tuple[int, ...]) -> Successors:
-        """The steps that leave a state of stance `s`, as `PairGraph.successors` gives them."""
+        """Return the steps that leave a state of stance `s`, as `PairGraph.successors` does."""
         most = int(self.start[2 * s + 2] - self.start[2 * s])
         steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         first, count = steps_of_state(s, (masks[0], masks[1]), self, steps, kept)
@@ -75,9 +75,9 @@ class StepTables(NamedTuple):
 
 
 def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
-    """The steps of a two-limb graph among the obstacles and occupied points that there are now.
+    """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
-    Steps that are not known are checked, and kept in the cache folder, see `pair_build`.
+    Steps that are not known are checked, and stored in the cache folder, see `pair_build`.
 
     Parameters
     ----------
@@ -85,6 +85,11 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
         The stance graph.
     progress
         Called with the share of the steps that are checked.
+
+    Returns
+    -------
+    StepTables
+        The steps.
 
     Raises
     ------
@@ -114,14 +119,14 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
-    """The tables of the same map with some points not to be grasped; stances keep their indices.
+    """Return the tables of the same map without some points; stances keep their indices.
 
     Parameters
     ----------
     tables
         The steps on all points.
     occupied
-        Which points may not be grasped, shape (m,).
+        Whether each point is occupied, shape (m,).
     """
     gone: BoolArray = np.any(occupied[tables.points], axis=1)
     steps = np.diff(tables.start)
@@ -142,6 +147,6 @@ def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
 
 
 def state_of(tables: StepTables, s: int, masks: NDArray[np.integer]) -> State:
-    """The state of a stance index and its masks."""
+    """Return the state of a stance index and its masks."""
     a, b = tables.points[s].tolist()
     return State((a, b), (int(masks[0]), int(masks[1])))

@@ -1,85 +1,76 @@
-"""The complete table of any graph: worked out once, and kept where graphs find it."""
+"""Build the table of any stance graph, and store it where graphs find it."""
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_estimate import estimate_nodes
-from mlivr_gym.stances.node_files import (
-    node_table,
-    remember,
-    small_name,
-    unpacked_path,
-    write_table,
-    write_unpacked,
-)
 from mlivr_gym.stances.node_table_build import build, parts_of_nodes
+from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, remember
 from mlivr_gym.stances.pair_build import Estimate, build_pairs, built_pairs, estimate_pairs
-from mlivr_gym.stances.pair_files import file_name, write_stances
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.parts import keep_table
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.workers import Progress
 
 
 def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) -> Path | None:
-    """Work out the complete table of a graph, once, and keep it where graphs find it.
+    """Build the table of a stance graph once, and store it where graphs find it.
 
-    Of two limbs it has all steps, of three and four all nodes and what steps between them keep at
-    most. A build that was stopped goes on where it was. What cannot be written is told as a
-    warning, and the graph has its table all the same.
+    For two limbs the table is complete, with all steps; for three and four limbs it has all nodes
+    and the branches that each step keeps at most. A build that was stopped continues where it was.
+    If the table cannot be stored, a warning says so, and the graph has its table all the same.
 
     Parameters
     ----------
     graph
         The stance graph, without obstacles and occupied points.
     progress
-        Called with the share of the work that is done.
+        Called with the finished share of the work, from 0 to 1.
 
     Returns
     -------
     Path | None
-        Where the table lies; None if it is not kept.
+        The file of the table in the cache folder or the package; None if it is not stored.
 
     Raises
     ------
     SettingError
         If there are obstacles or occupied points.
-    NodeTableError
-        If there is no table of that many limbs or points.
+    TableError
+        If robots with this number of limbs have no table, or the map has too many points.
 
-    Example:
-        >>> from mlivr_gym import stance_graph
-        >>> graph = stance_graph()
-        >>> path = build_table(graph)
-        >>> graph.complete
-        True
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> graph = stance_graph()
+    >>> path = build_table(graph)
+    >>> graph.complete
+    True
     """
     if graph.obstacles or graph.occupied:
         raise SettingError("tables are built without obstacles and occupied points; clear them")
     if isinstance(graph, PairGraph):
         return build_pairs(graph, progress)
-    path, table = unpacked_path(key_of(graph)), node_table(graph)
+    path, table = NODE_TABLES.cached(graph), node_table(graph)
     if table is None:
         parts = parts_of_nodes(graph)
         table = build(graph, progress, parts)
         remember(table, graph)
-        path = keep_table(path, partial(write_unpacked, table, graph))
+        path = NODE_TABLES.cache(graph, table)
         if path is not None:
             parts.remove()
     return path
 
 
 def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
-    """What building the table of a graph takes on this machine; None if it is there already.
+    """Estimate what building the table of a graph takes on this machine; None if it exists.
 
     Raises
     ------
-    NodeTableError
-        If there is no table of that many limbs or points.
+    TableError
+        If robots with this number of limbs have no table, or the map has too many points.
     """
     if isinstance(graph, PairGraph):
         return None if built_pairs(graph) else estimate_pairs(graph)
@@ -87,7 +78,7 @@ def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
 
 
 def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
-    """Write the table of a graph for which it was built to a file to pass on.
+    """Write the table of a graph, which has been built, to a file that can be passed on.
 
     Raises
     ------
@@ -95,12 +86,12 @@ def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
         If the file cannot be written.
     """
     if isinstance(graph, PairGraph):
-        write_stances(graph, graph.kept(), path)
+        PAIR_TABLES.write(graph, graph.kept(), path)
     else:
         assert graph.table is not None
-        write_table(graph.table, graph, path)
+        NODE_TABLES.write(graph, graph.table, path)
 
 
 def name_of(graph: PairGraph | LazyGraph) -> str:
-    """Name under which a file of `write_built` is found in a cache folder."""
-    return file_name(graph) if isinstance(graph, PairGraph) else small_name(key_of(graph))
+    """Return the name under which a cache folder must have the file of `write_built`."""
+    return (PAIR_TABLES if isinstance(graph, PairGraph) else NODE_TABLES).name(graph)

@@ -1,4 +1,4 @@
-"""Kernels over `StepTables`: the steps that leave states, by the rule of `transitions.rule`."""
+"""Kernels on `StepTables`: the steps that leave states, by the rule of `transitions.rule`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 TOGETHER = 64
-"""States whose steps are fetched together."""
+"""Number of states whose steps are fetched at once."""
 
 LINE = 32
-"""Points, or masks of kept branches, on a line of the processor's cache."""
+"""Number of points, or masks of kept branches, on a line of the processor's cache."""
 
 
 @entry
 def steps_of_state(
     s: int, masks: tuple[int, int], tables: Any, steps: IntArray, kept: IntArray
 ) -> tuple[int, int]:
-    """The steps that leave a state.
+    """List the steps that leave a state.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def steps_of_state(
     tables
         `StepTables`.
     steps
-        Their indices in the tables, written.
+        Receives the indices of the steps in the tables.
     kept
-        Branches that the limb that holds keeps on each, written.
+        Receives the branches that the support limb keeps on each.
 
     Returns
     -------
     tuple[int, int]
-        How many move limb 0, and how many there are.
+        Number of those that move limb 0, and of all.
     """
     first = count = 0
     for moving in range(2):
@@ -61,24 +61,24 @@ def legal_actions(
 ) -> np.uint16:
     """Mark the actions that states allow.
 
-    The steps of random stances lie far apart in tables that exceed the caches. They are fetched for
-    some states together, which is twice as fast as one after the other.
+    The steps of random stances lie far from each other in tables larger than the processor's
+    caches. To fetch them for several states at once is twice as fast as state by state.
 
     Parameters
     ----------
     stances
         Stance indices, shape (k,).
     masks
-        Branches each limb may be on, shape (k, 2).
+        Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
     out
-        Zeros, shape (k, 2, m); ones are written.
+        Zeros, shape (k, 2, m); receives ones for the actions allowed.
 
     Returns
     -------
     np.uint16
-        A number without meaning, for whose sake the compiler cannot leave the fetching out.
+        A number without meaning, so that the compiler cannot omit the fetching.
     """
     start, to_point, kept, read = tables.start, tables.to_point, tables.kept, np.uint16(0)
     for first in range(0, len(stances), TOGETHER):
@@ -106,23 +106,23 @@ def legal_positions(
     position: Array,
     releasable_after: NDArray[np.int8],
 ) -> None:
-    """Mark the actions that states allow and write where the base is after each.
+    """Mark the actions that states allow, and write the base position after each.
 
     Parameters
     ----------
     stances
         Stance indices, shape (k,).
     masks
-        Branches each limb may be on, shape (k, 2).
+        Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
     out
-        Zeros, shape (k, 2, m); ones are written.
+        Zeros, shape (k, 2, m); receives ones for the actions allowed.
     position
-        Shape (k, 2, m, 3); base positions [m] are written for the actions allowed.
+        Receives base positions [m] for the actions allowed, shape (k, 2, m, 3).
     releasable_after
-        Zeros, shape (k, 2, m); ones are written where the limb that holds could
-        be released after the action.
+        Zeros, shape (k, 2, m); receives ones if the support limb could be released after the
+        action.
     """
     for k in range(len(stances)):
         s = stances[k]
@@ -143,38 +143,38 @@ def legal_positions(
 
 
 class Ahead(NamedTuple):
-    """What k states look out for beyond the steps of the tables."""
+    """Goals of k states, and the lower bounds of points that continue the steps of the tables."""
 
     goals: Array
     """Goal positions [m], shape (k, 3)."""
     tolerance: float
     """Radius of the goal regions [m]."""
     free: NDArray[np.bool_]
-    """Which points may be grasped, shape (k, m)."""
+    """Whether each point may be grasped, shape (k, m)."""
     of_points: Array
-    """Reach and arrivals once a limb has taken hold of a point, shape (k, 2, m, 2 d)."""
+    """Reach and arrivals once a limb has grasped a point, shape (k, 2, m, 2 d)."""
 
 
 @entry
 def onward_of_actions(
     stances: IntArray, masks: IntArray, tables: Any, ahead: Ahead, out: Array
 ) -> None:
-    """How near to the goal each action can lead, if a step that is possible after it comes next.
+    """Compute how close to the goal each action can lead with any step after it.
 
     Parameters
     ----------
     stances
         Stance indices, shape (k,).
     masks
-        Branches each limb may be on, shape (k, 2).
+        Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
     ahead
-        Goals, and the reach and the arrivals of points.
+        Goals, and reach and arrivals of points.
     out
-        Shape (k, 2, m, 2 d + 2), whose first d + 1 hold the reach where there is none;
-        for actions allowed the least reach over the steps after them is written there, that of
-        the step itself first, and then the sums of their arrivals.
+        Shape (k, 2, m, 2 d + 2), whose first d + 1 entries have the reach without steps. For
+        allowed actions they receive the minimum reach over the steps after them, that of the step
+        itself first, and the others the sums of their arrivals.
     """
     depth = ahead.of_points.shape[3] // 2
     for k in range(len(stances)):
@@ -197,7 +197,7 @@ def onward_of_actions(
 def _look_onward(
     k: int, state: tuple[int, tuple[int, int]], tables: Any, ahead: Ahead, out: Array, depth: int
 ) -> None:
-    """What `onward_of_actions` tells of the state after one action; `out` has shape (2 d + 2,)."""
+    """Add the steps after one action to its row of `onward_of_actions`, shape (2 d + 2,)."""
     s, masks = state
     for moving in range(2):
         if not can_release(masks[moving], tables.releasable[s, moving]):
@@ -221,10 +221,10 @@ def _look_onward(
 
 @entry
 def find_step(s: int, moving: int, point: int, tables: Any) -> int:
-    """Index of the step from stance `s` that moves limb `moving` to `point`, or -1."""
+    """Return the index of the step from stance `s` that moves a limb to `point`, or -1."""
     low, end = tables.start[2 * s + moving], tables.start[2 * s + moving + 1]
     count = end - low
-    while count > 0:  # without branches that the processor would guess wrong
+    while count > 0:  # without branches, which the processor would mispredict
         half = (count + 1) // 2
         low += half * (tables.to_point[low + half - 1] < point)
         count -= half
@@ -234,7 +234,7 @@ def find_step(s: int, moving: int, point: int, tables: Any) -> int:
 
 @entry
 def any_step(s: int, masks: tuple[int, int], tables: Any) -> bool:
-    """Whether a step leaves stance `s` with its limbs on these branches."""
+    """Return whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):
         if can_release(masks[moving], tables.releasable[s, moving]):
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):

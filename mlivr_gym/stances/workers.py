@@ -1,4 +1,4 @@
-"""Processes that share the work of building tables, and tell how far they are."""
+"""Processes that share the work of building tables, and report their progress."""
 
 from __future__ import annotations
 
@@ -9,55 +9,55 @@ from multiprocessing import get_context, parent_process
 from typing import Any
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done."""
+"""Called with the finished share of the work."""
 
 
 class Stopped(Exception):
-    """Raised in a process whose work is not wanted any more."""
+    """Raised in a process whose work is not needed any more."""
 
 
 class Workers:
-    """Processes that tell how far they are."""
+    """Processes that report their progress."""
 
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
-        """Start some; of one none: the work is done where it is asked for.
+        """Start processes, or none if `count` is 1: the work is then done in this process.
 
         Parameters
         ----------
         count
             Number of processes.
         stages
-            How often they are run.
+            Number of calls of `run` or `next_stage`.
         progress
-            Called with the share of all stages that is done.
+            Called with the finished share of all stages.
         """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
         self.pool: ProcessPoolExecutor | None = None
         if count == 1:
-            _start_worker(_Alone(self))
+            _start_worker(_SingleProcess(self))
             return
         context = get_context("spawn")
-        # How far each is, and whether they are to stop.
+        # The finished share of each process, and whether they are to stop.
         self.shares: Any = context.Array("d", count + 1)
         self.pool = ProcessPoolExecutor(
             count, mp_context=context, initializer=_start_worker, initargs=(self.shares,)
         )
 
     def __enter__(self) -> Workers:
-        """Themselves."""
+        """Return the processes."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End them; after an error as soon as they tell something."""
+        """End the processes; after an error as soon as they report."""
         if self.pool is not None:
             self.shares[self.count] = float(kind is not None)
             self.pool.shutdown(cancel_futures=True)
 
     def run(self, work: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """What `work` returns for each of some arguments: one stage."""
+        """Return the results of `work` for each of some arguments, which make up one stage."""
         if self.pool is None:
             found = [work(k, *given) for k, given in enumerate(arguments)]
-            self.skip()
+            self.next_stage()
             return found
         for k in range(self.count):
             self.shares[k] = 0.0
@@ -65,22 +65,22 @@ class Workers:
         waiting: Any = jobs
         while waiting:
             _, waiting = wait(waiting, timeout=0.5)
-            self.show(sum(self.shares[: self.count]) / self.count)
-        self.skip()
+            self.report(sum(self.shares[: self.count]) / self.count)
+        self.next_stage()
         return [job.result() for job in jobs]
 
-    def show(self, share: float) -> None:
-        """Pass on which share of a stage is done."""
+    def report(self, share: float) -> None:
+        """Report the finished share of a stage."""
         if self.progress is not None:
             self.progress((self.stage + share) / self.stages)
 
-    def skip(self) -> None:
-        """Pass over a stage."""
+    def next_stage(self) -> None:
+        """Go on to the next stage."""
         self.stage += 1
 
 
-class _Alone:
-    """In place of what several processes share: what is told is passed on at once."""
+class _SingleProcess:
+    """Stand-in for the shared array if there is a single process: reports at once."""
 
     def __init__(self, workers: Workers) -> None:
         self.workers = workers
@@ -89,11 +89,11 @@ class _Alone:
         return 0.0
 
     def __setitem__(self, _: int, share: float) -> None:
-        self.workers.show(share)
+        self.workers.report(share)
 
 
 _shares: Any = None
-"""In a worker, how far each of them is, and last whether they are to stop."""
+"""In a worker, the finished share of each of them, and last whether they are to stop."""
 
 
 def _start_worker(shares: Any) -> None:
@@ -101,17 +101,17 @@ def _start_worker(shares: Any) -> None:
     _shares = shares
 
 
-def tell(worker: int, share: float) -> None:
-    """Tell, in a worker, which share of its part of a stage is done.
+def report_share(worker: int, share: float) -> None:
+    """Report, in a worker, the finished share of its part of a stage.
 
     Raises
     ------
     Stopped
-        If the rest is not wanted any more.
+        If the remaining work is not needed any more.
     """
     _shares[worker] = share
     parent = parent_process()
-    if parent is not None and not parent.is_alive():  # killed: nobody takes what is found
+    if parent is not None and not parent.is_alive():  # it was killed, so results are lost
         os._exit(1)
     if _shares[-1]:
         raise Stopped

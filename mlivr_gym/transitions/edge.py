@@ -1,4 +1,4 @@
-"""The edge that a step is."""
+"""The edge of a checked step."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from typing import Any, NamedTuple
 
 
 class Edge(NamedTuple):
-    """An edge of the graph: base path, swing, and the branches that limbs keep on it."""
+    """An edge of the stance graph: base path, swing, and the branches that limbs keep."""
 
     kind: int
     """Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
     fold: int
-    """Fold in which the limb can be moved, -1 without collisions or if it swings along a line."""
+    """Fold in which the limb can be moved, -1 if it swings along a line or collisions are not
+    checked."""
     pair: int
-    """Branches between which the limb can swing along a line, `8 * before + after`, or -1."""
+    """Branches between which it can swing along a line, `8 * before + after`, or -1."""
     kept: dict[int, int]
-    """Branches on which the limbs that hold can follow it, by limb; none if it is no edge."""
+    """Branches that each support limb keeps, by limb; empty if the step is no edge."""
 
 
 def edge_of(step: Any) -> Edge:
-    """The edge that a checked step is, a row of `Step`."""
+    """Return the edge of a checked step, a row of `StepRecord`."""
     kept = {i: int(mask) for i, mask in enumerate(step["kept"]) if mask}
     return Edge(int(step["kind"]), int(step["folds"][step["kind"]]), int(step["pair"]), kept)

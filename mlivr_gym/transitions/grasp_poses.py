@@ -1,4 +1,4 @@
-"""Joint angles of a limb above a grasp and folded, and lines between them (compiled)."""
+"""Joint angles of a limb that is folded or above a grasp, and lines between them (compiled)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mlivr_gym.transitions.records import StepScratch
 
 @kernel
 def folded(robot: RobotModel, fold: int, joint_6: float, to: Angles) -> None:
-    """The joint angles of a fold, into `to`, with an angle of joint 6 [rad]."""
+    """Write the joint angles of a fold, with an angle of joint 6 [rad], into `to`."""
     for joint in range(5):
         to.q[joint] = robot.folds[fold, joint]
     to.q[5] = joint_6
@@ -25,10 +25,10 @@ def folded(robot: RobotModel, fold: int, joint_6: float, to: Angles) -> None:
 
 @kernel
 def line_end(first: Angles, last: Angles, to: Angles) -> float:
-    """Where a line in joint space ends from above one grasp to above another.
+    """Compute the end of a line in joint space from above one grasp to above another.
 
-    Joint 6 goes to the nearest half turn: a grasp is the same with the tool turned by it, and the
-    shapes on the flange axis turn in place.
+    Joint 6 goes to the closest half turn: a grasp is the same after a half turn of the tool, and
+    the shapes on the flange axis turn in place.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def line_end(first: Angles, last: Angles, to: Angles) -> float:
 def lifted_angles(
     limb: LimbModel, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
-    """Joint angles of a limb that has departed from a grasp, with flip 0.
+    """Compute the joint angles of a limb that has departed from a grasp, with flip 0.
 
     Parameters
     ----------
@@ -67,11 +67,11 @@ def lifted_angles(
     grasp
         The grasp.
     branch
-        Branch label.
+        Branch of the limb.
     lift
-        How far it has departed [m].
+        Distance of the departure [m].
     to
-        Filled.
+        Receives the joint angles [rad].
 
     Returns
     -------
@@ -98,9 +98,9 @@ def lifted_branches(
     side: int,
     scratch: StepScratch,
 ) -> int:
-    """Joint angles of a limb that has departed from a grasp, on each branch of a mask.
+    """Compute the joint angles of a limb that has departed from a grasp, for each branch of a mask.
 
-    They are written into `room.q[side]`.
+    They are written into `scratch.q[side]`.
 
     Parameters
     ----------
@@ -134,5 +134,5 @@ def lifted_branches(
 
 @entry
 def angles_above(robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles) -> bool:
-    """`lifted_angles` of limb `i` of a row of `RobotModel`, shape (1,)."""
+    """Call `lifted_angles` for limb `i` of a row of `RobotModel`, shape (1,)."""
     return lifted_angles(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)

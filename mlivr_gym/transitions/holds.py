@@ -1,4 +1,4 @@
-"""Limbs that hold along a base path, clear of each other and of one that swings (compiled)."""
+"""Support limbs that follow a base path, clear of each other and of the swing limb (compiled)."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from mlivr_gym.transitions.motions import compare_with, is_clear, set_support, s
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 
 STANDING, MOVER, BOTH = (cast(int, k) for k in np.arange(3))
-"""Parts of what a limb that holds is checked against: boxes, body, itself and other limbs that
-hold; the limb that moves; and both."""
+"""Shapes with which a support limb is compared: boxes, body, itself and other support limbs; the
+swing limb; and both."""
 
 
 @kernel
-def hold_apart(
+def remove_collisions(
     parts: int,
     step: StepRecord,
     scene: StepContext,
     masks: Limbs,
     scratch: StepScratch,
 ) -> bool:
-    """Take out of `masks` the branches on which limbs hold not clear of each other and of a swing.
+    """Remove the branches on which support limbs collide with each other or with the swing.
 
-    The limb that moves goes from `scratch.start` to `scratch.end` while the base follows the path
-    in `scratch.sweep`.
+    The swing limb goes from `scratch.start` to `scratch.end` while the base follows the path in
+    `scratch.sweep`.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ def hold_apart(
     scene
         The stances, the robot and the world.
     masks
-        Branches of each limb that holds, changed.
+        Branches of each support limb, changed in place.
     scratch
         Scratch.
 
     Returns
     -------
     bool
-        Whether every limb that holds has one left; if one has none the others are not looked at.
+        Whether every support limb keeps a branch; the check ends at the first that keeps none.
     """
     robot, world = scene.robots[0], scene.world
     for layer in range(world.first, world.stop):
@@ -63,7 +63,7 @@ def hold_apart(
         for i in range(robot.limb_count):
             for j in range(i + 1, robot.limb_count):
                 if i != step.limb and j != step.limb:
-                    _both_apart(i, j, step, scene, masks, scratch)
+                    _remove_collisions_between(i, j, step, scene, masks, scratch)
                     if masks[i] == 0 or masks[j] == 0:
                         return False
     return True
@@ -73,13 +73,13 @@ def hold_apart(
 def each_clear(
     parts: int, layer: int, step: StepRecord, scene: StepContext, masks: Limbs, scratch: StepScratch
 ) -> bool:
-    """As `hold_apart`, in one layer, whatever the other limbs that hold do."""
+    """Remove branches as `remove_collisions` does, in one layer, without pairs of support limbs."""
     robot = scene.robots[0]
     for i in range(robot.limb_count):
         if i == step.limb:
             continue
         for b in range(BRANCHES):
-            if has_branch(masks[i], b) and not _hold_clear(
+            if has_branch(masks[i], b) and not _support_clear(
                 parts, i, b, layer, step, scene, scratch
             ):
                 masks[i] = without_branch(masks[i], b)
@@ -89,7 +89,7 @@ def each_clear(
 
 
 @part
-def _hold_clear(
+def _support_clear(
     parts: int,
     i: int,
     b: int,
@@ -98,7 +98,7 @@ def _hold_clear(
     scene: StepContext,
     scratch: StepScratch,
 ) -> bool:
-    """Whether limb `i` can hold on branch `b` along the base path, clear of some parts."""
+    """Return whether limb `i` on branch `b` follows the base path clear of the given parts."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     inside, sweep = layer == 0, scratch.sweep
     set_support(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
@@ -109,10 +109,13 @@ def _hold_clear(
 
 
 @kernel
-def holds_apart(
+def both_clear(
     i: int, b: int, j: int, c: int, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> bool:
-    """Whether limb `i` on branch `b` keeps clear of `j` on `c` while both hold along the path."""
+    """Return whether two support limbs stay clear of each other along the base path.
+
+    Limb `i` is on branch `b`, limb `j` on branch `c`.
+    """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     sweep, points = scratch.sweep, stances.points
     set_support(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
@@ -122,7 +125,7 @@ def holds_apart(
 
 
 @part
-def _both_apart(
+def _remove_collisions_between(
     i: int,
     j: int,
     step: StepRecord,
@@ -130,16 +133,17 @@ def _both_apart(
     masks: Limbs,
     scratch: StepScratch,
 ) -> None:
-    """Branches of two limbs that hold, all of which keep clear of each other along the base path.
+    """Remove branches until all that two support limbs keep are clear of each other.
 
-    A branch of the second that comes too close to any of the first is dropped, unless none would
-    be kept; then those of the first that come too close to the second's first branch are.
+    A branch of the second limb is removed if it is too close to any branch of the first. If the
+    second would keep none, it keeps its first branch, and those of the first limb that are too
+    close to this one are removed.
     """
     kept = masks[j]
     for c in range(BRANCHES):
         for b in range(BRANCHES):
-            wanted = has_branch(kept, c) and has_branch(masks[i], b)
-            if wanted and not holds_apart(i, b, j, c, step, scene, scratch):
+            present = has_branch(kept, c) and has_branch(masks[i], b)
+            if present and not both_clear(i, b, j, c, step, scene, scratch):
                 kept = without_branch(kept, c)
     if kept:
         masks[j] = kept
@@ -147,5 +151,5 @@ def _both_apart(
     chosen = first_branch(masks[j])
     masks[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(masks[i], b) and not holds_apart(i, b, j, chosen, step, scene, scratch):
+        if has_branch(masks[i], b) and not both_clear(i, b, j, chosen, step, scene, scratch):
             masks[i] = without_branch(masks[i], b)

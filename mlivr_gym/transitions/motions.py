@@ -1,4 +1,4 @@
-"""Motions of a step, set up for `collisions.sweep` and checked (compiled)."""
+"""Motions of a step, which `collisions.sweep` checks (compiled)."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ from mlivr_gym.transitions.records import WorldRecord
 
 
 class SwingSegment(Record):
-    """A line in joint space while the base goes along a part of its path, or a rounded corner."""
+    """A line in joint space while the base follows part of its path, or a rounded corner."""
 
     path: BasePath
-    """Path of the base."""
+    """Base path."""
     begin: float
-    """Where the base is on it at the start."""
+    """Parameter of the base path at the start."""
     turning: float
-    """Where it is at the corner."""
+    """Parameter at the corner."""
     finish: float
-    """Where it is at the end."""
+    """Parameter at the end."""
     rounded: bool
-    """Whether this rounds a corner, see `collisions.sweep`."""
+    """Whether the segment rounds a corner, see `collisions.sweep`."""
     limb: int
     """Limb that swings."""
     start: Angles
     """Its joint angles at the start."""
     corner: Angles
-    """Those at the corner."""
+    """Its joint angles at the corner."""
     end: Angles
-    """Those at the end."""
+    """Its joint angles at the end."""
 
 
 class SupportRecord(Record):
-    """A limb that holds meanwhile."""
+    """A support limb of a swing segment."""
 
     limb: int
-    """Which limb."""
+    """Index of the limb."""
     point: int
-    """The point that it holds."""
+    """Point that it holds."""
     branch: int
-    """On which branch."""
+    """Branch that it is on."""
 
 
 @kernel
 def set_base_motion(scratch: Sweep, path: BasePath, begin: float, finish: float) -> None:
-    """Let the base go from `begin` to `finish` on a path, and limbs swing in lines."""
+    """Set the base motion, from `begin` to `finish` on a path, with limbs that swing in lines."""
     motion = scratch.motion
     motion.rounded = False
     set_path(motion.path, path.first, path.last, path.kind, vector(path.pivot))
@@ -62,7 +62,7 @@ def set_base_motion(scratch: Sweep, path: BasePath, begin: float, finish: float)
 
 @kernel
 def set_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None:
-    """Let a limb swing along a line in joint space."""
+    """Set a limb motion to a line in joint space."""
     motion.limb, motion.kind = limb, SWINGS
     for joint in range(6):
         motion.start[joint], motion.end[joint] = start.q[joint], end.q[joint]
@@ -70,7 +70,7 @@ def set_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None
 
 @kernel
 def set_corner(scratch: Sweep, piece: SwingSegment) -> None:
-    """Let base and swinging limbs round the corner of a piece."""
+    """Set base and swing limbs to round the corner of a segment."""
     motion = scratch.motion
     motion.rounded, motion.corner = True, piece.turning
     for joint in range(6):
@@ -79,14 +79,14 @@ def set_corner(scratch: Sweep, piece: SwingSegment) -> None:
 
 @kernel
 def set_support(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
-    """Let a limb hold a grasp on a branch."""
+    """Set a limb motion to holding a grasp on a branch."""
     motion.limb, motion.kind, motion.branch = limb, HOLDS, branch
     _set_flange(motion, grasp)
 
 
 @kernel
 def set_departure(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> None:
-    """Let a limb depart from a grasp on a branch."""
+    """Set a limb motion to departing from a grasp on a branch."""
     motion.limb, motion.kind, motion.branch = limb, DEPARTS, branch
     _set_flange(motion, grasp)
 
@@ -101,7 +101,7 @@ def _set_flange(motion: LimbMotion, grasp: Grasp) -> None:
 
 @kernel
 def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting: bool) -> None:
-    """What the first limb is compared with; it is at no grasp."""
+    """Select the shapes with which the first limb is compared; it is at no grasp."""
     motion = scratch.motion
     motion.boxes, motion.body, motion.resting, motion.meeting = boxes, body, resting, meeting
     scratch.behind.applies = False
@@ -109,9 +109,9 @@ def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting
 
 @part
 def is_clear(robot: RobotModel, world: WorldRecord, layer: int, scratch: Sweep) -> bool:
-    """Whether the motion in `scratch` keeps clear in a layer of the world.
+    """Return whether the motion in `scratch` keeps the clearance in a layer of the world.
 
-    Layer 0 are the boxes of the map, layer 1 the obstacles.
+    Layer 0 has the boxes of the map, layer 1 the obstacles.
     """
     grid = world.boxes if layer == 0 else world.obstacles
     return sweep(robot, grid, world.thresholds[0].clearance, scratch) == CLEAR
@@ -127,9 +127,9 @@ def swing_clear(
     end: Angles,
     scratch: Sweep,
 ) -> bool:
-    """Whether a limb can swing along a line while the base does what `scratch` says.
+    """Return whether a limb can swing along a line while the base follows the motion in `scratch`.
 
-    Limbs that hold are not looked at; those at rest in `scratch` are.
+    It is not compared with support limbs, but with the limbs at rest in `scratch`.
     """
     inside = layer == 0
     set_swing(scratch.motion.first, limb, start, end)
@@ -142,18 +142,18 @@ def swing_clear(
 def segment_clear(
     pieces: Any, holds: Any, robots: Any, world: WorldRecord, scratch_rows: Any
 ) -> bool:
-    """Whether the robot touches nothing along a piece of a swing.
+    """Return whether the robot keeps the clearance along a segment of a swing.
 
     Parameters
     ----------
     pieces
-        The piece, a row of `SwingSegment`, shape (1,).
+        The segment, a row of `SwingSegment`, shape (1,).
     holds
-        Rows of `SupportRecord`: limbs that hold meanwhile.
+        The support limbs, rows of `SupportRecord`.
     robots
         A row of `RobotModel`, shape (1,).
     world
-        What is checked.
+        The points, the boxes and the obstacles.
     scratch_rows
         A row of `Sweep`, shape (1,).
     """

@@ -1,4 +1,4 @@
-"""What the checks of releases and steps read and write."""
+"""Records that the checks of releases and steps read and write."""
 
 from __future__ import annotations
 
@@ -20,48 +20,49 @@ from mlivr_gym.robot.specification import MOST_LIMBS
 
 
 class ReleaseRecord(Record):
-    """On which branches a limb can be released at a stance and change from one to the other."""
+    """Branches on which a limb can be released at a stance and between which it can then change."""
 
     known: bool
-    """Whether it was worked out."""
+    """Whether it was computed."""
     branches: int
     """The branches and flips."""
     folds: int
-    """Folds among which the limb can change, as a set; none if it cannot fold."""
+    """Set of the folds between which the limb can change; empty if it cannot fold."""
     root: int
-    """The fold through which it does."""
+    """The fold through which it changes between them."""
     via: Annotated[IntArray, (BRANCHES,), np.int8]
-    """For each branch the fold that is reached first."""
+    """For each branch, the fold that it reaches first."""
 
 
 class StanceSet(NamedTuple):
-    """K stances of N limbs in the form that compiled code reads."""
+    """K stances of N limbs as compiled code reads them."""
 
     points: IntArray
     """Point that each limb holds, shape (K, N)."""
     base: Any
     """Bases in the world, rows of `Pose`, shape (K,)."""
     mask: IntArray
-    """Branches and flips each limb may hold on, shape (K, N)."""
+    """Branches and flips on which each limb may hold, shape (K, N)."""
     released: Any
     """Rows of `ReleaseRecord`, shape (K, N)."""
 
 
 class WorldRecord(NamedTuple):
-    """What motions are checked against."""
+    """The points, the boxes and the obstacles that motions are checked against."""
 
     grasps: Any
     """Points of the map, rows of `Grasp` in the world, shape (m,)."""
     boxes: BoxGrid
     """Boxes of the map."""
     obstacles: BoxGrid
-    """Boxes beside those."""
+    """Obstacles, boxes in addition to those of the map."""
     thresholds: Any
     """Floor and clearance, a row of `Thresholds`, shape (1,)."""
     first: int
-    """0 to begin with the map and the robot itself, 1 to check obstacles alone."""
+    """First layer: 0 for the map and the robot itself, 1 for obstacles alone."""
     stop: int
-    """1 to end with the map, 2 to check obstacles too, 0 to check no collisions."""
+    """One past the last layer: 1 for the map alone, 2 with obstacles, 0 without collision
+    checks."""
 
 
 class StepContext(NamedTuple):
@@ -74,28 +75,28 @@ class StepContext(NamedTuple):
 
 
 class StepRecord(Record):
-    """A step that is to be checked, and the edge that it is if it passes."""
+    """A step to be checked, and its edge if the check passes."""
 
     limb: int
     """Limb that moves."""
     before: int
     """Stance before the step."""
     after: int
-    """Stance after it."""
+    """Stance after the step."""
     pivot: Vector
-    """Centre of a base path that is an arc [m]."""
-    wanted: Limbs
-    """Branches that each limb that holds may be on."""
-    given: bool
-    """Whether these are the branches that the limbs are on, of which none is preferred."""
-    again: bool
-    """Whether the edge is known in a world without obstacles; only that is then checked."""
+    """Centre of an arc as base path [m]."""
+    branches: Limbs
+    """Branches that each support limb may be on."""
+    fixed: bool
+    """Whether the limbs are on just these branches, so that none is preferred."""
+    recheck: bool
+    """Whether the edge is known in the world without obstacles, and only this edge is checked."""
     kept: Limbs
-    """Branches on which each limb that holds can follow the edge; none if it is no edge."""
+    """Branches on which each support limb can follow the edge; none if the step is no edge."""
     on_arc: int
-    """Those of the one limb that holds, if there is one, that need the arc."""
+    """The branches of a single support limb that need the arc."""
     kind: int
-    """Kind of the base path; for one limb that holds see `on_arc`."""
+    """Kind of the base path; for a single support limb see `on_arc`."""
     folds: Annotated[IntArray, (2,), np.int64]
     """Fold in which the limb can be moved on the line and on the arc, -1 for none."""
     pair: int
@@ -103,22 +104,22 @@ class StepRecord(Record):
 
 
 class StepScratch(Record):
-    """Room for the check of one step."""
+    """Scratch of the check of one step."""
 
     sweep: Sweep
     holding: Holding
     path: BasePath
-    """The base path that is looked at."""
+    """Base path under check."""
     holds: Annotated[IntArray, (2, MOST_LIMBS), np.int64]
     """Branches on which each limb can hold on both kinds of path."""
     holds_known: Annotated[IntArray, (2,), np.int64]
-    """Whether these were worked out."""
-    now: Limbs
-    """Branches that are looked at."""
-    standing: Limbs
-    """Those of them that do not touch what does not depend on the swing."""
-    now_on_line: Limbs
-    """Those of these that do not touch the limb that swings."""
+    """Whether these were computed."""
+    selected: Limbs
+    """Branches under check."""
+    clear: Limbs
+    """Those of them that are clear of all that does not depend on the swing."""
+    clear_of_swing: Limbs
+    """Those of these that are clear of the swing limb."""
     q: Annotated[Rows[Angles], (2, BRANCHES)]
     """Joint angles above both points on each branch."""
     lifted: Annotated[IntArray, (2,), np.int64]
@@ -126,11 +127,11 @@ class StepScratch(Record):
     order: Annotated[IntArray, (BRANCHES * BRANCHES,), np.int64]
     """Pairs of branches, those with the shortest line first."""
     travel: Annotated[Array, (BRANCHES * BRANCHES,)]
-    """The lengths of these lines [rad]."""
+    """Lengths of these lines [rad]."""
     start: Angles
     """Joint angles at the start of a swing."""
     end: Angles
     """Joint angles at its end."""
     axes: JointAxes
     group: Annotated[IntArray, (BRANCHES,), np.int64]
-    """Which branches are joined by lines."""
+    """Group of branches, joined by lines, that each branch belongs to."""

@@ -1,11 +1,11 @@
-"""What a step may keep at most: a check that more branches only make milder (compiled).
+"""Relaxed steps: an upper bound of the branches that a step keeps, whatever the label (compiled).
 
-What `steps` finds of a step depends on the branches that the limbs that hold may be on: of two that
-come too close to each other one is dropped, and the other base path is looked at only where the
-first serves none. So a step that fails with all branches may pass with some of them. Here a branch
-is dropped only if it serves on no base path, in no fold and on no line, whatever branches the other
-limbs are on. All that `steps` keeps is among what is left, whichever branches are wanted; where
-nothing is left there is no step.
+The branches that `steps` keeps depend on those that the support limbs may be on: of two branches
+that come too close to each other one is removed, and the second base path is checked only if the
+first keeps none. So a step that fails with all branches may pass with some of them. A relaxed step
+removes a branch only if it is kept on no base path, in no fold and on no line, whatever branches
+the other limbs are on. It keeps all that `steps` keeps for any label; if it keeps none, there is no
+step.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, has, has_branch, withou
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.grasp_poses import folded
-from mlivr_gym.transitions.holds import MOVER, STANDING, each_clear, holds_apart
+from mlivr_gym.transitions.holds import MOVER, STANDING, both_clear, each_clear
 from mlivr_gym.transitions.motions import set_base_motion, swing_clear
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
     TRIES,
-    all_hold,
+    all_follow,
     clear_step,
     line_clear,
     lines_by_travel,
@@ -30,17 +30,20 @@ from mlivr_gym.transitions.steps import (
 
 
 @entry
-def may_keep_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """What limbs that hold may keep on steps from `start` to `stop`, see `steps.check_all`."""
+def relax_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
+    """Relax the steps from `start` to `stop`: write the branches that they keep at most.
+
+    For the parameters see `steps.check_all`.
+    """
     for k in range(start, stop):
-        _may_keep(steps[k], scene, scratch_rows[0])
+        _relax(steps[k], scene, scratch_rows[0])
 
 
 @kernel
-def _may_keep(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Write what limbs that hold may keep into `step.kept`.
+def _relax(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+    """Write the branches that support limbs keep at most into `step.kept`.
 
-    What is kept already is no more looked for.
+    A motion is checked only while it can add a branch.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     clear_step(step, robot, scratch)
@@ -49,43 +52,43 @@ def _may_keep(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
     if world.stop > 0 and (before.branches == 0 or after.branches == 0):
         return
     for kind in range(2):
-        if not all_hold(kind, step, scene, scratch):
+        if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.standing[i] = scratch.holds[kind, i]
+            scratch.clear[i] = scratch.holds[kind, i]
         if world.stop == 0:
-            _add(step, scratch.standing, robot.limb_count)
-        elif not _enough(step, scratch.standing, robot.limb_count):
+            _add(step, scratch.clear, robot.limb_count)
+        elif not _keeps_all(step, scratch.clear, robot.limb_count):
             set_step_path(kind, step, scene, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            if _each_stands(STANDING, scratch.standing, step, scene, scratch):
-                _in_folds(before.folds & after.folds, step, scene, scratch)
-                _on_lines(step, scene, scratch)
+            if _each_keeps_one(STANDING, scratch.clear, step, scene, scratch):
+                _relax_folded(before.folds & after.folds, step, scene, scratch)
+                _relax_on_lines(step, scene, scratch)
 
 
 @kernel
-def _enough(step: StepRecord, wanted: Limbs, limbs: int) -> bool:
-    """Whether all that is wanted is kept."""
+def _keeps_all(step: StepRecord, masks: Limbs, limbs: int) -> bool:
+    """Return whether all requested branches are kept."""
     missing = EMPTY
     for i in range(limbs):
         if i != step.limb:
-            missing |= wanted[i] & ~step.kept[i]
+            missing |= masks[i] & ~step.kept[i]
     return bool(missing == 0)
 
 
 @kernel
 def _add(step: StepRecord, masks: Limbs, limbs: int) -> None:
-    """Add what serves to what may be kept."""
+    """Add branches to those that are kept at most."""
     for i in range(limbs):
         if i != step.limb:
             step.kept[i] |= masks[i]
 
 
 @kernel
-def _each_stands(
+def _each_keeps_one(
     parts: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> bool:
-    """Take out branches that touch something, whatever the others; whether each limb has some."""
+    """Remove branches that collide whatever other limbs do; return whether each limb keeps one."""
     world = scene.world
     for layer in range(world.first, world.stop):
         if not each_clear(parts, layer, step, scene, masks, scratch):
@@ -94,11 +97,11 @@ def _each_stands(
 
 
 @kernel
-def _in_folds(folds: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves while the limb that moves stays in one of some folds."""
+def _relax_folded(folds: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+    """Add the branches that are clear while the swing limb stays in one of the given folds."""
     robot, world = scene.robots[0], scene.world
     for k in range(robot.fold_count):
-        if not has(folds, k) or _enough(step, scratch.standing, robot.limb_count):
+        if not has(folds, k) or _keeps_all(step, scratch.clear, robot.limb_count):
             continue
         folded(robot, k, 0.0, scratch.start)
         folded(robot, k, 0.0, scratch.end)
@@ -108,50 +111,50 @@ def _in_folds(folds: int, step: StepRecord, scene: StepContext, scratch: StepScr
                 robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
             )
         if clear:
-            _beside_swing(step, scene, scratch)
+            _relax_with_swing(step, scene, scratch)
 
 
 @kernel
-def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves while the limb that moves swings along one of the lines that are tried."""
+def _relax_on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+    """Add the branches that are clear while the swing limb follows one of the candidate lines."""
     limbs = scene.robots[0].limb_count
-    if _enough(step, scratch.standing, limbs):
+    if _keeps_all(step, scratch.clear, limbs):
         return
     count = lines_by_travel(step, scene, scratch)
     for k in range(min(count, TRIES)):
-        done = _enough(step, scratch.standing, limbs)
+        done = _keeps_all(step, scratch.clear, limbs)
         if not done and line_clear(scratch.order[k], step, scene, scratch):
-            _beside_swing(step, scene, scratch)
+            _relax_with_swing(step, scene, scratch)
 
 
 @kernel
-def _beside_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Add what serves beside the swing in `scratch`."""
-    limbs, masks = scene.robots[0].limb_count, scratch.now_on_line
+def _relax_with_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+    """Add the branches that are clear of the swing in `scratch`."""
+    limbs, masks = scene.robots[0].limb_count, scratch.clear_of_swing
     for i in range(limbs):
-        masks[i] = scratch.standing[i]
-    if not _each_stands(MOVER, masks, step, scene, scratch):
+        masks[i] = scratch.clear[i]
+    if not _each_keeps_one(MOVER, masks, step, scene, scratch):
         return
     if scene.world.first == 0:
         for i in range(limbs):
             for j in range(i + 1, limbs):
                 if i != step.limb and j != step.limb:
-                    _some_apart(i, j, masks, step, scene, scratch)
+                    _remove_conflicts(i, j, masks, step, scene, scratch)
                     if masks[i] == 0:
                         return
     _add(step, masks, limbs)
 
 
 @kernel
-def _some_apart(
+def _remove_conflicts(
     i: int, j: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> None:
-    """Take out branches of two limbs that hold which come too close to all of the other limb."""
+    """Remove the branches of two support limbs that are too close to all of the other limb."""
     alone_i, alone_j = masks[i], masks[j]
     for b in range(BRANCHES):
         for c in range(BRANCHES):
             both = has_branch(masks[i], b) and has_branch(masks[j], c)
             new = has_branch(alone_i, b) or has_branch(alone_j, c)
-            if both and new and holds_apart(i, b, j, c, step, scene, scratch):
+            if both and new and both_clear(i, b, j, c, step, scene, scratch):
                 alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
     masks[i], masks[j] = masks[i] & ~alone_i, masks[j] & ~alone_j

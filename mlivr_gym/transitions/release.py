@@ -1,15 +1,15 @@
-"""Checks that a limb can be released from a point and folded while the base moves (compiled).
+"""The check that a limb can be released from a point and folded (compiled).
 
 A step is shown to be possible by one of two motions. In the first the limb departs along the
-surface normal, folds at the body, the base moves while the limb stays folded, the limb unfolds and
-approaches. A robot may have several folds (`RobotSpec.folds`); those among which a limb can change
-where the base stands count as one. In the second, for steps that the first cannot show, it swings
-along a line in joint space while the base moves, see `steps`.
+surface normal and folds at the body, the base moves while the limb stays folded, and the limb
+unfolds and approaches. A robot may have several folds (`RobotSpec.folds`); those between which a
+limb can change while the base stands still count as one. In the second, for steps that the first
+does not show, the limb swings along a line in joint space while the base moves, see `steps`.
 
-The branches in an answer of `release` are those among which the limb can change at rest, through a
-fold or, where it cannot fold, along lines from branch to branch. A limb that can depart from or
-reach one of them can depart from or reach all: branches need not be checked in pairs. A plan takes
-a shorter swing where there is one, see `motion.swings`.
+The branches of a `ReleaseRecord` are those between which the limb can change while all else is at
+rest, through a fold or, if it cannot fold, along lines from branch to branch. A limb that can
+depart from or reach one of them can depart from or reach all, so branches need not be checked in
+pairs. A plan uses a shorter swing if there is one, see `motion.swings`.
 """
 
 from __future__ import annotations
@@ -48,38 +48,38 @@ from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratc
 def release_all(
     start: int, stop: int, todo: IntArray, scene: StepContext, scratch_rows: Any
 ) -> None:
-    """Work out `StanceSet.released` of some limbs at some stances.
+    """Compute `StanceSet.released` for some limbs at some stances.
 
     Parameters
     ----------
     start
         First row of `todo`.
     stop
-        One past the last.
+        One past the last row.
     todo
-        Stance and limb, shape (k, 2).
+        Stances and limbs, shape (k, 2).
     scene
-        The stances, the robot and what is checked; where that begins with the obstacles,
-        only the motions of the answers that are there.
+        The stances, the robot and the world. If its first layer is the obstacles, only the motions
+        of the present results are checked.
     scratch_rows
-        A row of scratch, shape (1,).
+        A row of `StepScratch`, shape (1,).
     """
     stances, world = scene.stances, scene.world
     for k in range(start, stop):
         s, limb = todo[k, 0], todo[k, 1]
-        answer, wanted = stances.released[s, limb], stances.mask[s, limb]
+        answer, branches = stances.released[s, limb], stances.mask[s, limb]
         if world.first > 0:
-            wanted &= answer.branches
+            branches &= answer.branches
         else:
             answer.branches = 0
         for layer in range(world.first, world.stop):
-            if wanted:
-                release(s, limb, wanted, scene, layer, scratch_rows[0])
+            if branches:
+                release(s, limb, branches, scene, layer, scratch_rows[0])
             else:
                 answer.branches = 0
-            wanted = answer.branches
+            branches = answer.branches
         if world.stop == 0:
-            answer.branches = wanted
+            answer.branches = branches
         answer.known = True
 
 
@@ -87,18 +87,18 @@ def release_all(
 def release(
     s: int, limb: int, mask: int, scene: StepContext, layer: int, scratch: StepScratch
 ) -> None:
-    """On which branches a limb can be released at a stance and change from one to the other.
+    """Compute the branches on which a limb can be released at a stance and then change.
 
     All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
-    alone the other one is checked if none with the elbow up can fold. The answer is written into
-    `stances.released`; among obstacles only the motions of the answer that is there are checked.
+    alone the other is checked only if none with the elbow up can fold. The result is written into
+    `stances.released`; among obstacles only the motions of the present result are checked.
 
     Parameters
     ----------
     s
-        Which stance.
+        Index of the stance.
     limb
-        Which limb.
+        Index of the limb.
     mask
         Branches and flips to check.
     scene
@@ -139,14 +139,14 @@ def release(
                 return
     answer.folds = 0
     if free:
-        answer.branches = _joined_by_lines(limb, free, scene, layer, scratch)
+        answer.branches = _connected_by_lines(limb, free, scene, layer, scratch)
 
 
 @kernel
 def _depart(
     limb: int, branch: int, point: int, scene: StepContext, layer: int, scratch: StepScratch
 ) -> None:
-    """Set up the departure of a limb from a point."""
+    """Set the departure of a limb from a point."""
     grasp, inside, sweep = scene.world.grasps[point], layer == 0, scratch.sweep
     set_departure(sweep.motion.first, limb, branch, grasp)
     set_departure(sweep.motion.second, limb, branch, grasp)
@@ -172,11 +172,11 @@ def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) ->
 
 @kernel
 def _elbow_up(s: int, limb: int, mask: int, scene: StepContext, scratch: StepScratch) -> int:
-    """The branches of a mask with the elbow up.
+    """Return the branches of a mask with the elbow up.
 
-    A branch is dropped if the mask has its twin, with the elbow on the other side, and that keeps
-    the limb farther from the surface. Twins have equal `w_m` and the same hand; to keep one of each
-    halves the work and costs few steps.
+    Of twins that differ in the elbow alone, and are both in the mask, the one is removed that is
+    closer to the surface. Twins have equal `w_m` and the same hand; to keep one of them halves the
+    work and costs few steps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, placed = robot.limbs[limb], scratch.sweep.first
@@ -207,20 +207,20 @@ def _fold(
     scratch: StepScratch,
     answer: ReleaseRecord,
 ) -> None:
-    """Branches of `free` from which a limb can fold, into `answer`; none if it cannot.
+    """Write the branches of `free` from which a limb can fold into `answer`, if there are any.
 
-    It folds through one fold or those that it can change to from there. The limb is above its
-    point, with the joint angles `room.q[0]`.
+    The limb is above its point, with the joint angles `scratch.q[0]`. It folds through one fold, or
+    through those that it can change to from there.
     """
     robot, world = scene.robots[0], scene.world
-    again, sweep = layer > 0, scratch.sweep
+    recheck, sweep = layer > 0, scratch.sweep
     for root in range(robot.fold_count):
-        if again and answer.root != root:
+        if recheck and answer.root != root:
             continue
         changeable = only(root)
         folded(robot, root, 0.0, scratch.start)
         for other in range(robot.fold_count):
-            if other == root or (again and not has(answer.folds, other)):
+            if other == root or (recheck and not has(answer.folds, other)):
                 continue
             folded(robot, other, 0.0, scratch.end)
             if swing_clear(robot, world, layer, limb, scratch.start, scratch.end, sweep):
@@ -231,7 +231,7 @@ def _fold(
                 continue
             q = scratch.q[0, b]
             for fold in range(robot.fold_count):
-                if not has(changeable, fold) or (again and answer.via[b] != fold):
+                if not has(changeable, fold) or (recheck and answer.via[b] != fold):
                     continue
                 folded(robot, fold, q.q[5], scratch.end)
                 if swing_clear(robot, world, layer, limb, q, scratch.end, sweep):
@@ -244,12 +244,12 @@ def _fold(
 
 
 @kernel
-def _joined_by_lines(
+def _connected_by_lines(
     limb: int, free: int, scene: StepContext, layer: int, scratch: StepScratch
 ) -> int:
-    """The most branches of `free` among which a limb can change along lines at rest.
+    """Return the largest set of branches of `free` between which a limb can change along lines.
 
-    Among obstacles the first branch alone.
+    Among obstacles it is the first branch alone.
     """
     robot, world = scene.robots[0], scene.world
     group = scratch.group

@@ -1,7 +1,7 @@
-"""How releases and steps are checked: an object that every stance graph has.
+"""The check of releases and steps, which every stance graph has.
 
-Questions come in batches and are answered by compiled code, see `release` and `steps`; nothing is
-remembered here. Graphs keep the answers: for two limbs in a table, for more by stance.
+Releases and steps are checked in batches by compiled code, see `release` and `steps`. Results are
+stored by the graphs: for two limbs in a table, for more limbs by stance.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from mlivr_gym.transitions.records import (
     StepScratch,
     WorldRecord,
 )
-from mlivr_gym.transitions.relaxed_steps import may_keep_all
+from mlivr_gym.transitions.relaxed_steps import relax_all
 from mlivr_gym.transitions.release import release_all
-from mlivr_gym.transitions.steps import check_all, hold_all
+from mlivr_gym.transitions.steps import check_all, check_supports
 
 LEAST_IN_THREADS = 64
-"""Releases or steps from which on they are checked in threads."""
+"""Number of releases or steps from which on threads are used."""
 
 
 class StepChecks:
@@ -39,9 +39,9 @@ class StepChecks:
     Attributes
     ----------
     solver
-        The robot, the map and its boxes, and what stances and steps must meet.
+        The posture solver, which has robot, map, boxes and thresholds.
     robots
-        The robot as compiled code reads it, a row of `Robot`, shape (1,).
+        The robot as compiled code reads it, a row of `RobotModel`, shape (1,).
     """
 
     def __init__(self, solver: PostureSolver) -> None:
@@ -52,42 +52,45 @@ class StepChecks:
         """Scratch that no check uses at present."""
 
     def ignore_joint_limits(self) -> None:
-        """From now on joints of limbs that hold may leave their windows, to see what that costs."""
+        """Let joints of support limbs leave their windows from now on, to measure their effect."""
         self.robots = self.robots.copy()
         self.robots["limbs"]["arm"]["window"][..., 1] = np.inf
 
-    def world(self, obstacles: BoxGrid | None, again: bool = False) -> WorldRecord:
-        """What motions are checked against.
+    def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
+        """Return the world that motions are checked against.
 
         Parameters
         ----------
         obstacles
-            Boxes besides those of the map, if there are any.
-        again
-            Whether the answers on the map are known, and only their motions are checked
-            among the obstacles.
+            Boxes in addition to those of the map, if there are any.
+        obstacles_only
+            Whether the results on the map are known, and only their motions are checked among the
+            obstacles.
         """
         solver = self.solver
         stop = 0 if not solver.settings.collisions else 1 if obstacles is None else 2
         boxes = solver.boxes
         return WorldRecord(
-            solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(again), stop
+            solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(obstacles_only), stop
         )
 
     def stances(self, points: IntArray, postures: Postures) -> StanceSet:
-        """Stances with their postures, of which it is not known yet what can be released there."""
+        """Return stances with their postures, whose releases are not known yet."""
         points = np.ascontiguousarray(points, dtype=np.int64)
         return StanceSet(points, postures.base_rows, postures.mask, self.released(postures.mask))
 
     def released(self, mask: IntArray) -> Any:
-        """Rows of `ReleaseRecord`, unknown; without collisions every branch is released."""
+        """Return unknown rows of `ReleaseRecord`.
+
+        Without collision checks every branch is released.
+        """
         out = ReleaseRecord.rows(*mask.shape)
         if not self.solver.settings.collisions:
             out["branches"], out["known"] = mask, True
         return out
 
     def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: StepContext) -> None:
-        """Call an entry over some rows; for a few, as searches ask, on scratch that is kept."""
+        """Call an entry for some rows: in threads, or for few rows with scratch that is reused."""
         if count >= LEAST_IN_THREADS:
             in_parallel(
                 count, entry, rows, scene, scratch_rows=StepScratch.rows, least=LEAST_IN_THREADS
@@ -98,24 +101,24 @@ class StepChecks:
             self._idle.append(scratch)
 
     def release(self, stances: StanceSet, todo: IntArray, world: WorldRecord) -> None:
-        """Work out what can be released; `todo` are stances and limbs, shape (k, 2)."""
+        """Compute releases; `todo` has stances and limbs, shape (k, 2)."""
         self._run(len(todo), release_all, todo, StepContext(stances, self.robots, world))
 
     def steps(self, count: int) -> Any:
-        """Rows of `StepRecord` to be filled."""
+        """Return rows of `StepRecord` to be filled."""
         steps = StepRecord.rows(count)
-        steps["wanted"] = ALL
+        steps["branches"] = ALL
         return steps
 
     def hold(self, steps: Any, stances: StanceSet, world: WorldRecord) -> Any:
-        """Which steps the limbs that hold can follow on some base path, shape (k,)."""
-        self._run(len(steps), hold_all, steps, StepContext(stances, self.robots, world))
+        """Return which steps the support limbs can follow on some base path, shape (k,)."""
+        self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
-        """Check steps, each between two of some stances; what is found is written into them."""
+        """Check steps between stances; the results are written into them."""
         self._run(len(steps), check_all, steps, StepContext(stances, self.robots, world))
 
-    def may_keep(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
-        """Write into steps what they may keep at most on any of the branches wanted."""
-        self._run(len(steps), may_keep_all, steps, StepContext(stances, self.robots, world))
+    def relax(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
+        """Write into steps the branches that they keep at most, see `relaxed_steps`."""
+        self._run(len(steps), relax_all, steps, StepContext(stances, self.robots, world))

@@ -1,10 +1,9 @@
 """The check of a step, for any number of limbs (compiled).
 
-Where a limb cannot stay folded while the base moves, see `release`, the line in joint space from
-above one point to above the other is checked instead, for pairs of branches in order of travel.
-Both branches come from those on which the limb can be released at the two stances, among which it
-can change at rest: one pair that is free serves them all, and the search need not know which it
-was.
+If a limb cannot stay folded while the base moves, see `release`, the line in joint space from above
+one point to above the other is checked instead, for pairs of branches in order of length. Both
+branches are among those on which the limb can be released at the two stances, between which it can
+change at rest: one pair that is clear serves them all, and the search need not know which.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
-from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, hold_apart
+from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, remove_collisions
 from mlivr_gym.transitions.motions import (
     set_base_motion,
     swing_clear,
@@ -38,14 +37,16 @@ TRIES = 8
 """Pairs of branches that are checked for one base path."""
 
 TIE = 1e-9
-"""Lines whose lengths differ by this or less count as equal [rad]: the first pair is taken."""
+"""Difference of lengths up to which lines count as equally long [rad]: the first pair is used."""
 
 
 @entry
-def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """Whether every limb that holds can follow some base path, for steps from `start` to `stop`.
+def check_supports(
+    start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any
+) -> None:
+    """Check whether every support limb can follow some base path, for steps from `start` to `stop`.
 
-    This is quick; `StepRecord.kept` is then not empty, and says no more.
+    This is quick. `StepRecord.kept` is not empty if it can, and has no other meaning.
     """
     robot = scene.robots[0]
     for k in range(start, stop):
@@ -53,25 +54,24 @@ def hold_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows
         clear_step(step, robot, scratch)
         held = (step.limb + 1) % robot.limb_count
         for kind in range(2):
-            if all_hold(kind, step, scene, scratch):
+            if all_follow(kind, step, scene, scratch):
                 step.kept[held] = ALL
 
 
 @entry
 def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
-    """Check steps from `start` to `stop`.
+    """Check the steps from `start` to `stop`.
 
     Parameters
     ----------
     start
         First row of `steps`.
     stop
-        One past the last.
+        One past the last row.
     steps
-        Rows of `StepRecord`, shape (k,); what is found is written into them.
+        Rows of `StepRecord`, shape (k,), which receive the results.
     scene
-        The stances before and after them, with what can be released there, and what is
-        checked.
+        The stances before and after the steps, with their releases, the robot and the world.
     scratch_rows
         A row of `StepScratch`, shape (1,).
     """
@@ -81,25 +81,25 @@ def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_row
 
 @kernel
 def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Start with no answer, and with no limb at rest."""
+    """Clear the results of a step, and the limbs at rest."""
     scratch.sweep.resting.count = 0
     for kind in range(2):
-        # Of an edge that is known it is known on which branches limbs can hold on either path.
-        scratch.holds_known[kind] = step.again
+        # A known edge has the branches on which limbs can hold on either path.
+        scratch.holds_known[kind] = step.recheck
         for i in range(robot.limb_count):
             on_path = step.on_arc if kind == ARC else ~step.on_arc
-            scratch.holds[kind, i] = step.kept[i] & step.wanted[i] & on_path
+            scratch.holds[kind, i] = step.kept[i] & step.branches[i] & on_path
     for i in range(robot.limb_count):
-        step.kept[i], scratch.now[i] = 0, ALL
+        step.kept[i], scratch.selected[i] = 0, ALL
     step.on_arc = 0
-    if not step.again:
+    if not step.recheck:
         step.kind, step.pair = STRAIGHT, -1
         step.folds[0] = step.folds[1] = -1
 
 
 @kernel
-def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Whether all limbs that hold can follow a kind of path; `scratch.holds` is filled once."""
+def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
+    """Return whether all support limbs can follow a path; `scratch.holds` is filled once."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     if not scratch.holds_known[kind]:
         scratch.holds_known[kind] = True
@@ -109,28 +109,28 @@ def all_hold(kind: int, step: StepRecord, scene: StepContext, scratch: StepScrat
         for i in range(robot.limb_count):
             scratch.holds[kind, i] = 0
             if i != step.limb and able:
-                mask = step.wanted[i]
-                if not step.given:
+                mask = step.branches[i]
+                if not step.fixed:
                     mask &= stances.mask[step.after, i]
                 flange = world.grasps[stances.points[step.after, i]].flange
                 limb, holding = robot.limbs[i], scratch.holding
                 scratch.holds[kind, i] = hold_mask(limb, flange, scratch.path, floor, mask, holding)
                 able = scratch.holds[kind, i] != 0
-    return _each_holds(kind, step, robot, scratch)
+    return _each_follows(kind, step, robot, scratch)
 
 
 @kernel
-def _each_holds(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
-    """Whether every limb that holds has one of the branches `now` on which it can follow a path."""
+def _each_follows(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
+    """Return whether every support limb can follow a path on one of the branches `now`."""
     for i in range(robot.limb_count):
-        if i != step.limb and scratch.holds[kind, i] & scratch.now[i] == 0:
+        if i != step.limb and scratch.holds[kind, i] & scratch.selected[i] == 0:
             return False
     return True
 
 
 @kernel
 def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Set up the base path of a step, for the sweeps too."""
+    """Set the base path of a step."""
     stances = scene.stances
     before, after = stances.base[step.before], stances.base[step.after]
     set_path(scratch.path, before, after, kind, vector(step.pivot))
@@ -138,16 +138,16 @@ def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: Step
 
 @part
 def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Check a step; what is found is written into it.
+    """Check a step and write the result into it.
 
-    Of an edge that is known already its motion alone is checked, on the branches it keeps.
+    If the edge is known already, only its motion is checked, on the branches that it keeps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    on_line = step.again and step.pair >= 0
+    on_line = step.recheck and step.pair >= 0
     clear_step(step, robot, scratch)
     able = False
     for kind in range(2):
-        able = able or all_hold(kind, step, scene, scratch)
+        able = able or all_follow(kind, step, scene, scratch)
     if not able:
         return
     if world.stop == 0:
@@ -158,22 +158,22 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     if before.branches == 0 or after.branches == 0:
         return
     folds = before.folds & after.folds
-    stages = 1 if step.again or step.given or robot.limb_count > 2 else 3
+    stages = 1 if step.recheck or step.fixed or robot.limb_count > 2 else 3
     for stage in range(stages):
         if not _any_kept(step, robot) and not on_line:
             if stages > 1:
                 _set_stage(stage, step, scene, scratch)
             if folds:
                 _folded(step, scene, folds, scratch)
-    if (on_line or not step.again) and not _any_kept(step, robot):
+    if (on_line or not step.recheck) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
-            scratch.now[i] = ALL
+            scratch.selected[i] = ALL
         _on_lines(step, scene, scratch)
 
 
 @kernel
 def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
-    """Whether limbs keep a branch."""
+    """Return whether support limbs keep a branch."""
     kept = EMPTY
     for i in range(robot.limb_count):
         kept |= step.kept[i]
@@ -182,74 +182,74 @@ def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
 
 @kernel
 def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Which branches of the limb that holds alone are looked at, in three stages.
+    """Select the branches of a single support limb that are checked, in three stages.
 
-    First those on which it can be released before the step and after it, as one must be that
-    grasped just before or moves just after; then those where only one is true, then the others.
-    Where more limbs hold all branches are looked at at once: a limb that neither grasped just
-    before nor moves just after may be on any.
+    First those on which it can be released both before and after the step, since it grasped just
+    before or moves just after; then those on which it can be released once, then the others.
+    Several support limbs have a single stage: one that neither grasped just before nor moves just
+    after may be on any branch.
     """
     stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):
-        # What is clear with one flip is clear with the other.
+        # A branch that is clear with one flip is clear with the other.
         first = any_flip(stances.released[step.before, i].branches)
         second = any_flip(stances.released[step.after, i].branches)
         if stage == 0:
-            scratch.now[i] = first & second
+            scratch.selected[i] = first & second
         elif stage == 1:
-            scratch.now[i] = (first | second) & ~(first & second)
+            scratch.selected[i] = (first | second) & ~(first & second)
         else:
-            scratch.now[i] = ALL & ~(first | second)
+            scratch.selected[i] = ALL & ~(first | second)
 
 
 @kernel
 def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> None:
-    """Branches that limbs that hold keep while the other moves folded, in one of some folds.
+    """Keep the branches of support limbs that are clear while the other limb is folded.
 
-    Without collisions there are no folds. One limb that holds may take some branches along the line
-    and others along the arc.
+    Without collision checks there are no folds. A single support limb may keep some branches along
+    the line and others along the arc.
     """
     robot, world = scene.robots[0], scene.world
     alone = robot.limb_count == 2
     for kind in range(2):
         for i in range(robot.limb_count):
             if alone:
-                scratch.now[i] &= ~step.kept[i]
-        if not all_hold(kind, step, scene, scratch):
+                scratch.selected[i] &= ~step.kept[i]
+        if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
+            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
         fold = NONE
         if world.stop > 0:
             set_step_path(kind, step, scene, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            some = folds & only(step.folds[kind]) if step.again else folds
+            some = folds & only(step.folds[kind]) if step.recheck else folds
             fold = _stays_folded(step, scene, some, scratch)
-            if fold < 0 or not hold_apart(BOTH, step, scene, scratch.standing, scratch):
+            if fold < 0 or not remove_collisions(BOTH, step, scene, scratch.clear, scratch):
                 continue
         step.folds[kind] = fold
         _keep(kind, step, robot, scratch)
-        if step.given or not alone:
+        if step.fixed or not alone:
             return
 
 
 @kernel
 def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Keep the branches that are left in `scratch.standing`."""
+    """Keep the branches in `scratch.clear`."""
     if not _any_kept(step, robot):
         step.kind = kind
     for i in range(robot.limb_count):
         if i != step.limb:
-            step.kept[i] |= scratch.standing[i]
+            step.kept[i] |= scratch.clear[i]
             if kind == ARC:
-                step.on_arc |= scratch.standing[i]
+                step.on_arc |= scratch.clear[i]
 
 
 @part
 def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
-    """The first fold of a set in which the limb can stay along the base path, -1 if none serves.
+    """Return the first fold in which the limb stays along the base path, or -1.
 
-    Another fold might serve the obstacles; the first that serves the map must serve all.
+    Among obstacles only the first fold that is clear of the map is checked.
     """
     robot, world = scene.robots[0], scene.world
     fold = NONE
@@ -271,32 +271,31 @@ def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: Ste
 
 @kernel
 def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
-    """Branches that limbs that hold keep while the other swings along a line in joint space."""
+    """Keep the branches of support limbs that are clear while the other swings along a line."""
     robot = scene.robots[0]
     count = lines_by_travel(step, scene, scratch)
     for kind in range(2):
-        if not all_hold(kind, step, scene, scratch):
+        if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.standing[i] = scratch.holds[kind, i] & scratch.now[i]
+            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
         set_step_path(kind, step, scene, scratch)
         set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
         stood = False
-        for k in range(count if step.again else min(count, TRIES)):
+        for k in range(count if step.recheck else min(count, TRIES)):
             pair = scratch.order[k]
-            if (step.again and pair != step.pair) or not line_clear(pair, step, scene, scratch):
+            if (step.recheck and pair != step.pair) or not line_clear(pair, step, scene, scratch):
                 continue
             if not stood:
-                # Whether the limbs that hold can stay does not depend on the swing, but for the
-                # limb that makes it.
+                # Only the comparison with the swing limb depends on the swing.
                 stood = True
-                if not hold_apart(STANDING, step, scene, scratch.standing, scratch):
+                if not remove_collisions(STANDING, step, scene, scratch.clear, scratch):
                     break
             for i in range(robot.limb_count):
-                scratch.now_on_line[i] = scratch.standing[i]
-            if hold_apart(MOVER, step, scene, scratch.now_on_line, scratch):
+                scratch.clear_of_swing[i] = scratch.clear[i]
+            if remove_collisions(MOVER, step, scene, scratch.clear_of_swing, scratch):
                 for i in range(robot.limb_count):
-                    scratch.standing[i] = scratch.now_on_line[i]
+                    scratch.clear[i] = scratch.clear_of_swing[i]
                 step.pair = pair
                 _keep(kind, step, robot, scratch)
                 return
@@ -304,7 +303,7 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
 
 @kernel
 def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) -> int:
-    """The lines along which a limb may swing, see `pairs_by_travel`, and their number."""
+    """List the lines along which a limb may swing, see `pairs_by_travel`; return how many."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     limb = robot.limbs[step.limb]
     for side in range(2):
@@ -318,7 +317,7 @@ def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) 
 
 @kernel
 def pairs_by_travel(scratch: StepScratch) -> int:
-    """Pairs of branches above both points, the shortest line first, into `scratch.order`.
+    """Write the pairs of branches above both points, the shortest line first, into `scratch.order`.
 
     Returns the number of pairs.
     """
@@ -338,7 +337,7 @@ def pairs_by_travel(scratch: StepScratch) -> int:
 
 @part
 def line_clear(pair: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Whether the limb can swing along the line between a pair of branches, along the base path."""
+    """Return whether the limb can swing along the line of a pair of branches."""
     robot, world = scene.robots[0], scene.world
     first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
     line_end(first, last, scratch.end)

@@ -8,9 +8,10 @@ from small_tables import small_map as few_points
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli import build
-from mlivr_gym.stances import node_files
-from mlivr_gym.stances.node_files import node_table, read_table
-from mlivr_gym.stances.pair_files import file_name, kept_file, read_stances
+from mlivr_gym.stances import node_table_file
+from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.table_files import TableFiles
 
 
 @pytest.fixture
@@ -25,19 +26,19 @@ def part(tmp_path):
 def cache(monkeypatch, tmp_path):
     """An empty cache folder, and no table in memory."""
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "new"))
-    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
 
 
 def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     code, out, _ = run("build", "--robot", "mlivr3", "--map", part)
     graph = stance_graph(part, "mlivr3")
     sets = graph.sets()
-    node_files._kept.clear()
+    node_table_file._kept.clear()
     found = node_table(graph)
     assert code == 0
     first, last = out.splitlines()
     assert first.startswith(f"{len(sets):,} sets of points: about ")
-    assert str(node_files.unpacked_path(node_files.key_of(graph))) in last
+    assert str(NODE_TABLES.cached(graph)) in last
     assert len(found.points) > 10
 
 
@@ -48,20 +49,20 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     assert graph.complete
     first, last = out.splitlines()
     assert first.startswith(f"{graph.considered:,} pairs of points: about ")
-    assert last == f"stored: {kept_file(graph)}"
+    assert last == f"stored: {PAIR_TABLES.cached(graph)}"
     code, out, _ = run("build", "--map", part, "--json")
     assert code == 0
     told = json.loads(out)
-    assert told["file"] == told["kept"] == str(kept_file(graph))
+    assert told["file"] == told["kept"] == str(PAIR_TABLES.cached(graph))
     assert "about_seconds" not in told
 
 
 def test_a_file_is_written_where_it_is_wanted(run, part, tmp_path):
-    path = tmp_path / "nodes.xz"
+    path = tmp_path / "nodes.npz"
     code, *_ = run("build", "--robot", "mlivr3", "--map", part, "--out", str(path))
     assert code == 0
     graph = stance_graph(part, "mlivr3")
-    assert len(read_table(path, graph).points)
+    assert len(NODE_TABLES.read(graph, path).points)
 
 
 def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp_path, monkeypatch):
@@ -71,11 +72,11 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     graph = stance_graph(part)
     assert code == 0
     assert not graph.complete
-    assert f"table: {path} (name it {file_name(graph)} in a cache folder)" in out
-    assert np.array_equal(read_stances(graph, path).points, graph.points)
+    assert f"table: {path} (name it {PAIR_TABLES.name(graph)} in a cache folder)" in out
+    assert np.array_equal(PAIR_TABLES.read(graph, path).points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
-    path.rename(tmp_path / "other" / file_name(graph))
+    path.rename(tmp_path / "other" / PAIR_TABLES.name(graph))
     assert stance_graph(part).complete
 
 
@@ -109,7 +110,7 @@ def test_what_cannot_be_written_is_refused_before_anything_is_built(
 
     monkeypatch.setattr(build, "build_table", begin)
     line = f"build --robot mlivr3 --map {part}"
-    for out in (tmp_path, tmp_path / "no" / "nodes.xz"):
+    for out in (tmp_path, tmp_path / "no" / "nodes.npz"):
         code, _, err = run(f"{line} --out {out}")
         assert code == 2
         assert err.startswith("mlivr-gym: cannot write ")
@@ -124,8 +125,8 @@ def test_a_table_that_is_not_kept_in_the_end_is_no_success(run, part, monkeypatc
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("mlivr_gym.stances.pair_build.write_stances", full)
+    monkeypatch.setattr(TableFiles, "write", full)
     code, out, _ = run("build", "--map", part)
     assert code == 1
     assert "stored: " not in out
-    assert "the table is not kept: [Errno 28] No space left" in caplog.text
+    assert "the table is not stored: [Errno 28] No space left" in caplog.text

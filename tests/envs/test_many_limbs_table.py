@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from small_tables import small_table
 
-from mlivr_gym.stances import node_files
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances import node_table_file
+from mlivr_gym.stances.table_files import key_of
 
 
 @pytest.mark.parametrize("limbs", [3, 4])
@@ -14,7 +14,7 @@ def test_episodes_are_the_same_with_the_table(limbs, monkeypatch):
     graph, table = small_table(limbs)
     made, seen = {"robot": f"mlivr{limbs}", "map": graph.grasp_map}, []
     for known in ({}, {key_of(graph): table}):
-        monkeypatch.setattr(node_files, "_kept", known)
+        monkeypatch.setattr(node_table_file, "_kept", known)
         env, episodes = gymnasium.make("MLIVR-JEM-v0", goal_tolerance=0.05, **made), []
         assert (env.unwrapped.graph.table is table) == bool(known)
         rng = np.random.default_rng(1)

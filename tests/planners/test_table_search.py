@@ -14,14 +14,14 @@ from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.postures.turns import permuted_limbs
-from mlivr_gym.stances import node_files
+from mlivr_gym.stances import node_table_file
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import (
     edge_ends,
 )
-from mlivr_gym.stances.node_steps import moves_of
+from mlivr_gym.stances.node_steps import candidate_steps
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.table_files import key_of
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
@@ -137,7 +137,7 @@ def test_obstacles_add_no_step_to_those_of_the_table(known):
             graph.remove_obstacles()
             continue
         found = graph.successors(state)
-        moves = moves_of(table, row, 0)
+        moves = candidate_steps(table, row, 0)
         after = permuted_limbs(table.points[moves.rows].astype(np.int64), moves.turns)
         free = after[np.arange(len(after)), moves.limb]
         some = set(zip(moves.limb.tolist(), free.tolist(), strict=True))
@@ -211,7 +211,7 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
     first, table = known
     if table.limbs == 2:
         pytest.skip("its graph needs no table that was built before")
-    monkeypatch.setattr(node_files, "_kept", {key_of(first): table})
+    monkeypatch.setattr(node_table_file, "_kept", {key_of(first): table})
     monkeypatch.setattr(LazyGraph, "successors", None)  # no search from state to state is needed
     rng, ends, bounds = np.random.default_rng(2), set(), []
     for _ in range(12):

@@ -171,7 +171,7 @@ def test_a_box_that_is_there_twice_is_named(ladder):
     with pytest.raises(ShapeError, match="box 'R0' appears more than once"):
         scene_spec(ladder, robot_spec("mlivr2"), [box])
     graph = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
-    with pytest.raises(ShapeError, match="a box 'R0' is there already"):
+    with pytest.raises(ShapeError, match="a box 'R0' already exists"):
         graph.add_obstacles([box])
 
 

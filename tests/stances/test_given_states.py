@@ -3,6 +3,8 @@
 Compiled code looks things up by these numbers and does not look whether they are inside.
 """
 
+from zipfile import ZIP_STORED
+
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
@@ -12,8 +14,9 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_files import PairTableError, read_stances, write_stances
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
 
 NAN, HUGE = float("nan"), 2**70
 
@@ -134,10 +137,9 @@ def graph_and_tables(small_map, tmp_path_factory):
     """A graph, and the arrays of the file of its steps."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
-    write_stances(full, full.kept(), path / "steps.npz")
-    with np.load(path / "steps.npz") as data:
-        found = {name: data[name] for name in data}
-    assert len(read_stances(full, path / "steps.npz").edges)
+    PAIR_TABLES.write(full, full.kept(), path / "steps.npz")
+    found = dict(read_arrays(full, path / "steps.npz"))
+    assert len(PAIR_TABLES.read(full, path / "steps.npz").edges)
     return full, found
 
 
@@ -147,6 +149,7 @@ def graph_and_tables(small_map, tmp_path_factory):
         ("edges", "fold_on_line", 3), ("edges", "fold_on_arc", -2), ("edges", "pair", 64),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
         ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),
+        ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13), ("points", None, 60_000),
     ],
 )  # fmt: skip
 def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
@@ -157,9 +160,9 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     found["mask"] = found["mask"].astype(np.int64)
     target = found[array] if field is None else found[array][field]
     target[(-1,) + (0,) * (target.ndim - 1)] = value
-    np.savez(path, **found)
-    with pytest.raises(PairTableError, match="holds no step table"):
-        read_stances(fresh, path)
+    path.write_bytes(pack_arrays(fresh, found, ZIP_STORED))
+    with pytest.raises(TableError, match="is damaged, or not of format"):
+        PAIR_TABLES.read(fresh, path)
 
 
 def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):

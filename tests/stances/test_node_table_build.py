@@ -9,10 +9,9 @@ from small_tables import small_map, small_table
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
-from mlivr_gym.stances import node_files, node_table_build
+from mlivr_gym.stances import node_table_build, node_table_file
 from mlivr_gym.stances.node_estimate import estimate_nodes
-from mlivr_gym.stances.node_files import unpacked_path
-from mlivr_gym.stances.stance_sets import key_of
+from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import build_table
 
 KERNELS = kernel_root()
@@ -25,14 +24,14 @@ def cache(monkeypatch, tmp_path):
     folder.mkdir()
     (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(node_files, "_kept", type(node_files._kept)())
+    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
     return folder
 
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(node_table_build, "AT_ONCE", 60)
-    monkeypatch.setattr(node_table_build, "PAIRS", 200)
+    monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 60)
+    monkeypatch.setattr(node_table_build, "PAIRS_AT_ONCE", 200)
 
 
 def assert_same(table, other):
@@ -74,23 +73,23 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     parts = len(list(cache.glob("parts-*/*.npz")))
     assert parts == sum(first.values())
     again = stance_graph(small_map(), "mlivr3")
-    assert build_table(again) == unpacked_path(key_of(again))
+    assert build_table(again) == NODE_TABLES.cached(again)
     assert_same(again.table, truth)
     assert not list(cache.glob("parts-*"))
     together = dict(done)
-    node_files._kept.clear()
-    unpacked_path(key_of(again)).unlink()
+    node_table_file._kept.clear()
+    NODE_TABLES.cached(again).unlink()
     build_table(stance_graph(small_map(), "mlivr3"))
     assert {name: done[name] - together[name] for name in done} == together  # each part once
 
 
 def test_processes_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatch, cache):
     """That processes stop when they are not wanted: `test_workers`."""
-    monkeypatch.setattr(node_table_build, "AT_ONCE", 300)
+    monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 300)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(small_map(), "mlivr3"), stop_at(1e-9))
     (first,) = cache.glob("parts-*/nodes_of_sets-*.npz")
-    monkeypatch.setattr(node_table_build, "FEW", 1)
+    monkeypatch.setattr(node_table_build, "FEW_SETS", 1)
     monkeypatch.setattr(kernels, "_cores", lambda: 2)
     graph, shares, worked_out = stance_graph(small_map(), "mlivr3"), [], first.stat().st_mtime_ns
 
@@ -117,8 +116,8 @@ def test_time_and_size_are_told_beforehand(limbs):
 
 def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
     graph = stance_graph(small_map(), "mlivr3")
-    path, (_, table) = unpacked_path(key_of(graph)), small_table(3)
+    path, (_, table) = NODE_TABLES.cached(graph), small_table(3)
     other = stance_graph(small_map(), "mlivr4")
-    node_files.write_unpacked(table, other, path)
-    assert node_files.node_table(graph) is None
-    assert "of another robot: it is passed over" in caplog.text
+    NODE_TABLES.cache(other, table).rename(path)
+    assert node_table_file.node_table(graph) is None
+    assert "is for another robot; the file is not used" in caplog.text

@@ -17,8 +17,8 @@ from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
 from mlivr_gym.stances.pair_build import SAMPLE, build_pairs, estimate_pairs, fill_rows
-from mlivr_gym.stances.pair_files import kept_file
 from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 
 KERNELS = kernel_root()
 
@@ -46,13 +46,13 @@ def whole(fewer):
 @pytest.fixture
 def checked(monkeypatch):
     """How many steps were asked to be checked."""
-    counts, know = [0], PairGraph.know_steps
+    counts, know = [0], PairGraph.check_steps
 
     def counted(self, held, before, after):
         counts[0] += len(held)
         know(self, held, before, after)
 
-    monkeypatch.setattr(PairGraph, "know_steps", counted)
+    monkeypatch.setattr(PairGraph, "check_steps", counted)
     return counts
 
 
@@ -81,16 +81,16 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, chec
         build_pairs(graph, stop_at(0.6))
     first = checked[0]
     assert 0.3 * every < first < every
-    assert not kept_file(graph).exists()
+    assert not PAIR_TABLES.cached(graph).exists()
     told = estimate_pairs(stance_graph(fewer))
     assert told.done == len(list(cache.glob("parts-*/*.npz"))) > 10
     checked[0] = first
     again = stance_graph(fewer)
-    assert build_pairs(again) == kept_file(again)
+    assert build_pairs(again) == PAIR_TABLES.cached(again)
     assert checked[0] == every  # each once
     assert_same(again, whole)
     assert_same(stance_graph(fewer), whole)
-    assert [path.name for path in cache.iterdir()] == [kept_file(again).name]
+    assert [path.name for path in cache.iterdir()] == [PAIR_TABLES.cached(again).name]
     build_pairs(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
     assert checked[0] == every
 
@@ -131,16 +131,16 @@ def test_two_processes_build_at_once(fewer, whole, cache):
         )
         told = [one.stdout.splitlines() for one in both]
     graph = stance_graph(fewer)
-    assert told == [[f"{kept_file(graph)} True"]] * 2
+    assert told == [[f"{PAIR_TABLES.cached(graph)} True"]] * 2
     assert_same(graph, whole)
-    assert {path.name for path in cache.iterdir()} == {"kernels", kept_file(graph).name}
+    assert {path.name for path in cache.iterdir()} == {"kernels", PAIR_TABLES.cached(graph).name}
 
 
 def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
     def full(path, _):
         raise FileError(f"cannot write {str(path)!r}: No space left on device")
 
-    for module in ("parts", "pair_files"):
+    for module in ("parts", "table_files"):
         monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
@@ -160,7 +160,7 @@ def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
     with caplog.at_level(logging.WARNING):
         assert build_pairs(graph) is None
     assert_same(graph, whole)
-    assert "the table is not kept" in caplog.text
+    assert "the table is not stored" in caplog.text
 
 
 def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):

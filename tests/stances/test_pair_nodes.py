@@ -24,8 +24,8 @@ def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
     ]
     if transitions:
         some = np.array(steps)[rng.random(len(steps)) < 0.5]
-        graph.know_steps(*some.T.copy())
-        graph.know_released(np.argwhere(rng.random(points.shape) < 0.5))
+        graph.check_steps(*some.T.copy())
+        graph.check_releases(np.argwhere(rng.random(points.shape) < 0.5))
     table = pair_nodes(graph.steps, graph.tried)
     np.testing.assert_array_equal(table.points, points)
     np.testing.assert_array_equal(unpacked(table.masks, 2), graph.mask)

@@ -9,7 +9,7 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances.node_files import node_table
+from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_state
 
 WALKS, STEPS = 6, 3

@@ -10,7 +10,8 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_files import file_name
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.table_files import TableFiles
 
 WORLDS = {"default": stance_graph} | {
     f"case {case}, {mode}": lambda case=case, mode=mode: case_graph(case, default_setup(), mode)
@@ -26,7 +27,7 @@ def without_tables(monkeypatch):
 
     def make(world):
         with monkeypatch.context() as patched:
-            patched.setattr("mlivr_gym.stances.pair_graph.known_stances", lambda graph: None)
+            patched.setattr(TableFiles, "find", lambda *_: None)
             graph = world()
         assert not graph.complete or not graph.settings.transitions
         return graph
@@ -48,11 +49,11 @@ def assert_same_steps(graph, fresh, chosen):
     for held in range(2):
         for s in chosen:
             row = fresh.row(held, s)
-            fresh.know_steps(np.full(len(row), held), np.full(len(row), s), row)
+            fresh.check_steps(np.full(len(row), held), np.full(len(row), s), row)
             for before, after in ((s, row), (row, s)):
                 which = fresh._free.index(held, before, after)
                 np.testing.assert_array_equal(graph.steps.edges[which], fresh.steps.edges[which])
-    fresh.know_released(np.array([(s, limb) for s in chosen for limb in range(2)]))
+    fresh.check_releases(np.array([(s, limb) for s in chosen for limb in range(2)]))
     for name in fresh.steps.released.dtype.names:
         ours, theirs = (one.steps.released[name][chosen] for one in (graph, fresh))
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
@@ -61,12 +62,12 @@ def assert_same_steps(graph, fresh, chosen):
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_a_table_ships_for_each_world_of_the_paper(world):
     graph = world()
-    assert asset_path(file_name(graph)).is_file()
+    assert asset_path(PAIR_TABLES.name(graph)).is_file()
     assert graph.complete
 
 
 def test_no_other_table_ships():
-    names = {file_name(world()) for world in WORLDS.values()}
+    names = {PAIR_TABLES.name(world()) for world in WORLDS.values()}
     assert {path.name for path in Path(asset_path("")).glob("pairs-*")} == names
 
 
@@ -79,7 +80,7 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
 
 def test_other_settings_are_worked_out():
     graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
-    assert not asset_path(file_name(graph)).exists()
+    assert not asset_path(PAIR_TABLES.name(graph)).exists()
     assert not graph.complete
 
 

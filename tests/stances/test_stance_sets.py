@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import combinations, permutations
+from zipfile import ZIP_STORED
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.stances import stance_sets
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.stance_sets import StanceSets, count_sets, sets_from
+from mlivr_gym.stances.table_files import pack_arrays, read_arrays
 
 
 @pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
@@ -69,8 +71,8 @@ def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, mon
         ours, theirs = kept.candidates(stance), plain.candidates(stance)
         np.testing.assert_array_equal(ours[0], theirs[0])
         np.testing.assert_array_equal(ours[1], theirs[1])
-        assert len(kept._next_to(stance, range(graph.limbs))[0]) <= len(
-            plain._next_to(stance, range(graph.limbs))[0]
+        assert len(kept._neighbouring(stance, range(graph.limbs))[0]) <= len(
+            plain._neighbouring(stance, range(graph.limbs))[0]
         )
 
 
@@ -90,12 +92,18 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
         stance_sets._kept.clear()
         file.write_bytes(content)
         assert StanceSets.of(graph, work_out=False) is None
-        assert "holds no stance sets" in caplog.text
+        assert "is damaged, or not of format" in caplog.text
         np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
     stance_sets._kept.clear()
-    with np.load(file) as data:
-        np.savez(file, **{**data, "format": 99})
-    assert StanceSets.of(graph, work_out=False) is None
+    arrays = dict(read_arrays(graph, file))
+    for wrong in (
+        {"points": first.points + np.uint16(len(graph.grasp_map))},
+        {"supports": first.supports + np.int32(1)},
+        {"support_count": np.array(1)},
+    ):
+        file.write_bytes(pack_arrays(graph, arrays | wrong, ZIP_STORED))
+        assert StanceSets.of(graph, work_out=False) is None
+        stance_sets._kept.clear()
 
 
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):

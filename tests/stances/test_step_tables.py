@@ -8,7 +8,7 @@ import pytest
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_files import kept_file
+from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.step_tables import step_tables, without_points
 
 
@@ -50,7 +50,7 @@ def test_what_is_cached_is_what_was_worked_out(small_map, monkeypatch, tmp_path)
     fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     first = stance_graph(fewer)
     assert len(step_tables(first).after) > 200
-    assert kept_file(first).exists()
+    assert PAIR_TABLES.cached(first).exists()
     second = stance_graph(fewer)
     monkeypatch.setattr(
         "mlivr_gym.stances.pair_build.fill_rows", lambda *_: pytest.fail("the cache was not used")
@@ -58,14 +58,14 @@ def test_what_is_cached_is_what_was_worked_out(small_map, monkeypatch, tmp_path)
     step_tables(second)
     assert_same(first, second)
     monkeypatch.setattr("mlivr_gym.stances.pair_build.fill_rows", fill_rows)
-    kept_file(first).write_bytes(b"no archive")
+    PAIR_TABLES.cached(first).write_bytes(b"no archive")
     third = stance_graph(fewer)
     step_tables(third)
     assert_same(first, third)
     other = stance_graph(fewer, settings=Settings(path_floor=0.035))
-    assert kept_file(other) != kept_file(first)
+    assert PAIR_TABLES.cached(other) != PAIR_TABLES.cached(first)
     monkeypatch.setenv(CACHE_VARIABLE, "")
-    assert kept_file(first) is None
+    assert PAIR_TABLES.cached(first) is None
 
 
 def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, tmp_path):
@@ -84,5 +84,7 @@ def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, 
         stance_graph(fewer, robot, Settings(limb_threshold=0.11, collisions=False)),
         stance_graph(fewer, robot, Settings(manipulability=False, collisions=False)),
     ]
-    assert len({kept_file(graph) for graph in graphs}) == len(graphs)
-    assert kept_file(graphs[0]) == kept_file(stance_graph(fewer, "mlivr2", checked))
+    assert len({PAIR_TABLES.cached(graph) for graph in graphs}) == len(graphs)
+    assert PAIR_TABLES.cached(graphs[0]) == PAIR_TABLES.cached(
+        stance_graph(fewer, "mlivr2", checked)
+    )

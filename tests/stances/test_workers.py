@@ -1,4 +1,4 @@
-"""Processes that share work: what they tell, and that they stop when they are not wanted."""
+"""Processes that share work: what they report, and that they stop when they are not needed."""
 
 import time
 

@@ -39,11 +39,11 @@ def asked(graph, limb, before, after, wanted, given):
     todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
     checks.release(stances, todo, world)
     steps = checks.steps(1)
-    steps["limb"], steps["before"], steps["after"], steps["given"] = limb, 0, 1, given
+    steps["limb"], steps["before"], steps["after"], steps["fixed"] = limb, 0, 1, given
     steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
         axis=0
     )
-    steps["wanted"][0, : graph.limbs] = wanted
+    steps["branches"][0, : graph.limbs] = wanted
     able = checks.hold(steps.copy(), stances, world)
     checks.check(steps, stances, world)
     return stances, steps[0], bool(able[0])

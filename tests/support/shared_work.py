@@ -2,7 +2,7 @@
 
 import time
 
-from mlivr_gym.stances.workers import tell
+from mlivr_gym.stances.workers import report_share
 
 PARTS = 200
 
@@ -11,10 +11,10 @@ def slow(worker):
     """Takes 20 s unless it is stopped."""
     for k in range(PARTS):
         time.sleep(0.1)
-        tell(worker, (k + 1) / PARTS)
+        report_share(worker, (k + 1) / PARTS)
     return worker
 
 
 def quick(worker, add):
-    tell(worker, 0.5)
+    report_share(worker, 0.5)
     return worker + add

@@ -1,0 +1,132 @@
+"""Files of the tables of nodes of three and four limbs, and the tables used last.
+
+In a compressed file all that can be derived is omitted, and different values are listed once: few
+base positions and branch masks differ between nodes. To put a table together from it takes
+seconds, so the cache folder has it unpacked, and its arrays are mapped into memory.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.compiled.limb_masks import WORD, unpacked
+from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.node_pairs import EdgeSet, gather, spread
+from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
+from mlivr_gym.stances.pair_table_file import MOST_BASE_POSES
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
+
+KEPT = 2
+"""Number of tables that stay in memory."""
+
+_kept: OrderedDict[str, NodeTable] = OrderedDict()
+"""Tables of the graphs used last, by the keys of the graphs."""
+
+
+def node_table(graph: LazyGraph) -> NodeTable | None:
+    """Return the table that ships or was built for a graph; None if there is none.
+
+    The graph uses it from then on. A file that cannot be used is skipped with a warning.
+    """
+    table = _kept.get(key_of(graph))
+    if table is None:
+        found = NODE_TABLES.find(graph)
+        table = found and found[1]
+    if table is not None:
+        remember(table, graph)
+    return table
+
+
+def remember(table: NodeTable, graph: LazyGraph) -> None:
+    """Give a graph its table, and keep it in memory for other graphs of the same kind."""
+    _kept[key_of(graph)] = graph.table = table
+    if len(_kept) > KEPT:
+        _kept.popitem(last=False)
+
+
+def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
+    """Return a table in the arrays of a compressed file."""
+    masks = [
+        unpacked(one, table.limbs).astype(np.uint16)
+        for one in (table.masks, table.released, table.folds)
+    ]
+    offsets = table.base_position - graph.grasp_map.positions[table.points].mean(axis=1)
+    offset, offset_index = _distinct(np.rint(offsets / RESOLUTION).astype(np.int64))
+    mask, mask_index = _distinct(np.stack(masks, axis=2).reshape(-1, 3))
+    edges = gather(table)
+    lost, lost_index = _distinct(edges.lost)
+    increments = np.diff(table.points.astype(np.int32), axis=0, prepend=0)
+    return {
+        "point_increments": increments.astype(np.int16).T.copy(),
+        "base_offset": offset,
+        "base_offset_index": offset_index,
+        "mask": mask,
+        "mask_index": mask_index,
+        "tried": table.tried,
+        "pair_counts": np.array([len(edges.joined), len(edges.loses_branches)]),
+        "joined": np.packbits(edges.joined),
+        "loses_branches": np.packbits(edges.loses_branches),
+        "lost": lost,
+        "lost_index": lost_index,
+    }
+
+
+def _distinct(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
+    """Return the distinct ones of some values, and the index of each value among them."""
+    distinct, index = np.unique(values, axis=0, return_inverse=True)
+    return distinct, index.reshape(-1).astype(np.uint32)
+
+
+def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
+    """Check the arrays of a compressed file and return its table."""
+    points = np.cumsum(arrays["point_increments"].T, axis=0, dtype=np.int64)
+    tried, limbs = arrays["tried"], graph.limbs
+    if (
+        points.shape != (len(tried), limbs)
+        or tried.shape != (len(points),)
+        or not ((points >= 0) & (points < len(graph.grasp_map))).all()
+        or not (tried < MOST_BASE_POSES).all()
+    ):
+        raise ValueError
+    offsets = arrays["base_offset"][arrays["base_offset_index"]]
+    base = graph.grasp_map.positions[points].mean(axis=1) + offsets * RESOLUTION
+    masks, released, folds = (
+        arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
+    )
+    table = table_of(Nodes(points, base, masks, released, folds, tried))
+    joined, loses_branches = (
+        np.unpackbits(arrays[name], count=count).view(np.bool_)
+        for name, count in zip(
+            ("joined", "loses_branches"), arrays["pair_counts"].tolist(), strict=True
+        )
+    )
+    lost = arrays["lost"][arrays["lost_index"]]
+    return table_of_arrays(spread(table, EdgeSet(joined, loses_branches, lost))._asdict())
+
+
+def table_of_arrays(arrays: Arrays) -> NodeTable:
+    """Check types and shapes of arrays, by their names, and return their table."""
+    table = NodeTable(**arrays)
+    (n, limbs), rows, words = table.points.shape, len(table.start), len(table.bits)
+    expected: Any = (
+        (np.uint16, (n, limbs)), (np.float64, (n, 3)), (np.uint64, (n,)), (np.uint64, (n,)),
+        (np.uint64, (n,)), (np.uint16, (n,)), (np.int32, (n, limbs)), (np.int32, (rows,)),
+        (np.int32, (table.start[-1],)), (np.int64, (rows,)), (np.uint64, (words,)),
+        (np.uint64, (words,)), (np.int32, (words,)), (np.uint64, (len(table.lost),)),
+    )  # fmt: skip
+    types = tuple((one.dtype, one.shape) for one in table)
+    if types != expected or words != table.offset[-1] // WORD + 1:
+        raise ValueError
+    return table
+
+
+NODE_TABLES = TableFiles(
+    "nodes", zipfile.ZIP_LZMA, encode, decode, mapped=(NodeTable._asdict, table_of_arrays)
+)
+"""Files of tables of nodes."""

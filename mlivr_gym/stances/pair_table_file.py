@@ -1,0 +1,122 @@
+"""Files of the complete table of two limbs.
+
+A table has every stance that two limbs can hold on a map and, if steps are checked, the result of
+the check of every step: the branches kept, the kind of base path and the swing.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
+from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.tried_poses import bases_at
+from mlivr_gym.stances.pair_steps import PairEdge
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_files import Arrays, TableFiles
+from mlivr_gym.transitions.records import ReleaseRecord
+
+COUNTS = ("considered", "reachable", "no_departure", "self", "cabin", "handrail")
+"""Names of the counts of pairs of points, see `PairGraph`."""
+
+
+MOST_BASE_POSES = 1 << 12
+"""More than the candidate base poses of any stance."""
+
+
+class PairStances(NamedTuple):
+    """The n stances of a graph of two limbs."""
+
+    points: IntArray
+    """Point of each limb, in lexical order, shape (n, 2)."""
+    postures: Postures
+    """Their postures."""
+    counts: Mapping[str, int]
+    """Numbers of `COUNTS`."""
+    released: Any = None
+    """What can be released, rows of `ReleaseRecord`, shape (n, 2); None if it is not known."""
+    edges: Any = None
+    """All steps, rows of `PairEdge` in the order of `PairTable.offset`; None if not known."""
+
+
+def encode(graph: StanceGraph, stances: PairStances) -> Arrays:
+    """Return a table in the arrays of a file."""
+    postures = stances.postures
+    both = np.column_stack([postures.w_m, postures.w_b])
+    manipulability, index = np.unique(both, axis=0, return_inverse=True)
+    arrays = {
+        "counts": np.array([stances.counts[name] for name in COUNTS]),
+        "points": stances.points.astype(np.uint16),
+        "tried": postures.tried.astype(np.int16),
+        "branch": postures.branch.astype(np.int8),
+        "mask": postures.mask.astype(np.uint16),
+        "manipulability": manipulability,
+        "manipulability_index": index.reshape(-1).astype(np.int32),
+    }
+    if stances.edges is not None:
+        arrays |= {"edges": _bare(stances.edges), "released": _bare(stances.released)}
+    return arrays
+
+
+def _bare(rows: Any) -> Any:
+    """Return records with zeros between their fields, so that equal tables are equal files."""
+    bare = np.zeros(rows.shape, dtype=rows.dtype)
+    for name in rows.dtype.names:
+        bare[name] = rows[name]
+    return bare
+
+
+def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
+    """Check the arrays of a file, which compiled code uses as indices, and return its table."""
+    points, tried, branch, mask = (
+        arrays[name].astype(np.int64) for name in ("points", "tried", "branch", "mask")
+    )
+    index, manipulability = arrays["manipulability_index"], arrays["manipulability"]
+    n, folds = len(points), len(graph.robot.folds)
+    shapes: list[tuple[NDArray[Any], tuple[int, ...]]] = [
+        (points, (n, 2)), (tried, (n,)), (branch, (n, 2)), (mask, (n, 2)), (index, (n,)),
+        (manipulability, (len(manipulability), 3)),
+    ]  # fmt: skip
+    ranges: list[tuple[NDArray[Any], int, int]] = [
+        (points, 0, len(graph.grasp_map)), (tried, 0, MOST_BASE_POSES), (branch, 0, BRANCHES),
+        (mask, 1, ALL + 1), (index, 0, len(manipulability)),
+    ]  # fmt: skip
+    edges, released = arrays.get("edges"), arrays.get("released")
+    if edges is not None and released is not None:
+        types = PairEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
+        if (edges.dtype, released.dtype) != types:
+            raise ValueError
+        # NumPy writes these types without their alignment, which makes another type of them.
+        edges, released = edges.view(types[0]), released.view(types[1])
+        shapes += [(edges, (len(edges),)), (released, (n, 2))]
+        ranges += [
+            (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
+            (edges["pair"], -1, BRANCHES * BRANCHES), (released["root"], 0, folds),
+            (released["via"], 0, folds), (released["branches"], 0, ALL + 1),
+            (released["known"], 1, 2),
+        ]  # fmt: skip
+        # No step leads from a stance to itself in either of its rows.
+        if len(edges) - int((edges["known"] == 1).sum()) != 2 * n:
+            raise ValueError
+    if any(array.shape != shape for array, shape in shapes):
+        raise ValueError
+    if not all(((low <= array) & (array < end)).all() for array, low, end in ranges):
+        raise ValueError
+    both: Array = manipulability[index]
+    position, rotation = bases_at(graph.grasp_map, graph.robot, points, tried)
+    cause = np.zeros(n, dtype=np.int64)
+    postures = Postures(
+        position, rotation, both[:, :2].copy(), both[:, 2].copy(), branch, mask, tried, cause
+    )
+    counts = dict(zip(COUNTS, arrays["counts"].tolist(), strict=True))
+    return PairStances(points, postures, counts, released, edges)
+
+
+PAIR_TABLES = TableFiles("pairs", zipfile.ZIP_DEFLATED, encode, decode)
+"""Files of complete tables of two limbs."""

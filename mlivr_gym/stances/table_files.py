@@ -1,0 +1,268 @@
+"""Files of tables: the named arrays of one stance graph in a NumPy archive (`.npz`).
+
+A table of two limbs and one of three or four differ only in their arrays. An archive is a zip
+file, in which each array has a CRC-32 that reading compares. To be shipped, it is compressed; to be
+used without being read, its arrays are stored as they are and mapped into memory. Its head, a JSON
+text, names format, graph rules, robot, map and settings, so that no other graph uses the table.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import lzma
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import IO, Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.cached_files import mark_used
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+FORMAT = 6
+"""Version of the file format."""
+
+HEAD = "head.json"
+"""Name of the head in the archive."""
+
+ALIGNED = 64
+"""Boundary on which the data of each array starts in the file [bytes], for compiled code."""
+
+PADDING = 0xD935
+"""Identifier of the zip field that fills the space up to there, as in Android packages."""
+
+LOCAL_HEADER = struct.Struct("<26xHH")
+"""What zip writes before a member: it ends with the lengths of its name and its fields."""
+
+SIZES_FIELD = 20
+"""Length of the zip field with the sizes of a member [bytes]."""
+
+DAMAGE = (
+    OSError, ValueError, TypeError, LookupError, AttributeError, EOFError, MemoryError,
+    OverflowError, RuntimeError, struct.error, zipfile.BadZipFile, zlib.error, lzma.LZMAError,
+)  # fmt: skip
+"""Errors of NumPy and zip on files that are torn, altered, or no archives of tables."""
+
+Arrays = Mapping[str, NDArray[Any]]
+Table = TypeVar("Table")
+
+
+class TableError(MlivrError):
+    """A table of a stance graph cannot be built, or a file holds none of the graph."""
+
+
+@dataclass(frozen=True)
+class TableFiles(Generic[Table]):
+    """How tables of one kind are named, written, found and read."""
+
+    kind: str
+    """First part of the names of the files."""
+    compression: int
+    """Compression of the files that are shipped, one of `zipfile`."""
+    encode: Callable[[StanceGraph, Table], Arrays]
+    """Returns a table in the arrays of a compressed file."""
+    decode: Callable[[StanceGraph, Arrays], Table]
+    """Checks such arrays and returns the table; raises one of `DAMAGE`."""
+    mapped: tuple[Callable[[Table], Arrays], Callable[[Arrays], Table]] | None = None
+    """The same for mapped arrays, if tables of this kind are mapped to be used."""
+    source: Path | None = None
+    """Source file that computes the tables, if its digest is part of the names."""
+
+    def name(self, graph: StanceGraph) -> str:
+        """Return the name of the compressed file of a graph."""
+        digest = "" if self.source is None else f"-{source_digest(self.source)}"
+        return f"{self.kind}-{key_of(graph)}{digest}.npz"
+
+    def cached(self, graph: StanceGraph) -> Path | None:
+        """Return where the cache folder has the table of a graph; None without such a folder."""
+        folder, name = cache_folder(), self.name(graph)
+        if folder is None:
+            return None
+        return folder / (name.replace(".npz", "-mapped.npz") if self.mapped else name)
+
+    def find(self, graph: StanceGraph, *, warn: bool = True) -> tuple[Path, Table] | None:
+        """Return the table of a graph and its file, which ships or lies in the cache folder.
+
+        A table that is mapped to be used is unpacked into the cache folder first, and is not found
+        without one. A file that cannot be used is skipped with a warning.
+        """
+        name, cached = self.name(graph), self.cached(graph)
+        files = [asset_path(name)]
+        if cached is not None:
+            files.append(cached.with_name(name))
+        if self.mapped:
+            files = [] if cached is None else [cached, *files]
+        for path in filter(Path.is_file, files):
+            try:
+                table = self.read(graph, path)
+            except TableError as error:
+                if warn:
+                    logging.getLogger(__name__).warning("%s; the file is not used", error)
+                continue
+            if path == cached:
+                mark_used(path)
+            elif self.mapped:
+                self.cache(graph, table)
+            return path, table
+        return None
+
+    def read(self, graph: StanceGraph, path: Path) -> Table:
+        """Return the table in a file.
+
+        Raises
+        ------
+        TableError
+            If the file is damaged, or of another graph or format.
+        """
+        try:
+            if self.mapped and path == self.cached(graph):
+                return self.mapped[1](read_arrays(graph, path, mapped=True))
+            return self.decode(graph, read_arrays(graph, path))
+        except DAMAGE as error:
+            if isinstance(error, TableError):
+                raise
+            raise TableError(
+                f"table file {str(path)!r} is damaged, or not of format {FORMAT}"
+            ) from None
+
+    def content(self, graph: StanceGraph, table: Table) -> bytes:
+        """Return the content of a compressed file."""
+        return pack_arrays(graph, self.encode(graph, table), self.compression)
+
+    def write(self, graph: StanceGraph, table: Table, path: Path) -> None:
+        """Write a compressed file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_whole(path, self.content(graph, table))
+
+    def cache(self, graph: StanceGraph, table: Table) -> Path | None:
+        """Write a table into the cache folder and return its file; None, with a warning, if not."""
+        path = self.cached(graph)
+        if path is None:
+            return None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if self.mapped:
+                write_whole(path, pack_arrays(graph, self.mapped[0](table), zipfile.ZIP_STORED))
+            else:
+                self.write(graph, table, path)
+        except (OSError, FileError) as error:
+            logging.getLogger(__name__).warning("the table is not stored: %s", error)
+            return None
+        return path
+
+
+def pack_arrays(graph: StanceGraph, arrays: Arrays, compression: int) -> bytes:
+    """Return an archive of arrays of a graph."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compression) as archive:
+        archive.writestr(zipfile.ZipInfo(HEAD), json.dumps(head_of(graph)))
+        for name, array in arrays.items():
+            info = zipfile.ZipInfo(f"{name}.npy")
+            info.compress_type = compression
+            before = LOCAL_HEADER.size + len(info.filename) + SIZES_FIELD + 4
+            space = -(buffer.tell() + before) % ALIGNED
+            info.extra = struct.pack("<HH", PADDING, space) + bytes(space)
+            with archive.open(info, "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array, allow_pickle=False)
+    return buffer.getvalue()
+
+
+def read_arrays(graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
+    """Return the arrays of a graph in an archive.
+
+    If they are mapped, the archive has to be without compression. Only the pages that are used are
+    then read, so that CRC-32s are not compared; changes stay in memory.
+
+    Raises
+    ------
+    TableError
+        If they are of another graph; one of `DAMAGE` if the file is damaged.
+    """
+    arrays = {}
+    with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+        check_head(path, graph, json.loads(archive.read(HEAD)))
+        whole = np.memmap(stream, np.uint8, mode="c")
+        for info in archive.infolist()[1:]:
+            if mapped:
+                array = _mapped(stream, info, whole)
+            else:
+                with archive.open(info) as member:
+                    array = np.lib.format.read_array(member, allow_pickle=False)
+                    if member.read():
+                        raise ValueError
+            arrays[info.filename.removesuffix(".npy")] = array
+    return arrays
+
+
+def _mapped(stream: IO[bytes], info: zipfile.ZipInfo, whole: NDArray[np.uint8]) -> NDArray[Any]:
+    """Return an array of an open archive, as part of the whole file."""
+    stream.seek(info.header_offset)
+    lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
+    start = stream.seek(sum(lengths), io.SEEK_CUR)
+    np.lib.format.read_magic(stream)
+    shape, columns, kind = np.lib.format.read_array_header_1_0(stream)
+    values = whole[stream.tell() : start + info.file_size].view(kind)
+    return np.asarray(values.reshape(shape, order="F" if columns else "C"))
+
+
+def key_of(graph: StanceGraph) -> str:
+    """Return a digest of map, robot, settings and rules of a graph, which names its files."""
+    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
+    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
+    return digest.hexdigest()[:20]
+
+
+def head_of(graph: StanceGraph) -> dict[str, Any]:
+    """Return the head of the files of a graph."""
+    return {
+        "format": FORMAT,
+        "rules": GRAPH_RULES,
+        "robot": graph.robot.fingerprint,
+        "map": graph.grasp_map.fingerprint,
+        "settings": json.loads(json.dumps(asdict(graph.settings))),
+    }
+
+
+def check_head(path: Path, graph: StanceGraph, head: dict[str, Any]) -> None:
+    """Check that the head of a file is that of a graph.
+
+    Raises
+    ------
+    TableError
+        Which names the file and the difference.
+    """
+    expected = head_of(graph)
+    if head == expected:
+        return
+    for name in ("format", "rules"):
+        if head[name] != expected[name]:
+            raise TableError(
+                f"table file {str(path)!r} has {name} {head[name]}, and this version has {name} "
+                f"{expected[name]}"
+            )
+    others = [f"another {name}" for name in ("robot", "map") if head[name] != expected[name]]
+    found, present = head["settings"], expected["settings"]
+    names = [name for name in sorted({*found, *present}) if found.get(name) != present.get(name)]
+    if names:
+        others.append(f"other settings ({', '.join(names)})")
+    if not others:
+        raise ValueError
+    raise TableError(f"table file {str(path)!r} is for {' and '.join(others)}")
