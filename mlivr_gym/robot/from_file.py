@@ -1,0 +1,367 @@
+"""Robots from URDF and MJCF files.
+
+A file is either one arm, of which several are mounted evenly round a body, or a whole robot, whose
+body and limbs are found from the tree of its links. Lengths, limits, masses, inertias and collision
+shapes come from the file; whatever it does not say is named in `RobotSpec.source`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import MlivrError, RobotError, path_shown
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.description import Description, read_description
+from mlivr_gym.robot.file_arms import arms_of
+from mlivr_gym.robot.file_body import FileBody, body_of
+from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
+from mlivr_gym.robot.mounts import Mount
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.values import Triple
+
+UR5E_ARM = 0.425 + 0.3922
+"""Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
+
+SCALED = ("heights", "span", "characteristic_length")
+"""Fields that grow with the arm where they are not given."""
+
+
+@dataclass(frozen=True)
+class ImportedRobot:
+    """A robot with what only its file knows.
+
+    Attributes
+    ----------
+    robot
+        The robot.
+    joint_names
+        Names of the joints in the file, N of six; equal limbs of one arm share them.
+    signs
+        1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
+        offset`.
+    offsets
+        The offsets [rad], shape (N, 6).
+    capsule_excess
+        By how much the capsules of each link exceed its shapes at most [m], by limb and link.
+    body_excess
+        By how much the box of the body exceeds its shapes [m].
+    position_error
+        Largest distance of a flange from that of the file over random postures [m]: what the exact
+        axes of the family differ from those of the file.
+    """
+
+    robot: RobotSpec
+    joint_names: tuple[tuple[str, ...], ...]
+    signs: Array
+    offsets: Array
+    capsule_excess: tuple[dict[str, float], ...]
+    body_excess: float
+    position_error: float
+
+    def from_file_angles(self, angles: Array) -> Array:
+        """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""
+        return np.asarray(angles) * self.signs + self.offsets
+
+    def to_file_angles(self, angles: Array) -> Array:
+        """Return joint angles of the file from those of the robot [rad], shape (..., N, 6)."""
+        return (np.asarray(angles) - self.offsets) * self.signs
+
+
+def read_robot(
+    path: str | Path,
+    *,
+    limbs: int | None = None,
+    tips: Sequence[str] | None = None,
+    tool_frame: str | Sequence[str] | None = None,
+    tool_length: float | None = None,
+    mount_radius: float | None = None,
+    body_size: float | Triple | None = None,
+    speed_limits: float | Sequence[float] | None = None,
+    rotor_inertia: float | None = None,
+    capsules: Sequence[Capsule] | str | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    **fields: Any,
+) -> ImportedRobot:
+    """Read a robot from a URDF or MJCF file.
+
+    Parameters
+    ----------
+    path
+        The file: `.urdf` or MJCF.
+    limbs
+        Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the
+        number that the file has.
+    tips
+        Names of the last link, or a site, of each limb; None for every chain of joints that begins
+        at the body.
+    tool_frame
+        Name of the link or site at which a limb grasps, of each limb if they differ; None for a
+        customary name such as `tool0`, or the last link.
+    tool_length
+        Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
+        or, if it has none, for the default gripper of 0.05 m.
+    mount_radius
+        Distance of an arm's base from the body's z axis [m], if the file is one arm; by default
+        half the body's edge.
+    body_size
+        Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes
+        of a whole robot's body.
+    speed_limits
+        Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
+        of the file. MJCF has no field for them but a `<numeric>` of this name.
+    rotor_inertia
+        Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
+        the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
+    capsules
+        Collision shapes of a limb in its link frames, or `"ur5e"` for those of the UR5e stretched
+        to its lengths; None for capsules fitted to the collision shapes of the file.
+    package_dirs
+        Folders in which the packages of `package://` names lie, in addition to those above the
+        file.
+    **fields
+        Further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where `heights`, `span`
+        and `characteristic_length` are not given, those of the default robot grow with the arm.
+
+    Returns
+    -------
+    ImportedRobot
+        The robot with the map of its joints and the excess of its shapes.
+
+    Raises
+    ------
+    RobotError
+        If the file cannot be read, or describes a robot that is not supported; the message names
+        the joint or link, its value and what would be valid.
+
+    Examples
+    --------
+    >>> read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
+    """
+    options = LimbOptions(tool_length, rotor_inertia, _listed(capsules))
+    frames = (tool_frame,) if isinstance(tool_frame, str) else tool_frame
+    try:
+        file = read_description(path, package_dirs, speed_limits)
+        arms = arms_of(file, tips, frames)
+        if len(arms) == 1:
+            return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
+                "limbs": 2 if limbs is None else limbs,
+                "body_size": 0.2 if body_size is None else body_size,
+                "mount_radius": mount_radius,
+            })  # fmt: skip
+        if limbs not in (None, len(arms)):
+            raise RobotError(f"limbs is {limbs}; the file has {len(arms)} limbs")
+        if mount_radius is not None:
+            raise RobotError(
+                f"mount_radius is {mount_radius}; the file is a whole robot of {len(arms)} limbs, "
+                "whose mounts it names"
+            )
+        each = tuple(limb_of(file, arms, k, options) for k in range(len(arms)))
+        # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
+        shortest = min(limb.tool_length for limb in each)
+        each = tuple(limb.with_tool_length(shortest) for limb in each)
+        return _of_whole_robot(file, body_of(file, arms, each, body_size), fields)
+    except MlivrError as fault:
+        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
+
+
+def _listed(capsules: Sequence[Capsule] | str | None) -> tuple[Capsule, ...] | str | None:
+    if isinstance(capsules, str) and capsules != "ur5e":
+        raise RobotError(f"capsules is {capsules!r}; it must be 'ur5e', or a list of capsules")
+    return capsules if capsules is None or isinstance(capsules, str) else tuple(capsules)
+
+
+def _of_one_arm(
+    file: Description, limb: FileLimb, fields: dict[str, Any], build: dict[str, Any]
+) -> ImportedRobot:
+    """Return a robot of equal arms mounted evenly round a box."""
+    if build["mount_radius"] is None:
+        build["mount_radius"] = 0.5 * float(np.min(build["body_size"]))
+    robot = _with_fields(file, (limb,), fields, build)
+    _check_build(robot)
+    count = robot.limbs
+    return ImportedRobot(
+        robot,
+        (limb.joint_names,) * count,
+        np.tile(limb.signs, (count, 1)),
+        np.tile(limb.offsets, (count, 1)),
+        (limb.excess,) * count,
+        0.0,
+        limb.position_error,
+    )
+
+
+def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> ImportedRobot:
+    """Return the robot of a file that holds a body with several limbs."""
+    limbs = body.limbs
+    build: dict[str, Any] = {
+        "body_size": body.edges,
+        "body_mass": body.solid.mass,
+        "body_centre": body.solid.centre,
+        "body_inertia": body.inertia,
+    }
+    alike = all(limb.is_like(limbs[0]) for limb in limbs)
+    if body.mount_radius is not None and alike:
+        build |= {"limbs": len(limbs), "mount_radius": body.mount_radius}
+    else:
+        build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
+    robot = _with_fields(file, limbs, fields, build)
+    _check_build(robot)
+    return ImportedRobot(
+        robot,
+        tuple(limb.joint_names for limb in limbs),
+        np.array([limb.signs for limb in limbs]),
+        np.array([limb.offsets for limb in limbs]),
+        tuple(limb.excess for limb in limbs),
+        body.excess,
+        max(limb.position_error for limb in limbs),
+    )
+
+
+def _mount(limb: FileLimb, alike: bool) -> Mount:
+    """Return the mount of a limb, with the limb itself if the limbs differ."""
+    x, y, z = limb.mount[:3, 3].tolist()
+    a, b, c = (tuple(row) for row in limb.mount[:3, :3].tolist())
+    if alike:
+        return Mount((x, y, z), (a, b, c))
+    return Mount((x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics)
+
+
+def _with_fields(
+    file: Description,
+    limbs: tuple[FileLimb, ...],
+    fields: dict[str, Any],
+    build: dict[str, Any],
+) -> RobotSpec:
+    """Return the robot; fields that a caller gives come before those of the file."""
+    first = limbs[0]
+    default = RobotSpec()
+    scale = max(abs(limb.limb.a2) + abs(limb.limb.a3) for limb in limbs) / UR5E_ARM
+    scaled = {
+        "heights": tuple(scale * height for height in default.heights),
+        "span": scale * default.span,
+        "characteristic_length": scale * default.characteristic_length,
+    }
+    own = {
+        "name": file.name,
+        "limb": first.limb,
+        "capsules": first.capsules,
+        "dynamics": first.dynamics,
+        "tool_length": first.tool_length,
+        "gripper_mass": first.gripper_mass,
+        "source": _source(file, limbs),
+    }
+    robot = RobotSpec.from_dict(own | scaled | build | file.fields | fields)
+    starts = file.fields.get("window_starts")
+    if starts is None:
+        return robot
+    return replace(robot, limb=replace(robot.limb, window_starts=tuple(starts)))
+
+
+def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
+    """Return where the figures come from, in words."""
+    told = [f"the file of {file.name}"]
+    notes = [note for limb in limbs for note in limb.notes]
+    told += [note for k, note in enumerate(notes) if note not in notes[:k]]
+    fitted = max((max(limb.excess.values(), default=0.0) for limb in limbs), default=0.0)
+    if fitted:
+        told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
+    text = "; ".join(told)
+    return "".join(c if c.isprintable() else " " for c in text)[:200]
+
+
+def _check_build(robot: RobotSpec) -> None:
+    """Refuse a body on which the limbs cannot move."""
+    half = 0.5 * robot.body_edges
+    limbs, places, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
+    shoulders = [
+        p + limb.d1 * turn[:, 2] for limb, p, turn in zip(limbs, places, turns, strict=True)
+    ]
+    for i, shoulder in enumerate(shoulders):
+        inside = float((half - np.abs(shoulder)).min())
+        if inside > 0.0:
+            raise RobotError(
+                f"the shoulder of limb {i} lies {inside:.3g} m inside the body, a box of "
+                f"{' by '.join(f'{edge:g}' for edge in robot.body_edges)} m; mount it farther out, "
+                "or give a smaller body_size"
+            )
+    for i in range(robot.limbs):
+        for j in range(i):
+            _check_pair(robot, (i, j), (shoulders[i], shoulders[j]))
+
+
+def _check_pair(robot: RobotSpec, pair: tuple[int, int], shoulders: tuple[Array, Array]) -> None:
+    """Refuse two limbs whose bases or shoulders overlap, or that never reach points of a stance."""
+    i, j = pair
+    limbs, apart = robot.every_limb, float(np.linalg.norm(shoulders[0] - shoulders[1]))
+    reach = limbs[i].reach + limbs[j].reach + 2.0 * robot.tool_length
+    if apart - reach > robot.span:
+        raise RobotError(
+            f"limbs {j} and {i} are mounted {apart:.3g} m apart and reach {reach:.3g} m together; "
+            f"the points of a stance lie at most {robot.span:.3g} m apart (span)"
+        )
+    ends = [_fixed_shapes(robot, limb) for limb in (i, j)]
+    gap = min(
+        (_segment_distance(a, b) - r - s for a, r in ends[0] for b, s in ends[1]), default=np.inf
+    )
+    radius = [_shoulder_radius(robot, limb) for limb in (i, j)]
+    gap = min(gap, apart - sum(radius) if min(radius) > 0.0 else np.inf)
+    if gap < 0.0:
+        raise RobotError(
+            f"limbs {j} and {i} meet at rest: their bases overlap by {-gap:.3g} m, where they are "
+            "mounted; mount them farther apart, with a larger mount_radius or fewer limbs"
+        )
+
+
+def _fixed_shapes(robot: RobotSpec, limb: int) -> list[tuple[Array, float]]:
+    """Return axes and radii of the capsules of a limb that are fixed to the body."""
+    turn, place = robot.mount_rotations[limb], robot.mount_positions[limb]
+    return [
+        (place + np.array([shape.start, shape.end]) @ turn.T, shape.radius)
+        for shape in robot.mounted[limb].capsules or ()
+        if shape.link == "base"
+    ]
+
+
+def _shoulder_radius(robot: RobotSpec, limb: int) -> float:
+    """Return the radius of a ball about the shoulder that its capsules fill, 0 if none does [m]."""
+    origin = np.zeros((2, 3))
+    return max(
+        (
+            shape.radius - _segment_distance(np.array([shape.start, shape.end]), origin)
+            for shape in robot.mounted[limb].capsules or ()
+            if shape.link == "shoulder"
+        ),
+        default=0.0,
+    )
+
+
+def _segment_distance(first: Array, second: Array) -> float:
+    """Return the distance of two segments, each shape (2, 3) [m].
+
+    Either an end is nearest, or the lines' common perpendicular meets both.
+    """
+    a, u = first[0], first[1] - first[0]
+    b, v = second[0], second[1] - second[0]
+    ends = [_point_distance(p, second) for p in first] + [_point_distance(p, first) for p in second]
+    across = np.cross(u, v)
+    square = float(across @ across)
+    if square < 1e-18:
+        return min(ends)
+    s = float(np.cross(b - a, v) @ across) / square
+    t = float(np.cross(b - a, u) @ across) / square
+    if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
+        ends.append(abs(float((b - a) @ across)) / float(np.sqrt(square)))
+    return min(ends)
+
+
+def _point_distance(point: Array, segment: Array) -> float:
+    along = segment[1] - segment[0]
+    square = float(along @ along)
+    share = float(np.clip((point - segment[0]) @ along / square, 0.0, 1.0)) if square else 0.0
+    return float(np.linalg.norm(point - segment[0] - share * along))
