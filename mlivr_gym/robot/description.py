@@ -28,6 +28,9 @@ PLANNING = "mlivr_gym"
 """Name of the `<text>` of an MJCF file, and of the element of a URDF file, with `RobotSpec` fields
 that neither format has, as JSON."""
 
+WINDOWS, ROTORS = "window_starts", "rotor_inertias"
+"""Entries of `PLANNING` that are no fields of a robot: figures of each limb, N of six."""
+
 MESH_FORMATS = (".stl", ".obj", ".msh")
 """Endings of mesh files that MuJoCo reads."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.description import Description
+from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
 from mlivr_gym.robot.file_bodies import LimbBodies, limb_bodies
 from mlivr_gym.robot.file_shapes import fitted_capsules
@@ -170,7 +170,10 @@ def limb_of(
     _check_size(file, arm, tool)
     bodies = limb_bodies(file, arms, number, options.tool_length is None)
     found = recognised(chain_of(file, arm, bodies.flange))
-    limb = Limb(**found.lengths, joint_limits=_limits(file, arm, found))  # type: ignore[arg-type]
+    limits = _limits(file, arm, found)
+    limb = Limb(**found.lengths, joint_limits=limits)  # type: ignore[arg-type]
+    if WINDOWS in file.fields:
+        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
     frames = found.mount @ link_frames(limb, found.offsets)
     notes = []
     length, gripper_mass = bodies.tool_length, 0.0
@@ -181,9 +184,16 @@ def limb_of(
     parts = [joined(file.model, file.data, part, frame) for part, frame in bodies.parts(frames)]
     if bodies.gripper:
         parts, gripper_mass = _with_gripper(file, bodies, frames, parts)
-    if options.rotor_inertia is None and any(file.joints[j].rotor is None for j in arm.joints):
+    dynamics = _dynamics(file, arm, parts)
+    rotors = tuple(file.joints[joint].rotor for joint in arm.joints)
+    if options.rotor_inertia is not None:
+        rotors = (options.rotor_inertia,) * len(rotors)
+    elif ROTORS in file.fields:
+        rotors = _of_limb(file, ROTORS, number)
+    elif None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
-    dynamics = _dynamics(file, arm, parts, options.rotor_inertia)
+    rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
+    dynamics = replace(dynamics, rotor_inertias=rotors)
     if options.capsules is None:
         capsules, excess = fitted_capsules(file, bodies, frames)
         if not bodies.gripper:
@@ -233,10 +243,16 @@ def _limits(
     return tuple(out)
 
 
-def _dynamics(
-    file: Description, arm: FileArm, parts: list[RigidBody], rotor_inertia: float | None
-) -> LimbDynamics:
-    """Return masses, inertias and limits of the limb."""
+def _of_limb(file: Description, name: str, number: int) -> Any:
+    """Return figures of one limb that a file of this package names."""
+    listed = file.fields[name]
+    if not isinstance(listed, list) or len(listed) <= number:
+        raise RobotError(f"{name} of the file must be a list of six numbers for each limb")
+    return listed[number]
+
+
+def _dynamics(file: Description, arm: FileArm, parts: list[RigidBody]) -> LimbDynamics:
+    """Return masses, inertias and limits of the limb, without inertias of rotors."""
     figures = [file.joints[joint] for joint in arm.joints]
     for one in figures:
         if one.torque is None:
@@ -255,10 +271,6 @@ def _dynamics(
                 f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
                 "mass [kg] and the inertia [kg m^2]"
             )
-    if rotor_inertia is None:
-        rotors = tuple(one.rotor if one.rotor is not None else ROTOR_INERTIA for one in figures)
-    else:
-        rotors = (rotor_inertia,) * len(figures)
     base, size, given = parts[0], *_cylinder_of(parts[0])
     return LimbDynamics(
         base.mass,
@@ -268,7 +280,7 @@ def _dynamics(
         tuple(part.inertia for part in parts[1:]),
         tuple(float(one.torque or 0.0) for one in figures),
         tuple(float(one.speed or 0.0) for one in figures),
-        rotors,
+        (0.0,) * len(figures),
         base.centre if given else None,
         base.inertia if given else None,
     )

@@ -8,7 +8,7 @@ shapes come from the file; whatever it does not say is named in `RobotSpec.sourc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, RobotError, path_shown
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.description import Description, read_description
+from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
 from mlivr_gym.robot.file_arms import arms_of
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
@@ -256,11 +256,8 @@ def _with_fields(
         "gripper_mass": first.gripper_mass,
         "source": _source(file, limbs),
     }
-    robot = RobotSpec.from_dict(own | scaled | build | file.fields | fields)
-    starts = file.fields.get("window_starts")
-    if starts is None:
-        return robot
-    return replace(robot, limb=replace(robot.limb, window_starts=tuple(starts)))
+    written = {name: value for name, value in file.fields.items() if name not in (WINDOWS, ROTORS)}
+    return RobotSpec.from_dict(own | scaled | build | written | fields)
 
 
 def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
@@ -305,16 +302,16 @@ def _check_pair(robot: RobotSpec, pair: tuple[int, int], shoulders: tuple[Array,
             f"limbs {j} and {i} are mounted {apart:.3g} m apart and reach {reach:.3g} m together; "
             f"the points of a stance lie at most {robot.span:.3g} m apart (span)"
         )
-    ends = [_fixed_shapes(robot, limb) for limb in (i, j)]
-    gap = min(
-        (_segment_distance(a, b) - r - s for a, r in ends[0] for b, s in ends[1]), default=np.inf
-    )
     radius = [_shoulder_radius(robot, limb) for limb in (i, j)]
-    gap = min(gap, apart - sum(radius) if min(radius) > 0.0 else np.inf)
-    if gap < 0.0:
+    gaps = [apart - sum(radius)] if min(radius) > 0.0 else []
+    for shoulder, ball, other in zip(shoulders, radius, (j, i), strict=True):
+        for axis, around in _fixed_shapes(robot, other) if ball > 0.0 else ():
+            gaps.append(_point_distance(shoulder, axis) - around - ball)
+    if min(gaps, default=0.0) < 0.0:
         raise RobotError(
-            f"limbs {j} and {i} meet at rest: their bases overlap by {-gap:.3g} m, where they are "
-            "mounted; mount them farther apart, with a larger mount_radius or fewer limbs"
+            f"limbs {j} and {i} meet at rest: where they are mounted their shoulders overlap by "
+            f"{-min(gaps):.3g} m; mount them farther apart, with a larger mount_radius or fewer "
+            "limbs"
         )
 
 
@@ -330,34 +327,14 @@ def _fixed_shapes(robot: RobotSpec, limb: int) -> list[tuple[Array, float]]:
 
 def _shoulder_radius(robot: RobotSpec, limb: int) -> float:
     """Return the radius of a ball about the shoulder that its capsules fill, 0 if none does [m]."""
-    origin = np.zeros((2, 3))
     return max(
         (
-            shape.radius - _segment_distance(np.array([shape.start, shape.end]), origin)
+            shape.radius - _point_distance(np.zeros(3), np.array([shape.start, shape.end]))
             for shape in robot.mounted[limb].capsules or ()
             if shape.link == "shoulder"
         ),
         default=0.0,
     )
-
-
-def _segment_distance(first: Array, second: Array) -> float:
-    """Return the distance of two segments, each shape (2, 3) [m].
-
-    Either an end is nearest, or the lines' common perpendicular meets both.
-    """
-    a, u = first[0], first[1] - first[0]
-    b, v = second[0], second[1] - second[0]
-    ends = [_point_distance(p, second) for p in first] + [_point_distance(p, first) for p in second]
-    across = np.cross(u, v)
-    square = float(across @ across)
-    if square < 1e-18:
-        return min(ends)
-    s = float(np.cross(b - a, v) @ across) / square
-    t = float(np.cross(b - a, u) @ across) / square
-    if 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0:
-        ends.append(abs(float((b - a) @ across)) / float(np.sqrt(square)))
-    return min(ends)
 
 
 def _point_distance(point: Array, segment: Array) -> float:
