@@ -144,7 +144,7 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
 
 def unlimited(robot: RobotSpec) -> RobotSpec:
     """A robot with a span that no two of its limbs can reach."""
-    return replace(robot, span=2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length))
+    return replace(robot, span=2.0 * robot.reach)
 
 
 Row = Mapping[str, Any]

@@ -38,7 +38,7 @@ class MoveBounds:
     def __init__(self, graph: StanceGraph, goal: Goal) -> None:
         """Work the tables out for `goal`."""
         robot, positions = graph.robot, graph.grasp_map.positions
-        reach = robot.mount_radius + robot.limb.reach + robot.tool_length
+        reach = robot.reach
         there = goal.distance(positions) <= reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
             there &= goal.on_face

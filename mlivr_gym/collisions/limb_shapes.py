@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
@@ -103,6 +104,21 @@ class RobotModel(Record):
     """These, for comparison with boxes: four round the body, see `round_cube`, and the mounts."""
 
 
+class ShapesOfLimb(NamedTuple):
+    """Capsules of one limb in the frames of their links."""
+
+    names: tuple[str, ...]
+    """Link of each capsule that moves, c of them, from the mount on."""
+    links: IntArray
+    """Number of that link, shape (c,)."""
+    ends: Array
+    """Ends of their axes [m], shape (c, 2, 3)."""
+    radii: Array
+    """Their radii [m], shape (c,)."""
+    pairs: IntArray
+    """Pairs of them that are compared, shape (k, 2)."""
+
+
 class LimbShapes:
     """Capsules of one limb, the pairs of them that can meet, and what is fixed to the body.
 
@@ -117,7 +133,9 @@ class LimbShapes:
     robot
         The row.
     limb
-        The first limb there; in the frames of their links the limbs are equal.
+        The first limb there; in the frames of their links the limbs of most robots are equal.
+    each
+        Capsules of every limb; the attributes below are those of the first.
     links
         Link of each capsule that moves, shape (c,).
     ends
@@ -132,64 +150,63 @@ class LimbShapes:
 
     def __init__(self, spec: RobotSpec) -> None:
         """Sort the robot's capsules."""
-        capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
-        moving = [capsule for capsule in capsules if capsule.link != "base"]
-        self.names = tuple(capsule.link for capsule in moving)
         self.rows = RobotModel.rows(1)
         self.robot: RobotModel = self.rows[0]
         robot = self.robot
         robot["limb_count"] = spec.limbs
         for name in ("tool_length", "lift", "characteristic_length"):
             robot[name] = getattr(spec, name)
-        folds = spec.limb.folds_in_windows(spec.folds)
+        folds = _common_folds(spec)
         robot["fold_count"] = len(folds)
         robot["folds"][: len(folds)] = folds
-        robot["half"][:] = 0.5 * spec.body_size
-        self._add_limbs(spec, moving)
-        fixed = [capsule for capsule in capsules if capsule.link == "base"]
-        self._add_mounts(spec, fixed, capsules)
+        robot["half"][:] = 0.5 * spec.body_edges
+        self._are_equal = len({(m.limb, m.capsules) for m in spec.mounted}) == 1
+        self.each = tuple(self._add_limb(spec, i) for i in range(spec.limbs))
+        self._add_mounts(spec)
         self.limb: LimbModel = robot["limbs"][0]
-        of_limb = self.limb["capsules"][: self.limb["capsule_count"]]
-        self.links: IntArray = of_limb["link"]
-        self.ends: Array = of_limb["ends"]
-        self.radii: Array = of_limb["radius"]
-        self.pairs: IntArray = self.limb["pairs"][: self.limb["pair_count"]]
+        self.names, self.links, self.ends, self.radii, self.pairs = self.each[0]
         self.mounts: Any = robot["mounts"][: robot["mount_count"]]
 
-    def _add_limbs(self, spec: RobotSpec, moving: list[Capsule]) -> None:
+    def _add_limb(self, spec: RobotSpec, i: int) -> ShapesOfLimb:
+        kinematics = spec.every_limb[i]
+        moving = [capsule for capsule in _sorted_capsules(spec, i) if capsule.link != "base"]
+        names = tuple(capsule.link for capsule in moving)
         on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
         pairs = [
-            (i, j)
-            for i in range(len(moving))
-            for j in range(i + 1, len(moving))
-            if _can_meet(spec, moving[i], moving[j])
+            (a, b)
+            for a in range(len(moving))
+            for b in range(a + 1, len(moving))
+            if _can_meet(kinematics, moving[a], moving[b])
         ]
-        for i in range(spec.limbs):
-            limb = self.robot["limbs"][i]
-            limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
-            limb["mount"]["position"][:] = spec.mount_positions[i]
-            limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-            set_arm(limb["arm"], spec.limb.lengths, spec.limb.windows)
-            limb["gripper"] = sum(name != "gripper" for name in self.names)
-            limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
-            limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-            for c, capsule in enumerate(moving):
-                row = limb["capsules"][c]
-                row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
-                row["ends"][:] = capsule.start, capsule.end
-                for e, end in enumerate(row["ends"]):
-                    row["anchor"][e], row["arm"][e] = _anchor(spec, int(row["link"]), end)
+        limb = self.robot["limbs"][i]
+        limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
+        limb["mount"]["position"][:] = spec.mount_positions[i]
+        limb["mount"]["rotation"][:] = spec.mount_rotations[i]
+        set_arm(limb["arm"], kinematics.lengths, kinematics.windows)
+        limb["gripper"] = sum(name != "gripper" for name in names)
+        limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
+        limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        for c, capsule in enumerate(moving):
+            row = limb["capsules"][c]
+            row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
+            row["ends"][:] = capsule.start, capsule.end
+            for e, end in enumerate(row["ends"]):
+                row["anchor"][e], row["arm"][e] = _anchor(kinematics, int(row["link"]), end)
+        of_limb = limb["capsules"][: len(moving)]
+        compared: IntArray = limb["pairs"][: len(pairs)]
+        return ShapesOfLimb(names, of_limb["link"], of_limb["ends"], of_limb["radius"], compared)
 
-    def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
+    def _add_mounts(self, spec: RobotSpec) -> None:
         robot = self.robot
-        round_ends, round_radius = round_cube(float(robot["half"][0]))
+        round_ends, round_radius = round_box(robot["half"])
         for k in range(4):
             robot["around"][k]["ends"][:] = round_ends[k]
             robot["around"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
-            for capsule in fixed:
+            capsules = _sorted_capsules(spec, limb)
+            for capsule in (capsule for capsule in capsules if capsule.link == "base"):
                 row = robot["mounts"][count]
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
@@ -206,18 +223,72 @@ class LimbShapes:
         They are neighbours, or cannot meet.
         """
         names = (BODY, *LINKS)
-        compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
+        mine, _, _, _, pairs = self.each[limb]
+        compared = {(mine[i], mine[j]) for i, j in pairs.tolist()}
         least = self.robot["limbs"][limb]["least_link"][: self.robot["mount_count"]]
-        meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
-        compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
+        meets_base = {name for name in mine if LINKS.index(name) >= least.max(initial=2)}
+        compared |= {(BODY, name) for name in mine if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}
         return [
             (a, b) for k, a in enumerate(names) for b in names[k + 1 :] if (a, b) not in compared
         ]
 
+    @property
+    def hands(self) -> list[Any]:
+        """The robot for each of its different limbs, which comes first there, see `hands_clear`."""
+        out = []
+        for i in range(1 if self._are_equal else self.robot["limb_count"]):
+            rows = self.rows.copy()
+            rows["limbs"][0, 0] = self.rows["limbs"][0, i]
+            out.append(rows)
+        return out
+
     def __len__(self) -> int:
         """Number of capsules that move."""
         return len(self.names)
+
+
+def _sorted_capsules(spec: RobotSpec, limb: int) -> list[Capsule]:
+    """Return the capsules of a limb from the mount on."""
+    shapes = spec.mounted[limb].capsules or ()
+    return sorted(shapes, key=lambda capsule: LINKS.index(capsule.link))
+
+
+def _common_folds(spec: RobotSpec) -> Array:
+    """Return the folds that lie in the windows of every limb, shape (k, 5) [rad]."""
+    folds = spec.every_limb[0].folds_in_windows(spec.folds)
+    for limb in spec.every_limb[1:]:
+        low, high = limb.windows[:5].T
+        folds = folds[((folds >= low) & (folds <= high)).all(axis=1)]
+    return folds
+
+
+def round_box(half: Array) -> tuple[Array, Array]:
+    """Return four capsules that together contain a box, see `round_cube`.
+
+    They run along the longest edge, each in a quarter of the box.
+
+    Parameters
+    ----------
+    half
+        Half edges [m], shape (3,).
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Ends, shape (4, 2, 3), and radii, shape (4,) [m].
+    """
+    if (half == half[0]).all():
+        return round_cube(float(half[0]))
+    along = int(np.argmax(half))
+    across = [k for k in range(3) if k != along]
+    short = 0.5 * float(half.min())
+    ends = np.zeros((4, 2, 3))
+    ends[:, :, along] = short - half[along], half[along] - short
+    for k, (a, b) in enumerate(((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5))):
+        ends[k, :, across] = np.array([a, b])[:, None] * half[across][:, None]
+    radius = float(np.sqrt((0.25 * half[across] ** 2).sum() + short * short))
+    return ends, np.full(4, radius)
 
 
 def round_cube(half: float) -> tuple[Array, Array]:
@@ -236,12 +307,12 @@ def round_cube(half: float) -> tuple[Array, Array]:
     return ends, np.full(4, np.sqrt(3.0) * at)
 
 
-def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
+def _can_meet(limb: Limb, first: Capsule, second: Capsule) -> bool:
     """Whether two capsules of a limb, are compared, see `allowed_collisions`."""
     row = is_allowed(first.link, second.link)
     if row is None or not row.checked:
         return row is None
-    limb, links = robot.limb, (LINKS.index(first.link), min(LINKS.index(second.link), 6))
+    links = (LINKS.index(first.link), min(LINKS.index(second.link), 6))
     if NEVER_NEARER[links] == 2:
         reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
         gap = limb.d4 - max(first.start[2], first.end[2]) - reach
@@ -267,12 +338,11 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
     )
 
 
-def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
+def _anchor(limb: Limb, link: int, end: Array) -> tuple[int, float]:
     """Anchor of a capsule end, and the distance from there [m].
 
     Anchors are 0 limb base, 1 elbow, 2 forearm end, 3 wrist point; `end` is in the link frame [m].
     """
-    limb = robot.limb
     options = {
         1: ((0, (0.0, 0.0, 0.0)),),
         2: ((0, (0.0, 0.0, 0.0)), (1, (limb.a2, 0.0, 0.0))),

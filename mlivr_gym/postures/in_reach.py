@@ -155,6 +155,7 @@ def reach_queries(
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], tries)
     out["rule"]["thresholds"]["w_m"] = w_m
+    # The limbs are equal: other robots are not asked, see `PostureSolver.in_reach`.
     limbs_reach = farthest_flange(robot.limb, robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance

@@ -124,10 +124,11 @@ class PostureSolver:
         return Surroundings(self.grasps, grid, self.settings.clearance)
 
     def hands_touch(self, grid: BoxGrid) -> IntArray:
-        """What a hand touches that holds each point, 0 if nothing; shape (m,)."""
-        out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        hands_clear(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
-        return out
+        """Return what a hand, of any limb, touches that holds each point, 0 if nothing; (m,)."""
+        out = np.zeros((len(self.shapes.hands), len(self.grasp_map)), dtype=np.int64)
+        for rows, found in zip(self.shapes.hands, out, strict=True):
+            hands_clear(rows, self.surroundings(grid), QueryScratch.rows(1), found)
+        return np.array(out.max(axis=0), dtype=np.int64)
 
     def clear_of_boxes(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
@@ -177,7 +178,7 @@ class PostureSolver:
         With `nodes_only` nothing but its zero masks is told of a stance that cannot be held, which
         is found much sooner.
         """
-        if self.robot.limbs == 2:
+        if self.robot.limbs == 2 or not self.robot.is_symmetric:
             return self._solve(stances, nodes_only)
         turns = first_limbs(self.grasp_map, stances)
         return self._solve(permuted_limbs(stances, turns), nodes_only).permuted_limbs(-turns)
@@ -300,7 +301,7 @@ class PostureSolver:
             Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), in the world.
         """
         points = np.array([stance], dtype=np.int64)
-        turns = first_limbs(self.grasp_map, points)
+        turns = first_limbs(self.grasp_map, points, self.robot.is_symmetric)
         held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
         frames, heights, rolls, *wide = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
@@ -329,6 +330,8 @@ class PostureSolver:
             How near to it [m].
         """
         robot = self.robot
+        if not robot.is_symmetric:
+            return np.ones(len(sets), dtype=np.bool_)
         tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, tries, target, tolerance)

@@ -52,7 +52,12 @@ class Candidates(NamedTuple):
         """A robot's candidates for some grasps."""
         wide_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         return cls(
-            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
+            base_frames(
+                held.grasps,
+                held.normals,
+                np.ascontiguousarray(held.rails[:, 0]),
+                robot.mount_directions if robot.mounts else None,
+            ),
             np.array(robot.heights),
             np.array(robot.rolls),
             np.array(OPPOSED_HEIGHTS),
@@ -131,6 +136,6 @@ def bases_at(
     tuple[Array, Array]
         Positions, shape (k, 3) [m], and rotations, shape (k, 3, 3).
     """
-    turns = first_limbs(grasp_map, stances)
+    turns = first_limbs(grasp_map, stances, robot.is_symmetric)
     positions, rotations = bases_of(grasp_map, robot, permuted_limbs(stances, turns), numbers)
     return positions, turned_frames(rotations, -turns, robot.limbs)

@@ -56,15 +56,15 @@ def lowest_first(stances: IntArray) -> IntArray:
     return turns
 
 
-def first_limbs(grasp_map: GraspMap, stances: IntArray) -> IntArray:
+def first_limbs(grasp_map: GraspMap, stances: IntArray, is_symmetric: bool = True) -> IntArray:
     """Limbs with which the rule of postures begins, (k, N) -> (k,), at most N - 1.
 
     The one whose point is nearest to the centroid; of equally near ones the one from which on, limb
     by limb, the distances from the centroid and then those to the next point are smaller. Only in
     stances that are their own image the axes of the map decide: the lower x, y, z. Of two limbs it
-    is limb 0.
+    is limb 0, as of limbs that differ or are not mounted evenly.
     """
-    if stances.shape[1] == 2:
+    if stances.shape[1] == 2 or not is_symmetric:
         return np.zeros(len(stances), dtype=np.int64)
     positions = grasp_map.positions[stances]
     away = _rounded(positions - positions.mean(axis=1, keepdims=True))

@@ -14,8 +14,6 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull, QhullError
 
 from mlivr_gym.arrays import Array
 
@@ -157,6 +155,8 @@ def smallest_capsule(solid: Solid) -> FittedCapsule:
 
     The search begins with the best capsule along a principal axis of the points.
     """
+    from scipy.optimize import minimize
+
     best = _fitted(solid)
     if len(solid.points) <= 2:
         return best
@@ -280,6 +280,8 @@ def _kept(solid: Solid, point: Array, axis: Array) -> Solid | None:
 
 def _hull(points: Array, radius: float, triangles: Array | None) -> Solid | None:
     """Return a solid whose points are corners of the convex hull alone; None if it is flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         corners = ConvexHull(points).vertices
     except (QhullError, ValueError):

@@ -13,7 +13,7 @@ from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
-from mlivr_gym.values import Triple
+from mlivr_gym.values import SMALLEST, Triple
 
 
 class DerivedFigures:
@@ -22,6 +22,11 @@ class DerivedFigures:
     name: str
     limbs: int
     limb: Limb
+    span: float
+    body_mass: float
+    gripper_mass: float
+    body_centre: Triple
+    body_inertia: tuple[float, ...] | None
     mount_radius: float
     tool_length: float
     capsules: tuple[Capsule, ...] | None
@@ -58,8 +63,11 @@ class DerivedFigures:
 
     @property
     def is_symmetric(self) -> bool:
-        """Whether all limbs are equal and mounted at equal angles about the body's z axis."""
-        return self.mounts is None
+        """Whether a robot is the same after a turn by one limb about the body's z axis.
+
+        Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube.
+        """
+        return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
 
     @property
     def every_limb(self) -> tuple[Limb, ...]:
@@ -77,6 +85,17 @@ class DerivedFigures:
         return np.array([mount.position for mount in self.mounted])
 
     @property
+    def mount_directions(self) -> Array:
+        """Where the shoulders lie across the body's z axis, from their middle [m], shape (N, 2).
+
+        What is below a nanometre counts as 0: rounding must not choose a direction.
+        """
+        lengths = np.array([limb.d1 for limb in self.every_limb])
+        shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
+        across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
+        return np.where(np.abs(across) < SMALLEST, 0.0, across)
+
+    @property
     def joint_limits(self) -> Array:
         """Joint limits of every limb [rad], shape (N, 6, 2)."""
         return np.array([limb.limits for limb in self.every_limb])
@@ -85,6 +104,14 @@ class DerivedFigures:
     def body_edges(self) -> Array:
         """Edges of the body along x, y and z [m], shape (3,)."""
         return np.broadcast_to(np.asarray(self.body_size, dtype=np.float64), 3).copy()
+
+    @property
+    def body_radius(self) -> float:
+        """Distance of the body's corners from its middle [m]."""
+        edges = self.body_edges
+        if (edges == edges[0]).all():
+            return float(np.sqrt(0.75) * edges[0])
+        return 0.5 * float(np.linalg.norm(edges))
 
     @property
     def reach(self) -> float:
@@ -98,10 +125,7 @@ class DerivedFigures:
     @property
     def extent(self) -> float:
         """An upper bound of the distance of any part of the robot from the body's middle [m]."""
-        edges = self.body_edges
-        farthest = float(np.sqrt(0.75) * edges[0])
-        if not (edges == edges[0]).all():
-            farthest = 0.5 * float(np.linalg.norm(edges))
+        farthest = self.body_radius
         for mount, limb in zip(self.mounted, self.every_limb, strict=True):
             away = self.mount_radius
             if self.mounts is not None:
@@ -140,6 +164,16 @@ class DerivedFigures:
         """
         given = self.mounted[limb].dynamics
         return given or dynamics_by_lengths(self.every_limb[limb], self.name)
+
+    @property
+    def torque_limits(self) -> Array:
+        """Largest torque of every joint [N m], shape (N, 6), see `dynamics_of`."""
+        return np.array([self.dynamics_of(i).torque_limits for i in range(self.limbs)])
+
+    @property
+    def speed_limits(self) -> Array:
+        """Largest speed of every joint [rad/s], shape (N, 6), see `dynamics_of`."""
+        return np.array([self.dynamics_of(i).speed_limits for i in range(self.limbs)])
 
     @property
     def dynamics_source(self) -> str:

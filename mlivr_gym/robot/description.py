@@ -202,11 +202,11 @@ def _prepare_urdf(
             speeds[joint.get("name", "")] = _number(limit.get("velocity", ""), joint)
     for other in tree.findall("mujoco"):
         tree.remove(other)
-    own = tree.find(PLANNING)
+    extra = tree.find(PLANNING)
     extension = ElementTree.SubElement(tree, "mujoco")
     options = {"strippath": "false", "discardvisual": "false", "fusestatic": "false"}
     ElementTree.SubElement(extension, "compiler", options)
-    return speeds, missing, "" if own is None else own.text or ""
+    return speeds, missing, "" if extra is None else extra.text or ""
 
 
 def _number(text: str, joint: ElementTree.Element) -> float:

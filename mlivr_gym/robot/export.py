@@ -18,12 +18,12 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
 from mlivr_gym.robot.link_frames import link_origins
 from mlivr_gym.robot.model import base_link, gripper_link, quaternion_of
 from mlivr_gym.robot.rigid import RigidBody
-from mlivr_gym.robot.specification import RobotSpec
 
 FIELDS = (
     "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
@@ -66,13 +66,15 @@ class WrittenLink(NamedTuple):
     """The joint that moves it, None if it is fixed."""
 
 
-def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
+def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 
     Parameters
     ----------
     robot
         The robot.
+    fields
+        Its fields as plain data.
     path
         File to which the text is written; None for none.
 
@@ -86,11 +88,11 @@ def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
     root = ElementTree.Element("mujoco", model=robot.name)
     _sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     _sub(root, "option", gravity="0 0 0")
-    bodies: dict[str, Any] = {"": _sub(root, "worldbody")}
+    elements: dict[str, Any] = {"": _sub(root, "worldbody")}
     links = list(_links(robot))
     for link in links:
-        body = bodies[link.name] = _sub(
-            bodies[link.parent], "body", name=link.name, pos=_text(link.origin),
+        body = elements[link.name] = _sub(
+            elements[link.parent], "body", name=link.name, pos=_text(link.origin),
             quat=_text(quaternion_of(link.rotation)),
         )  # fmt: skip
         if link.mass.mass:
@@ -120,11 +122,11 @@ def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
     custom = _sub(root, "custom")
     speeds = [link.joint.speed for link in links if link.joint is not None]
     _sub(custom, "numeric", name=SPEED_LIMITS, size=str(len(speeds)), data=_text(speeds))
-    _sub(custom, "text", name=PLANNING, data=_fields(robot))
+    _sub(custom, "text", name=PLANNING, data=_fields(robot, fields))
     return _written(root, path)
 
 
-def as_urdf(robot: RobotSpec, path: str | Path | None = None) -> str:
+def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | None = None) -> str:
     """Return a robot as URDF, whose capsules are those of URDF 1.2; arguments as in `as_mjcf`."""
     root = ElementTree.Element("robot", name=robot.name, version="1.2")
     for link in _links(robot):
@@ -150,11 +152,11 @@ def as_urdf(robot: RobotSpec, path: str | Path | None = None) -> str:
             _sub(joint, "origin", xyz=_text((0.0, 0.0, robot.tool_length)), rpy="0 0 0")
             _sub(joint, "parent", link=link.name)
             _sub(joint, "child", link=grasp)
-    _sub(root, PLANNING).text = _fields(robot)
+    _sub(root, PLANNING).text = _fields(robot, fields)
     return _written(root, path)
 
 
-def _links(robot: RobotSpec) -> Iterator[WrittenLink]:
+def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
     """Yield the links of a robot, each after the one that carries it."""
     none = np.zeros(3)
     body = RigidBody(robot.body_mass, robot.body_centre, robot.body_inertia or _box_inertia(robot))
@@ -194,15 +196,15 @@ def _triple(dynamics: LimbDynamics, link: int) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def _box_inertia(robot: RobotSpec) -> tuple[float, ...]:
+def _box_inertia(robot: DerivedFigures) -> tuple[float, ...]:
     """Return the inertia of the body as a homogeneous box [kg m^2]."""
     square = robot.body_edges**2
     return (*(robot.body_mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0)
 
 
-def _fields(robot: RobotSpec) -> str:
+def _fields(robot: DerivedFigures, fields: dict[str, Any]) -> str:
     """Return what neither format has, as JSON."""
-    fields = {name: value for name, value in robot.to_dict().items() if name in FIELDS}
+    fields = {name: value for name, value in fields.items() if name in FIELDS}
     fields[WINDOWS] = [limb.window_starts for limb in robot.every_limb]
     fields[ROTORS] = [robot.dynamics_of(i).rotor_inertias for i in range(robot.limbs)]
     return json.dumps(fields)

@@ -245,12 +245,12 @@ def _usual_tool(file: Description, last: int) -> tuple[int, Array, Array]:
     fixed = [b for b in range(1, model.nbody) if _path(file, b)[-1:] == [last]]
     frames = {str(model.site(k).name): k for k in range(model.nsite)
               if int(model.site_bodyid[k]) in fixed}  # fmt: skip
-    bodies = {body_name(model, b): b for b in fixed if b != last}
+    links = {body_name(model, b): b for b in fixed if b != last}
     for ending in TOOL_NAMES:
         for name, site in frames.items():
             if name.endswith(ending):
                 return _site(model, site)
-        for name, body in bodies.items():
+        for name, body in links.items():
             if name.endswith(ending):
                 return body, np.zeros(3), np.eye(3)
     leaves = [b for b in fixed if b not in {int(model.body_parentid[c]) for c in fixed if c != b}]

@@ -11,8 +11,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, body_name
-from mlivr_gym.robot.file_bodies import robot_bodies
 from mlivr_gym.robot.file_limb import FileLimb
+from mlivr_gym.robot.file_parts import body_parts
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.link_frames import inverse
 from mlivr_gym.robot.rigid import RigidBody, joined
@@ -66,12 +66,12 @@ def body_of(
     RobotError
         If the body has no mass, or no shape and no size.
     """
-    bodies = robot_bodies(file, arms)
-    name = body_name(file.model, bodies[0])
-    root = body_frame(file.data, bodies[0])
+    members = body_parts(file, arms)
+    name = body_name(file.model, members[0])
+    root = body_frame(file.data, members[0])
     even = _even_frame(limbs, root[:3, :3])
     frame = root if even is None else even[0]
-    shapes = solids(file, bodies, frame)
+    shapes = solids(file, members, frame)
     if not shapes and size is None:
         raise RobotError(f"the body {name!r} has no collision shape; give body_size [m]")
     excess = 0.0
@@ -81,7 +81,7 @@ def body_of(
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
         size = x if x == y == z else (x, y, z)
-    solid = joined(file.model, file.data, bodies, frame)
+    solid = joined(file.model, file.data, members, frame)
     if not solid.mass:
         raise RobotError(
             f"link {name!r}, the body, has no mass; give it an inertial with the mass [kg] and the "
@@ -92,11 +92,11 @@ def body_of(
     if even is not None:
         limbs = tuple(_upright(limbs[k]) for k in even[2])
     return FileBody(
-        limbs, None if even is None else even[1], size, solid, _own_inertia(solid, size), excess
+        limbs, None if even is None else even[1], size, solid, _body_inertia(solid, size), excess
     )
 
 
-def _own_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:
+def _body_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:
     """Return the inertia of a body, None if it is that of a homogeneous box."""
     square = np.broadcast_to(np.asarray(size), 3) ** 2
     box = [*(solid.mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0]

@@ -12,7 +12,7 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
-from mlivr_gym.robot.file_bodies import LimbBodies, limb_bodies
+from mlivr_gym.robot.file_parts import LimbParts, limb_parts
 from mlivr_gym.robot.file_shapes import fitted_capsules
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
@@ -69,7 +69,7 @@ class FileLimb:
     """Distance from the flange to the grasp [m]."""
     gripper_mass: float
     """Mass of a gripper that the last link does not include [kg]."""
-    base_bodies: tuple[int, ...]
+    base_parts: tuple[int, ...]
     """Bodies of the model that are the limb's base."""
     links: tuple[int, ...]
     """Bodies that its joints move."""
@@ -168,23 +168,25 @@ def limb_of(
     arm = arms[number]
     tool = tool_frame_of(file.data, arm)
     _check_size(file, arm, tool)
-    bodies = limb_bodies(file, arms, number, options.tool_length is None)
-    found = recognised(chain_of(file, arm, bodies.flange))
+    members = limb_parts(file, arms, number, options.tool_length is None)
+    found = recognised(chain_of(file, arm, members.flange))
     limits = _limits(file, arm, found)
     limb = Limb(**found.lengths, joint_limits=limits)  # type: ignore[arg-type]
     if WINDOWS in file.fields:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
     frames = found.mount @ link_frames(limb, found.offsets)
     notes = []
-    length, gripper_mass = bodies.tool_length, 0.0
-    if not bodies.gripper:
+    length, gripper_mass = members.tool_length, 0.0
+    if not members.gripper:
         length = TOOL_LENGTH if options.tool_length is None else options.tool_length
         gripper_mass = GRIPPER_MASS
         notes.append(f"a gripper of {length:g} m and {gripper_mass:g} kg added")
-    parts = [joined(file.model, file.data, part, frame) for part, frame in bodies.parts(frames)]
-    if bodies.gripper:
-        parts, gripper_mass = _with_gripper(file, bodies, frames, parts)
-    dynamics = _dynamics(file, arm, parts)
+    masses = [
+        joined(file.model, file.data, part, frame) for part, frame in members.with_frames(frames)
+    ]
+    if members.gripper:
+        masses, gripper_mass = _with_gripper(file, members, frames, masses)
+    dynamics = _dynamics(file, arm, masses)
     rotors = tuple(file.joints[joint].rotor for joint in arm.joints)
     if options.rotor_inertia is not None:
         rotors = (options.rotor_inertia,) * len(rotors)
@@ -195,20 +197,20 @@ def limb_of(
     rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
     dynamics = replace(dynamics, rotor_inertias=rotors)
     if options.capsules is None:
-        capsules, excess = fitted_capsules(file, bodies, frames)
-        if not bodies.gripper:
+        capsules, excess = fitted_capsules(file, members, frames)
+        if not members.gripper:
             capsules = (*capsules, gripper_capsule(length))
     elif isinstance(options.capsules, str):
         capsules, excess = stretched_capsules(limb, length), {}
         notes.append("collision shapes are the UR5e's, stretched")
     else:
         capsules, excess = options.capsules, {}
-    error = _position_error(file, arm, limb, found, bodies.flange)
+    error = _position_error(file, arm, limb, found, members.flange)
     if error > 1e-4:
         notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
-        found.mount, capsules, excess, dynamics, length, gripper_mass, bodies.base, arm.links,
+        found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
         error, tuple(notes),
     )  # fmt: skip
 
@@ -251,7 +253,7 @@ def _of_limb(file: Description, name: str, number: int) -> Any:
     return listed[number]
 
 
-def _dynamics(file: Description, arm: FileArm, parts: list[RigidBody]) -> LimbDynamics:
+def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbDynamics:
     """Return masses, inertias and limits of the limb, without inertias of rotors."""
     figures = [file.joints[joint] for joint in arm.joints]
     for one in figures:
@@ -265,19 +267,19 @@ def _dynamics(file: Description, arm: FileArm, parts: list[RigidBody]) -> LimbDy
                 f"joint {one.name!r} has no speed limit; give speed_limits above 0 [rad/s] "
                 "(URDF: velocity; MJCF: a <numeric> named 'speed_limits')"
             )
-    for link, part in zip(arm.links, parts[1:], strict=True):
+    for link, part in zip(arm.links, masses[1:], strict=True):
         if part.mass <= 0.0:
             raise RobotError(
                 f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
                 "mass [kg] and the inertia [kg m^2]"
             )
-    base, size, given = parts[0], *_cylinder_of(parts[0])
+    base, size, given = masses[0], *_cylinder_of(masses[0])
     return LimbDynamics(
         base.mass,
         size,
-        tuple(part.mass for part in parts[1:]),
-        tuple(part.centre for part in parts[1:]),
-        tuple(part.inertia for part in parts[1:]),
+        tuple(part.mass for part in masses[1:]),
+        tuple(part.centre for part in masses[1:]),
+        tuple(part.inertia for part in masses[1:]),
         tuple(float(one.torque or 0.0) for one in figures),
         tuple(float(one.speed or 0.0) for one in figures),
         (0.0,) * len(figures),
@@ -297,16 +299,16 @@ def _cylinder_of(base: RigidBody) -> tuple[tuple[float, float], bool]:
 
 
 def _with_gripper(
-    file: Description, bodies: LimbBodies, frames: Array, parts: list[RigidBody]
+    file: Description, members: LimbParts, frames: Array, masses: list[RigidBody]
 ) -> tuple[list[RigidBody], float]:
-    """Return the parts with the file's gripper, and the mass of a gripper that is none of them."""
-    gripper = joined(file.model, file.data, bodies.gripper, frames[6])
+    """Return the masses with the file's gripper, and the mass of a gripper that is none of them."""
+    gripper = joined(file.model, file.data, members.gripper, frames[6])
     radius = arm_data("ur5e")["gripper"]["radius"]
-    length = bodies.tool_length
+    length = members.tool_length
     if _same(gripper, cylinder(gripper.mass, radius, max(length, 0.01), 0.5 * length)):
-        return parts, gripper.mass
-    last = joined(file.model, file.data, (*bodies.links[5], *bodies.gripper), frames[6])
-    return [*parts[:6], last], 0.0
+        return masses, gripper.mass
+    last = joined(file.model, file.data, (*members.links[5], *members.gripper), frames[6])
+    return [*masses[:6], last], 0.0
 
 
 def _same(first: RigidBody, second: RigidBody) -> bool:

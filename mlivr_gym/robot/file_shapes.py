@@ -19,20 +19,20 @@ from mlivr_gym.robot.capsule_fit import (
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.file_bodies import LimbBodies, solid_geoms
+from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
 from mlivr_gym.robot.mounts import MOST_CAPSULES
 
 ROUNDED = 1e-9
 """What rounding may take from a coordinate [m]; the radius of a fitted capsule grows by it."""
 
 
-def solids(file: Description, bodies: Iterable[int], frame: Array) -> list[Solid]:
+def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Solid]:
     """Return the collision shapes of bodies in a frame of the world, shape (4, 4)."""
     import mujoco
 
     turn, origin = frame[:3, :3].T, frame[:3, 3]
     out = []
-    for geom in (geom for body in bodies for geom in solid_geoms(file, body)):
+    for geom in (geom for body in numbers for geom in solid_geoms(file, body)):
         solid = solid_of(mujoco, file.model, geom)
         if solid is not None:
             rotation = file.data.geom_xmat[geom].reshape(3, 3)
@@ -42,7 +42,7 @@ def solids(file: Description, bodies: Iterable[int], frame: Array) -> list[Solid
 
 
 def fitted_capsules(
-    file: Description, bodies: LimbBodies, frames: Array
+    file: Description, members: LimbParts, frames: Array
 ) -> tuple[tuple[Capsule, ...], dict[str, float]]:
     """Return capsules round the shapes of a limb, and the largest excess of those of each link [m].
 
@@ -50,7 +50,7 @@ def fitted_capsules(
     ----------
     file
         The file.
-    bodies
+    members
         Bodies of the limb.
     frames
         Frames of base and links in the world, shape (7, 4, 4).
@@ -71,7 +71,7 @@ def fitted_capsules(
         )
     out: list[Capsule] = []
     excess: dict[str, float] = {}
-    parts = [*bodies.parts(frames), (bodies.gripper, frames[6])]
+    parts = [*members.with_frames(frames), (members.gripper, frames[6])]
     for link, (part, frame) in zip(LINKS, parts, strict=True):
         shapes = solids(file, part, frame)
         if link in LINKS[6:]:

@@ -1,10 +1,19 @@
-"""Folded configurations of a limb, and the order of candidate rolls."""
+"""Base poses and folded configurations of the default robot, and the order of rolls."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 import numpy as np
+
+HEIGHTS = (0.60, 0.65, 0.70, 0.75)
+"""Candidate heights of the base of a robot with limbs as long as the UR5e [m]."""
+
+SPAN = 2.4
+"""Largest distance of two points that such a robot holds [m]."""
+
+CHARACTERISTIC_LENGTH = 0.87
+"""Length that makes distances and angles of such a limb comparable [m]."""
 
 FOLDS = (
     (-0.6, np.pi, 2.4, 0.0, -0.75),

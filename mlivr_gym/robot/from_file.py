@@ -7,39 +7,40 @@ shapes come from the file; whatever it does not say is named in `RobotSpec.sourc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, RobotError, path_shown
+from mlivr_gym.robot.build_checks import check_build
 from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
 from mlivr_gym.robot.file_arms import arms_of
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
+from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.mounts import Mount
-from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
 
-SCALED = ("heights", "span", "characteristic_length")
-"""Fields that grow with the arm where they are not given."""
+R = TypeVar("R", bound=DerivedFigures)
 
 
 @dataclass(frozen=True)
-class ImportedRobot:
-    """A robot with what only its file knows.
+class RobotFile:
+    """A robot as a file describes it.
 
     Attributes
     ----------
-    robot
-        The robot.
+    fields
+        Fields of `RobotSpec`.
     joint_names
         Names of the joints in the file, N of six; equal limbs of one arm share them.
     signs
@@ -56,7 +57,7 @@ class ImportedRobot:
         axes of the family differ from those of the file.
     """
 
-    robot: RobotSpec
+    fields: dict[str, Any]
     joint_names: tuple[tuple[str, ...], ...]
     signs: Array
     offsets: Array
@@ -73,6 +74,34 @@ class ImportedRobot:
         return (np.asarray(angles) - self.offsets) * self.signs
 
 
+def robot_of_file(
+    path: str | Path, make: Callable[[dict[str, Any]], R], options: dict[str, Any]
+) -> R:
+    """Return the robot of a file, made from its fields and checked.
+
+    Parameters
+    ----------
+    path
+        The file.
+    make
+        Makes a robot from its fields.
+    options
+        Arguments of `read_robot`.
+
+    Raises
+    ------
+    RobotError
+        If the file cannot be read, or describes a robot that is not supported.
+    """
+    file = read_robot(path, **options)
+    try:
+        robot = make(file.fields)
+        check_build(robot)
+    except MlivrError as fault:
+        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
+    return robot
+
+
 def read_robot(
     path: str | Path,
     *,
@@ -87,7 +116,7 @@ def read_robot(
     capsules: Sequence[Capsule] | str | None = None,
     package_dirs: Sequence[str | Path] = (),
     **fields: Any,
-) -> ImportedRobot:
+) -> RobotFile:
     """Read a robot from a URDF or MJCF file.
 
     Parameters
@@ -130,8 +159,8 @@ def read_robot(
 
     Returns
     -------
-    ImportedRobot
-        The robot with the map of its joints and the excess of its shapes.
+    RobotFile
+        The fields of the robot, the map of its joints and the excess of its shapes.
 
     Raises
     ------
@@ -141,7 +170,8 @@ def read_robot(
 
     Examples
     --------
-    >>> read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
+    >>> file = read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
+    >>> file.capsule_excess[0]["forearm"]  # doctest: +SKIP
     """
     options = LimbOptions(tool_length, rotor_inertia, _listed(capsules))
     frames = (tool_frame,) if isinstance(tool_frame, str) else tool_frame
@@ -178,15 +208,13 @@ def _listed(capsules: Sequence[Capsule] | str | None) -> tuple[Capsule, ...] | s
 
 def _of_one_arm(
     file: Description, limb: FileLimb, fields: dict[str, Any], build: dict[str, Any]
-) -> ImportedRobot:
+) -> RobotFile:
     """Return a robot of equal arms mounted evenly round a box."""
     if build["mount_radius"] is None:
         build["mount_radius"] = 0.5 * float(np.min(build["body_size"]))
-    robot = _with_fields(file, (limb,), fields, build)
-    _check_build(robot)
-    count = robot.limbs
-    return ImportedRobot(
-        robot,
+    count = build["limbs"] if isinstance(build["limbs"], int) else 1
+    return RobotFile(
+        _fields(file, (limb,), fields, build),
         (limb.joint_names,) * count,
         np.tile(limb.signs, (count, 1)),
         np.tile(limb.offsets, (count, 1)),
@@ -196,7 +224,7 @@ def _of_one_arm(
     )
 
 
-def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> ImportedRobot:
+def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> RobotFile:
     """Return the robot of a file that holds a body with several limbs."""
     limbs = body.limbs
     build: dict[str, Any] = {
@@ -210,10 +238,8 @@ def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -
         build |= {"limbs": len(limbs), "mount_radius": body.mount_radius}
     else:
         build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
-    robot = _with_fields(file, limbs, fields, build)
-    _check_build(robot)
-    return ImportedRobot(
-        robot,
+    return RobotFile(
+        _fields(file, limbs, fields, build),
         tuple(limb.joint_names for limb in limbs),
         np.array([limb.signs for limb in limbs]),
         np.array([limb.offsets for limb in limbs]),
@@ -232,22 +258,16 @@ def _mount(limb: FileLimb, alike: bool) -> Mount:
     return Mount((x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics)
 
 
-def _with_fields(
+def _fields(
     file: Description,
     limbs: tuple[FileLimb, ...],
     fields: dict[str, Any],
     build: dict[str, Any],
-) -> RobotSpec:
-    """Return the robot; fields that a caller gives come before those of the file."""
+) -> dict[str, Any]:
+    """Return the fields of a robot; those that a caller gives come before those of the file."""
     first = limbs[0]
-    default = RobotSpec()
     scale = max(abs(limb.limb.a2) + abs(limb.limb.a3) for limb in limbs) / UR5E_ARM
-    scaled = {
-        "heights": tuple(scale * height for height in default.heights),
-        "span": scale * default.span,
-        "characteristic_length": scale * default.characteristic_length,
-    }
-    own = {
+    described = {
         "name": file.name,
         "limb": first.limb,
         "capsules": first.capsules,
@@ -255,9 +275,12 @@ def _with_fields(
         "tool_length": first.tool_length,
         "gripper_mass": first.gripper_mass,
         "source": _source(file, limbs),
+        "heights": tuple(scale * height for height in HEIGHTS),
+        "span": scale * SPAN,
+        "characteristic_length": scale * CHARACTERISTIC_LENGTH,
     }
     written = {name: value for name, value in file.fields.items() if name not in (WINDOWS, ROTORS)}
-    return RobotSpec.from_dict(own | scaled | build | written | fields)
+    return described | build | written | fields
 
 
 def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
@@ -270,75 +293,3 @@ def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
         told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
     text = "; ".join(told)
     return "".join(c if c.isprintable() else " " for c in text)[:200]
-
-
-def _check_build(robot: RobotSpec) -> None:
-    """Refuse a body on which the limbs cannot move."""
-    half = 0.5 * robot.body_edges
-    limbs, places, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
-    shoulders = [
-        p + limb.d1 * turn[:, 2] for limb, p, turn in zip(limbs, places, turns, strict=True)
-    ]
-    for i, shoulder in enumerate(shoulders):
-        inside = float((half - np.abs(shoulder)).min())
-        if inside > 0.0:
-            raise RobotError(
-                f"the shoulder of limb {i} lies {inside:.3g} m inside the body, a box of "
-                f"{' by '.join(f'{edge:g}' for edge in robot.body_edges)} m; mount it farther out, "
-                "or give a smaller body_size"
-            )
-    for i in range(robot.limbs):
-        for j in range(i):
-            _check_pair(robot, (i, j), (shoulders[i], shoulders[j]))
-
-
-def _check_pair(robot: RobotSpec, pair: tuple[int, int], shoulders: tuple[Array, Array]) -> None:
-    """Refuse two limbs whose bases or shoulders overlap, or that never reach points of a stance."""
-    i, j = pair
-    limbs, apart = robot.every_limb, float(np.linalg.norm(shoulders[0] - shoulders[1]))
-    reach = limbs[i].reach + limbs[j].reach + 2.0 * robot.tool_length
-    if apart - reach > robot.span:
-        raise RobotError(
-            f"limbs {j} and {i} are mounted {apart:.3g} m apart and reach {reach:.3g} m together; "
-            f"the points of a stance lie at most {robot.span:.3g} m apart (span)"
-        )
-    radius = [_shoulder_radius(robot, limb) for limb in (i, j)]
-    gaps = [apart - sum(radius)] if min(radius) > 0.0 else []
-    for shoulder, ball, other in zip(shoulders, radius, (j, i), strict=True):
-        for axis, around in _fixed_shapes(robot, other) if ball > 0.0 else ():
-            gaps.append(_point_distance(shoulder, axis) - around - ball)
-    if min(gaps, default=0.0) < 0.0:
-        raise RobotError(
-            f"limbs {j} and {i} meet at rest: where they are mounted their shoulders overlap by "
-            f"{-min(gaps):.3g} m; mount them farther apart, with a larger mount_radius or fewer "
-            "limbs"
-        )
-
-
-def _fixed_shapes(robot: RobotSpec, limb: int) -> list[tuple[Array, float]]:
-    """Return axes and radii of the capsules of a limb that are fixed to the body."""
-    turn, place = robot.mount_rotations[limb], robot.mount_positions[limb]
-    return [
-        (place + np.array([shape.start, shape.end]) @ turn.T, shape.radius)
-        for shape in robot.mounted[limb].capsules or ()
-        if shape.link == "base"
-    ]
-
-
-def _shoulder_radius(robot: RobotSpec, limb: int) -> float:
-    """Return the radius of a ball about the shoulder that its capsules fill, 0 if none does [m]."""
-    return max(
-        (
-            shape.radius - _point_distance(np.zeros(3), np.array([shape.start, shape.end]))
-            for shape in robot.mounted[limb].capsules or ()
-            if shape.link == "shoulder"
-        ),
-        default=0.0,
-    )
-
-
-def _point_distance(point: Array, segment: Array) -> float:
-    along = segment[1] - segment[0]
-    square = float(along @ along)
-    share = float(np.clip((point - segment[0]) @ along / square, 0.0, 1.0)) if square else 0.0
-    return float(np.linalg.norm(point - segment[0] - share * along))

@@ -13,10 +13,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.colours import LIMB_COLOURS
+from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data, arm_dynamics, arm_of
 from mlivr_gym.robot.link_frames import link_origins
 from mlivr_gym.robot.rigid import RigidBody, cylinder
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 
 ROBOT, SURROUNDINGS = 1, 2
 """Bits of `contype` and `conaffinity`.
@@ -36,7 +37,7 @@ def rgba(colour: str) -> tuple[float, float, float, float]:
     return (r, g, b, 1.0)
 
 
-def robot_spec_alone(robot: RobotSpec) -> Any:
+def robot_spec_alone(robot: DerivedFigures) -> Any:
     """Return a robot that floats in empty space without gravity, as a `mujoco.MjSpec`.
 
     The body is `"base"` with free joint `"base"`; joint k of limb i is `"limb{i}/joint{k}"`, its
@@ -67,7 +68,7 @@ def quaternion_of(rotation: Array) -> Array:
     return quaternion
 
 
-def known_dynamics(robot: RobotSpec, limb: int) -> LimbDynamics:
+def known_dynamics(robot: DerivedFigures, limb: int) -> LimbDynamics:
     """Return the dynamics of a limb, those of the UR5e if they are not known."""
     known = robot.mounted[limb].dynamics is not None or arm_of(robot.every_limb[limb]) is not None
     return robot.dynamics_of(limb) if known else arm_dynamics("ur5e")
@@ -84,14 +85,14 @@ def base_link(dynamics: LimbDynamics) -> RigidBody:
     return link
 
 
-def gripper_link(robot: RobotSpec) -> RigidBody:
+def gripper_link(robot: DerivedFigures) -> RigidBody:
     """Return the gripper of a limb, a cylinder from the flange to the grasp."""
     radius = arm_data("ur5e")["gripper"]["radius"]
     length = max(robot.tool_length, 0.01)
     return cylinder(robot.gripper_mass, radius, length, 0.5 * robot.tool_length)
 
 
-def _add_base(spec: Any, robot: RobotSpec) -> Any:
+def _add_base(spec: Any, robot: DerivedFigures) -> Any:
     """Add the robot's body, free to move, with a disc that marks its front."""
     import mujoco
 
@@ -113,7 +114,7 @@ def _add_base(spec: Any, robot: RobotSpec) -> Any:
     return base
 
 
-def _add_limb(base: Any, robot: RobotSpec, i: int) -> dict[str, Any]:
+def _add_limb(base: Any, robot: DerivedFigures, i: int) -> dict[str, Any]:
     """Add the links of a limb with joints and inertias; return them by name."""
     import mujoco
 
@@ -148,7 +149,7 @@ def _set_inertia(body: Any, link: RigidBody) -> None:
         body.inertia = list(link.inertia[:3])
 
 
-def _add_gripper(flange: Any, robot: RobotSpec, i: int) -> Any:
+def _add_gripper(flange: Any, robot: DerivedFigures, i: int) -> Any:
     """Add the gripper of a limb, and the sites of flange and grasp point."""
     unseen = {"size": [0.005, 0, 0], "rgba": (0, 0, 0, 0)}
     flange.add_site(name=f"limb{i}/flange", **unseen)
@@ -158,7 +159,7 @@ def _add_gripper(flange: Any, robot: RobotSpec, i: int) -> Any:
     return gripper
 
 
-def _add_capsules(links: dict[str, Any], robot: RobotSpec, i: int) -> None:
+def _add_capsules(links: dict[str, Any], robot: DerivedFigures, i: int) -> None:
     """Add the collision shapes of a limb, links in two shades of its colour."""
     import mujoco
 

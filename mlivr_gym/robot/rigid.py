@@ -26,7 +26,7 @@ class RigidBody(NamedTuple):
     """Inertia about it, in the order of `PAIRS` [kg m^2]."""
 
 
-def joined(model: Any, data: Any, bodies: Iterable[int], frame: Array) -> RigidBody:
+def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> RigidBody:
     """Return bodies of a model as one, as seen from a frame.
 
     Parameters
@@ -35,13 +35,13 @@ def joined(model: Any, data: Any, bodies: Iterable[int], frame: Array) -> RigidB
         The compiled model.
     data
         Its data with the poses of bodies.
-    bodies
+    numbers
         Numbers of the bodies.
     frame
         The frame in the world, shape (4, 4).
     """
     parts = []
-    for body in bodies:
+    for body in numbers:
         mass = float(model.body_mass[body])
         if mass <= 2.0 * LEAST_MASS:
             continue

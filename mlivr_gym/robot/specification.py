@@ -19,9 +19,12 @@ from mlivr_gym.arguments import Raising, Via
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.folds import FOLDS
+from mlivr_gym.robot.export import as_mjcf, as_urdf
+from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, FOLDS, HEIGHTS, SPAN
 from mlivr_gym.robot.folds import geometric_order as geometric_order
+from mlivr_gym.robot.from_file import robot_of_file
 from mlivr_gym.robot.kinds import SizeOrEdges
 from mlivr_gym.robot.limb import FARTHEST_TURN, LIMB, Limb
 from mlivr_gym.robot.limb_dynamics import (
@@ -37,18 +40,6 @@ from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount
 from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Text, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
-
-LIMB_COLOURS = (
-    "#d62728",
-    "#1f5fd0",
-    "#ff9f1c",
-    "#17a2a2",
-    "#9467bd",
-    "#8c564b",
-    "#e377c2",
-    "#7f7f7f",
-)
-"""Colour of each limb, in the scene and in figures; red and blue are the paper's."""
 
 SMALLEST_BODY = 1e-3
 """Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
@@ -134,10 +125,10 @@ class RobotSpec(DerivedFigures):
     limb: Limb = field(default_factory=Limb)
     mount_radius: float = 0.1
     tool_length: float = 0.05
-    characteristic_length: float = 0.87
+    characteristic_length: float = CHARACTERISTIC_LENGTH
     grasp_separation: float = 0.1
-    span: float = 2.4
-    heights: tuple[float, ...] = (0.60, 0.65, 0.70, 0.75)
+    span: float = SPAN
+    heights: tuple[float, ...] = HEIGHTS
     rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
     lift: float = 0.1
     folds: tuple[tuple[float, ...], ...] = FOLDS
@@ -214,22 +205,32 @@ class RobotSpec(DerivedFigures):
         """
         name = Path(path).stem
         if Path(path).suffix.lower() in SUFFIXES:
-            from mlivr_gym.robot.from_file import read_robot
-
-            return read_robot(path).robot
+            return cls.from_urdf(path)
         return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
 
     @classmethod
     def from_urdf(cls, path: str | Path, **options: Any) -> RobotSpec:
-        """Read a robot from a URDF file, see `mlivr_gym.robot.from_file.read_robot`."""
-        from mlivr_gym.robot.from_file import read_robot
+        """Read a robot from a URDF file.
 
-        return read_robot(path, **options).robot
+        Parameters
+        ----------
+        path
+            The file.
+        **options
+            Arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
+            `speed_limits`, and further fields of a robot.
+
+        Raises
+        ------
+        RobotError
+            If the file cannot be read, or describes a robot that is not supported.
+        """
+        return robot_of_file(path, cls.from_dict, options)
 
     @classmethod
     def from_mjcf(cls, path: str | Path, **options: Any) -> RobotSpec:
-        """Read a robot from an MJCF file, see `mlivr_gym.robot.from_file.read_robot`."""
-        return cls.from_urdf(path, **options)
+        """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
+        return robot_of_file(path, cls.from_dict, options)
 
     def save(self, path: str | Path) -> None:
         """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.
@@ -242,16 +243,23 @@ class RobotSpec(DerivedFigures):
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     def to_mjcf(self, path: str | Path | None = None) -> str:
-        """Return the robot as MJCF, see `mlivr_gym.robot.export`; written to `path` if given."""
-        from mlivr_gym.robot.export import as_mjcf
+        """Return the robot as MJCF, written to a file if `path` is given.
 
-        return as_mjcf(self, path)
+        Raises
+        ------
+        RobotError
+            If its masses are not known.
+        FileError
+            If the file cannot be written.
+        """
+        return as_mjcf(self, self.to_dict(), path)
 
     def to_urdf(self, path: str | Path | None = None) -> str:
-        """Return the robot as URDF, see `mlivr_gym.robot.export`; written to `path` if given."""
-        from mlivr_gym.robot.export import as_urdf
+        """Return the robot as URDF, written to a file if `path` is given; errors as in `to_mjcf`.
 
-        return as_urdf(self, path)
+        Its capsules are those of URDF 1.2.
+        """
+        return as_urdf(self, self.to_dict(), path)
 
 
 SIZE = Tuples((), 0.0, LONGEST_ROBOT, "m")

@@ -120,9 +120,8 @@ def piece_rows(robot: RobotSpec, regrasp: Regrasp, piece: PathSegment, limits: L
     first, second = piece.curve(shares, 1), piece.curve(shares, 2)
     still = np.zeros_like(first)
     asked = needed(robot, holding, positions, np.stack([still, first]), np.stack([first, second]))
-    dynamics = robot.limb_dynamics
-    torque = limits.torque * np.tile(dynamics.torque_limits, robot.limbs)
-    speed = limits.speed * np.tile(dynamics.speed_limits, robot.limbs)
+    torque = limits.torque * robot.torque_limits.reshape(-1)
+    speed = limits.speed * robot.speed_limits.reshape(-1)
     torques = asked.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
     wrenches = asked.wrenches.swapaxes(0, 1)
     forces = np.concatenate(

@@ -59,9 +59,15 @@ def build(
     Raises
     ------
     NodeTableError
-        If the sets of points are not known, which are those of three or four
-        limbs; if steps are not checked, or there are obstacles or occupied points.
+        If limbs differ or are not mounted evenly; if the sets of points are not known, which are
+        those of three or four limbs; if steps are not checked, or there are obstacles or occupied
+        points.
     """
+    if not graph.robot.is_symmetric:
+        raise NodeTableError(
+            "tables of nodes are built for robots whose limbs are equal and mounted evenly round a "
+            f"cube; robot {graph.robot.name!r} plans without one"
+        )
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
     each, parts = AT_ONCE // len(_orders(limbs)), parts or Parts(None)

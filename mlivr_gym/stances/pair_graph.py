@@ -215,7 +215,7 @@ class PairGraph(StanceGraph):
         They are not tried.
         """
         robot = self.robot
-        reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        reach = 2.0 * robot.reach
         pairs = scipy.spatial.cKDTree(self.grasp_map.positions).query_pairs(
             reach, output_type="ndarray"
         )

@@ -18,7 +18,7 @@ SHORTEST_GRIPPER = 0.01
 
 
 @dataclass(frozen=True)
-class LimbBodies:
+class LimbParts:
     """Bodies of a limb by their numbers in the model."""
 
     base: tuple[int, ...]
@@ -32,14 +32,14 @@ class LimbBodies:
     tool_length: float
     """Distance from the flange to the tool frame [m]."""
 
-    def parts(self, frames: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
+    def with_frames(self, frames: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
         """Yield base and links, each with its frame; `frames` has shape (7, 4, 4)."""
         return zip((self.base, *self.links), frames, strict=True)
 
 
-def limb_bodies(
+def limb_parts(
     file: Description, arms: tuple[FileArm, ...], number: int, with_gripper: bool
-) -> LimbBodies:
+) -> LimbParts:
     """Return the bodies of a limb.
 
     Parameters
@@ -67,10 +67,10 @@ def limb_bodies(
         if length < SHORTEST_GRIPPER or off > MEETING:
             gripper, flange, length = (), tool, 0.0
     links[-1] = tuple(body for body in links[-1] if body not in gripper)
-    return LimbBodies(_base(file, arms, number), tuple(links), gripper, flange, round(length, 9))
+    return LimbParts(_base(file, arms, number), tuple(links), gripper, flange, round(length, 9))
 
 
-def robot_bodies(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
+def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
     """Return the bodies that belong to the robot's body, its root first.
 
     Raises
@@ -125,7 +125,7 @@ def _base(file: Description, arms: tuple[FileArm, ...], number: int) -> tuple[in
     """Return the bodies that fix a limb, and no other, to the robot's body."""
     model = file.model
     before = [set(above(model, int(model.body_parentid[arm.first]))) for arm in arms]
-    others = set().union(*(bodies for k, bodies in enumerate(before) if k != number))
+    others = set().union(*(found for k, found in enumerate(before) if k != number))
     alone = before[number] - others
     moving = {link for arm in arms for link in arm.links}
     if len(arms) > 1 and alone and not others:
