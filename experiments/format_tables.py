@@ -11,8 +11,10 @@ from reports import table
 
 from mlivr_gym.motion.plan_files import FORM, FORMAT, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.kinds import SizeOrEdges
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
+from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.schema import (
     Anything,
@@ -103,6 +105,8 @@ def kind_in_words(kind: Any) -> str:
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
         case Anything():
             return "anything"
+        case SizeOrEdges():
+            return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
         case Named():
             return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
                 f"`{name}`" for name in ARMS
@@ -133,8 +137,8 @@ def _listed(kind: Listed[Any]) -> str:
 
 def attributes(made: type) -> dict[str, str]:
     """What a class says of its attributes in its docstring."""
-    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes:\n")[2]
-    found = re.findall(r"^    (\w+): ((?:.*(?:\n        .*)*))", text, re.MULTILINE)
+    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
+    found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
     said = {name: " ".join(meaning.split()) for name, meaning in found}
     for name, meaning in re.findall(
         r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE
@@ -183,6 +187,7 @@ def tables() -> dict[str, str]:
                 fields(LIMB, title="A limb:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
+                fields(MOUNT, title="A mount:"),
             )
         ),
         "fields_plan": "\n".join(
