@@ -11,8 +11,10 @@ from reports import table
 
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.kinds import SizeOrEdges
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
+from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.schema import (
     Anything,
@@ -105,6 +107,8 @@ def kind_in_words(kind: Any) -> str:
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
         case Anything():
             return "anything"
+        case SizeOrEdges():
+            return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
         case Named():
             return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
                 f"`{name}`" for name in ARMS
@@ -185,6 +189,7 @@ def tables() -> dict[str, str]:
                 fields(LIMB, title="A limb:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
+                fields(MOUNT, title="A mount:"),
             )
         ),
         "fields_plan": "\n".join(

@@ -157,7 +157,7 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> PairGraph:
 
 def unlimited(robot: RobotSpec) -> RobotSpec:
     """Return the robot with a span beyond the reach of its limbs, which has no effect."""
-    return replace(robot, span=2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length))
+    return replace(robot, span=2.0 * robot.reach)
 
 
 Row = Mapping[str, Any]

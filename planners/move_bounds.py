@@ -38,8 +38,7 @@ class MoveBounds:
     def __init__(self, graph: StanceGraph, goal: Goal) -> None:
         """Compute the moves to a goal."""
         robot, positions = graph.robot, graph.grasp_map.positions
-        reach = robot.mount_radius + robot.limb.reach + robot.tool_length
-        at_goal = goal.distance(positions) <= reach + goal.tolerance + 1e-9
+        at_goal = goal.distance(positions) <= robot.reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
             at_goal &= goal.on_face
         self.alone: Array = np.where(at_goal, 0.0, 1.0)

@@ -66,10 +66,13 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "fingerprint": robot.fingerprint,
             "limbs": robot.limbs,
             "span": robot.span,
+            "mounts": "even" if robot.mounts is None else "named, one for each limb",
             "mount_radius": robot.mount_radius,
             "characteristic_length": robot.characteristic_length,
             "body_size": robot.body_size,
             "capsules_of_a_limb": len(robot.shapes),
+            "masses_and_limits": robot.dynamics_source,
+            **({"source": robot.source} if robot.source else {}),
         },
         "settings": asdict(graph.settings) | {"base_threshold": graph.base_threshold},
         "stance_graph": {

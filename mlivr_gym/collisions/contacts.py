@@ -18,7 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import FLUSH
 from mlivr_gym.collisions.allowed_collisions import BODY
 from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
-from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb
 from mlivr_gym.collisions.placement import Placed, place_in_body
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
@@ -68,7 +68,8 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     Returns
     -------
     Array
-        Shape (N, c, 2, 3) for N limbs with c moving capsules each.
+        Shape (N, c, 2, 3) for N limbs with at most c moving capsules each; NaN where a limb has
+        fewer.
 
     Raises
     ------
@@ -77,11 +78,13 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
     """
     position, quaternion, joints = checked_configuration(robot, configuration)
     base = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    out, placed = np.empty((robot.limbs, len(shapes), 2, 3)), Placed.rows(1)
+    most = max(len(limb.names) for limb in shapes.each)
+    out, placed = np.full((robot.limbs, most, 2, 3), np.nan), Placed.rows(1)
     for i in range(robot.limbs):
         placed["q"] = joints[i]
         place_in_body(shapes.rows, i, placed)
-        out[i] = placed["in_body"]["ends"][0, : len(shapes)]
+        count = len(shapes.each[i].names)
+        out[i, :count] = placed["in_body"]["ends"][0, :count]
     ends: Array = out @ base.T + position
     return ends
 
@@ -160,26 +163,27 @@ def contacts(
 
 def _robot_distances(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Yield the distances between the robot's own shapes; `ends` are in the body frame [m]."""
-    radius, names, fixed = shapes.radii, _names(shapes), _mount_names(robot, shapes)
-    half = triple(shapes.robot["half"])
+    fixed, half = mount_names(robot), triple(shapes.robot["half"])
     for i in range(robot.limbs):
-        for c in range(len(shapes)):
+        limb, names = shapes.each[i], _names(shapes.each[i])
+        radius = limb.radii
+        for c in range(len(names)):
             name = f"limb{i}/{names[c]}"
             p, u = _axis(ends[i, c])
-            if shapes.links[c] >= 2:
+            if limb.links[c] >= 2:
                 yield name, BODY, segment_box_distance(p, u, half) - radius[c]
                 for m, (mount, row) in enumerate(zip(fixed, shapes.mounts, strict=True)):
-                    if shapes.links[c] >= shapes.robot["limbs"][i]["first_link"][m]:
+                    if limb.links[c] >= shapes.robot["limbs"][i]["first_link"][m]:
                         distance = segments_distance(p, u, *_axis(row["ends"]))
                         yield name, mount, distance - radius[c] - row["radius"]
-            for d, j in shapes.pairs.tolist():
+            for d, j in limb.pairs.tolist():
                 if d == c:
                     distance = segments_distance(p, u, *_axis(ends[i, j]))
                     yield name, f"limb{i}/{names[j]}", distance - radius[c] - radius[j]
             for k in range(i + 1, robot.limbs):
-                for j in range(len(shapes)):
+                for j, other in enumerate(_names(shapes.each[k])):
                     distance = segments_distance(p, u, *_axis(ends[k, j]))
-                    yield name, f"limb{k}/{names[j]}", distance - radius[c] - radius[j]
+                    yield name, f"limb{k}/{other}", distance - radius[c] - shapes.each[k].radii[j]
 
 
 def _limb_box_distances(
@@ -190,9 +194,9 @@ def _limb_box_distances(
     clearance: float,
 ) -> Iterator[Pair]:
     """Yield the distances of moving capsules from boxes that may be closer than the clearance."""
-    radius, names = shapes.radii, _names(shapes)
-    gripper = int(shapes.limb["gripper"])
-    for i, limb in enumerate(ends):
+    for i, parts in enumerate(shapes.each):
+        radius, names = parts.radii, _names(parts)
+        limb, gripper = ends[i, : len(names)], int(shapes.robot["limbs"][i]["gripper"])
         around = _boxes_nearby(limb, radius, boxes, clearance)
         for c, axis in enumerate(limb):
             for box in (boxes[b] for b in around[c]):
@@ -214,7 +218,7 @@ def _base_box_distances(
 ) -> Iterator[Pair]:
     """Yield the distances of body and mounts from boxes that may be closer than the clearance."""
     position, rotation = base
-    half, names = shapes.robot["half"], _mount_names(robot, shapes)
+    half, names = shapes.robot["half"], mount_names(robot)
     body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
     for box in boxes:
         if _box_distance(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
@@ -264,11 +268,10 @@ def _edges(box: Box) -> Array:
     return edges
 
 
-def _mount_names(robot: RobotSpec, shapes: LimbShapes) -> list[str]:
+def mount_names(robot: RobotSpec) -> list[str]:
     """Return the names of the capsules fixed to the body, limb by limb."""
-    count = len(shapes.mounts)
-    per_limb = max(count // robot.limbs, 1)
-    return [f"limb{m // per_limb}/base/{m % per_limb}" for m in range(count)]
+    counts = [sum(c.link == "base" for c in mount.capsules or ()) for mount in robot.mounted]
+    return [f"limb{i}/base/{m}" for i, count in enumerate(counts) for m in range(count)]
 
 
 @lru_cache(maxsize=8)
@@ -277,7 +280,7 @@ def _shapes(robot: RobotSpec) -> LimbShapes:
     return LimbShapes(robot)
 
 
-def _names(shapes: LimbShapes) -> list[str]:
+def _names(shapes: ShapesOfLimb) -> list[str]:
     """Return the names of a limb's moving capsules: the link, and the number on that link."""
     return [f"{name}/{shapes.names[:c].count(name)}" for c, name in enumerate(shapes.names)]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
 """Maximum number of pairs of capsules of one limb."""
@@ -106,6 +107,21 @@ class RobotModel(Record):
     """These capsules, compared with boxes: four about the body (`cube_capsules`) and the mounts."""
 
 
+class ShapesOfLimb(NamedTuple):
+    """Capsules of one limb in the frames of their links."""
+
+    names: tuple[str, ...]
+    """Link of each capsule that moves, c of them, from the mount on."""
+    links: IntArray
+    """Number of that link, shape (c,)."""
+    ends: Array
+    """Ends of their axes [m], shape (c, 2, 3)."""
+    radii: Array
+    """Their radii [m], shape (c,)."""
+    pairs: IntArray
+    """Pairs of them that are compared, shape (k, 2)."""
+
+
 class LimbShapes:
     """Collision capsules of a robot, and the pairs of them that are compared.
 
@@ -120,7 +136,9 @@ class LimbShapes:
     robot
         The record itself.
     limb
-        The first limb of the record; in their link frames all limbs have the same capsules.
+        The first limb of the record; most robots have equal limbs in their link frames.
+    each
+        Capsules of every limb; the attributes below are those of the first.
     links
         Link index of each moving capsule, shape (c,).
     ends
@@ -135,66 +153,64 @@ class LimbShapes:
 
     def __init__(self, spec: RobotSpec) -> None:
         """Build the record of a robot from its specification."""
-        capsules = sorted(spec.shapes, key=lambda capsule: LINKS.index(capsule.link))
-        moving = [capsule for capsule in capsules if capsule.link != "base"]
-        self.names = tuple(capsule.link for capsule in moving)
         self.rows = RobotModel.rows(1)
         self.robot: RobotModel = self.rows[0]
         robot = self.robot
         robot["limb_count"] = spec.limbs
         for name in ("tool_length", "lift", "characteristic_length"):
             robot[name] = getattr(spec, name)
-        folds = spec.limb.folds_in_windows(spec.folds)
+        folds = _common_folds(spec)
         robot["fold_count"] = len(folds)
         robot["folds"][: len(folds)] = folds
-        robot["half"][:] = 0.5 * spec.body_size
-        self._add_limbs(spec, moving)
-        fixed = [capsule for capsule in capsules if capsule.link == "base"]
-        self._add_mounts(spec, fixed, capsules)
+        robot["half"][:] = 0.5 * spec.body_edges
+        self._are_equal = len({(m.limb, m.capsules) for m in spec.mounted}) == 1
+        self.each = tuple(self._add_limb(spec, i) for i in range(spec.limbs))
+        self._add_mounts(spec)
         self.limb: LimbModel = robot["limbs"][0]
-        of_limb = self.limb["capsules"][: self.limb["capsule_count"]]
-        self.links: IntArray = of_limb["link"]
-        self.ends: Array = of_limb["ends"]
-        self.radii: Array = of_limb["radius"]
-        self.pairs: IntArray = self.limb["pairs"][: self.limb["pair_count"]]
+        self.names, self.links, self.ends, self.radii, self.pairs = self.each[0]
         self.mounts: Any = robot["mounts"][: robot["mount_count"]]
 
-    def _add_limbs(self, spec: RobotSpec, moving: list[Capsule]) -> None:
+    def _add_limb(self, spec: RobotSpec, i: int) -> ShapesOfLimb:
+        kinematics = spec.every_limb[i]
+        moving = [capsule for capsule in _sorted_capsules(spec, i) if capsule.link != "base"]
+        names = tuple(capsule.link for capsule in moving)
         on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
         pairs = [
-            (i, j)
-            for i in range(len(moving))
-            for j in range(i + 1, len(moving))
-            if _can_meet(spec, moving[i], moving[j])
+            (a, b)
+            for a in range(len(moving))
+            for b in range(a + 1, len(moving))
+            if _can_meet(kinematics, moving[a], moving[b])
         ]
-        for i in range(spec.limbs):
-            limb = self.robot["limbs"][i]
-            limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
-            limb["mount"]["position"][:] = spec.mount_positions[i]
-            limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-            set_arm(limb["arm"], spec.limb.lengths, spec.limb.windows, spec.limb.family_code)
-            limb["gripper"] = sum(name != "gripper" for name in self.names)
-            limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
-            limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-            for c, capsule in enumerate(moving):
-                row = limb["capsules"][c]
-                row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
-                row["ends"][:] = capsule.start, capsule.end
-                for e, end in enumerate(row["ends"]):
-                    row["anchors"][e], row["anchor_distances"][e] = _anchor(
-                        spec, int(row["link"]), end
-                    )
+        limb = self.robot["limbs"][i]
+        limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
+        limb["mount"]["position"][:] = spec.mount_positions[i]
+        limb["mount"]["rotation"][:] = spec.mount_rotations[i]
+        set_arm(limb["arm"], kinematics.lengths, kinematics.windows, kinematics.family_code)
+        limb["gripper"] = sum(name != "gripper" for name in names)
+        limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
+        limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        for c, capsule in enumerate(moving):
+            row = limb["capsules"][c]
+            row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
+            row["ends"][:] = capsule.start, capsule.end
+            for e, end in enumerate(row["ends"]):
+                anchor, distance = _anchor(kinematics, int(row["link"]), end)
+                row["anchors"][e], row["anchor_distances"][e] = anchor, distance
+        of_limb = limb["capsules"][: len(moving)]
+        compared: IntArray = limb["pairs"][: len(pairs)]
+        return ShapesOfLimb(names, of_limb["link"], of_limb["ends"], of_limb["radius"], compared)
 
-    def _add_mounts(self, spec: RobotSpec, fixed: list[Capsule], capsules: list[Capsule]) -> None:
+    def _add_mounts(self, spec: RobotSpec) -> None:
         robot = self.robot
-        round_ends, round_radius = cube_capsules(float(robot["half"][0]))
+        round_ends, round_radius = box_capsules(robot["half"])
         for k in range(4):
             robot["base_capsules"][k]["ends"][:] = round_ends[k]
             robot["base_capsules"][k]["radius"] = round_radius[k]
         count = 0
         for limb in range(spec.limbs):
             rotation, position = spec.mount_rotations[limb], spec.mount_positions[limb]
-            for capsule in fixed:
+            capsules = _sorted_capsules(spec, limb)
+            for capsule in (capsule for capsule in capsules if capsule.link == "base"):
                 row = robot["mounts"][count]
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
@@ -211,22 +227,76 @@ class LimbShapes:
         They are neighbours, or cannot touch each other.
         """
         names = (BODY, *LINKS)
-        compared = {(self.names[i], self.names[j]) for i, j in self.pairs.tolist()}
+        mine, _, _, _, pairs = self.each[limb]
+        compared = {(mine[i], mine[j]) for i, j in pairs.tolist()}
         least = self.robot["limbs"][limb]["first_link"][: self.robot["mount_count"]]
-        meets_base = {name for name in self.names if LINKS.index(name) >= least.max(initial=2)}
-        compared |= {(BODY, name) for name in self.names if LINKS.index(name) >= 2}
+        meets_base = {name for name in mine if LINKS.index(name) >= least.max(initial=2)}
+        compared |= {(BODY, name) for name in mine if LINKS.index(name) >= 2}
         compared |= {("base", name) for name in meets_base}
         return [
             (a, b) for k, a in enumerate(names) for b in names[k + 1 :] if (a, b) not in compared
         ]
+
+    @property
+    def hands(self) -> list[Any]:
+        """The robot for each of its different limbs, which comes first there, see `check_hands`."""
+        out = []
+        for i in range(1 if self._are_equal else self.robot["limb_count"]):
+            rows = self.rows.copy()
+            rows["limbs"][0, 0] = self.rows["limbs"][0, i]
+            out.append(rows)
+        return out
 
     def __len__(self) -> int:
         """Return the number of moving capsules of a limb."""
         return len(self.names)
 
 
+def _sorted_capsules(spec: RobotSpec, limb: int) -> list[Capsule]:
+    """Return the capsules of a limb from the mount on."""
+    shapes = spec.mounted[limb].capsules or ()
+    return sorted(shapes, key=lambda capsule: LINKS.index(capsule.link))
+
+
+def _common_folds(spec: RobotSpec) -> Array:
+    """Return the folds that lie in the windows of every limb, shape (k, 5) [rad]."""
+    folds = spec.every_limb[0].folds_in_windows(spec.folds)
+    for limb in spec.every_limb[1:]:
+        low, high = limb.windows[:5].T
+        folds = folds[((folds >= low) & (folds <= high)).all(axis=1)]
+    return folds
+
+
+def box_capsules(half: Array) -> tuple[Array, Array]:
+    """Return four capsules that together contain a box, see `cube_capsules`.
+
+    They run along the longest edge, each in a quarter of the box.
+
+    Parameters
+    ----------
+    half
+        Half edges [m], shape (3,).
+
+    Returns
+    -------
+    tuple[Array, Array]
+        Ends, shape (4, 2, 3), and radii, shape (4,) [m].
+    """
+    if (half == half[0]).all():
+        return cube_capsules(float(half[0]))
+    along = int(np.argmax(half))
+    across = [k for k in range(3) if k != along]
+    short = 0.5 * float(half.min())
+    ends = np.zeros((4, 2, 3))
+    ends[:, :, along] = short - half[along], half[along] - short
+    for k, (a, b) in enumerate(((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5))):
+        ends[k, :, across] = np.array([a, b])[:, None] * half[across][:, None]
+    radius = float(np.sqrt((0.25 * half[across] ** 2).sum() + short * short))
+    return ends, np.full(4, radius)
+
+
 def cube_capsules(half: float) -> tuple[Array, Array]:
-    """Return four capsules that together contain a cube of half edge `half` [m].
+    """Four capsules that together contain a cube of half edge `half` [m].
 
     Each contains a quarter of the cube: the spheres at its ends contain an eighth each. The
     capsules protrude from the faces by 0.37 half edges; the sphere about the cube protrudes by
@@ -242,12 +312,12 @@ def cube_capsules(half: float) -> tuple[Array, Array]:
     return ends, np.full(4, np.sqrt(3.0) * at)
 
 
-def _can_meet(robot: RobotSpec, first: Capsule, second: Capsule) -> bool:
+def _can_meet(limb: AnyLimb, first: Capsule, second: Capsule) -> bool:
     """Return whether two capsules of one limb are compared, see `allowed_collisions`."""
     row = allowed_pair(first.link, second.link)
     if row is None or not row.checked:
         return row is None
-    offsets = robot.limb.side_offsets
+    offsets = limb.side_offsets
     if offsets is None:
         return True
     links = LINKS.index(first.link), min(LINKS.index(second.link), 6)
@@ -276,12 +346,12 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
     )
 
 
-def _anchor(robot: RobotSpec, link: int, end: Array) -> tuple[int, float]:
+def _anchor(limb: AnyLimb, link: int, end: Array) -> tuple[int, float]:
     """Return the anchor of a capsule end, see `placement`, and its distance from that anchor [m].
 
     `end` is given in the link frame [m]. Of several possible anchors the closest is taken.
     """
-    options = robot.limb.anchors[link]
+    options = limb.anchors[link]
     arms = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
     arm, anchor = min(arms)
     return anchor, arm

@@ -155,7 +155,7 @@ def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> N
     given, robot = _rotations(motion)[k], graph.robot
     places, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
-        place, turn = _flange(robot.limb.link_offsets, motion.joint_positions[k, i])
+        place, turn = _flange(robot.every_limb[i].link_offsets, motion.joint_positions[k, i])
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
             (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),

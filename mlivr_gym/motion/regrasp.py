@@ -192,7 +192,7 @@ class RegraspPath:
 
     def _is_feasible_in_task_space(self) -> bool:
         """Return whether the gripper can move on a straight line within limits, without jumps."""
-        limits = self.graph.robot.limb.limits
+        limits = self.graph.robot.joint_limits[self.regrasp.limb]
         try:
             joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))
         except PlanError:

@@ -185,7 +185,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     positions, rotations = path.base(u)
     joints = path.supports(u)
     joints[:, step.limb] = moving
-    _check_limits(graph.robot.limb.limits, joints, times)
+    _check_limits(graph.robot.joint_limits, joints, times)
     grasps = np.tile(np.array(step.before), (count, 1))
     grasps[:, step.limb] = FREE
     grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
@@ -208,7 +208,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
 
 def _check_limits(limits: Array, joints: Array, times: Array) -> None:
     """Check that all joint angles are inside the joint limits."""
-    excess = np.maximum(limits[:, 0] - joints, joints - limits[:, 1])
+    excess = np.maximum(limits[..., 0] - joints, joints - limits[..., 1])
     if excess.max() > LIMIT_TOLERANCE:
         k, limb, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
         raise PlanError(

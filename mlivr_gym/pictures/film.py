@@ -197,12 +197,13 @@ def film_cameras(
     `aspect` is the width of a picture divided by its height.
     """
     shapes = LimbShapes(robot)
-    around = max(float(shapes.radii.max()), np.sqrt(0.75) * robot.body_size)
+    around = max(float(limb.radii.max()) for limb in shapes.each)
+    around = max(around, robot.body_radius)
     bases = [configuration[0] for configuration in configurations]
-    ends = [
-        np.vstack([base, capsule_ends(robot, shapes, configuration).reshape(-1, 3)])
-        for base, configuration in zip(bases, configurations, strict=True)
-    ]
+    ends = []
+    for base, configuration in zip(bases, configurations, strict=True):
+        places = np.vstack([base, capsule_ends(robot, shapes, configuration).reshape(-1, 3)])
+        ends.append(places[~np.isnan(places[:, 0])])
     everywhere = np.concatenate(ends)
     _, y, z = (0.5 * (everywhere.min(axis=0) + everywhere.max(axis=0))).tolist()
     cameras = [

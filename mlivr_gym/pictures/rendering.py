@@ -93,7 +93,7 @@ class SceneRenderer:
         self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
         self.model = compiled(studio_spec(grasp_map, robot, obstacles))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
-        self._rise = max(robot.heights) + 0.5 * robot.body_size
+        self._rise = max(robot.heights) + 0.5 * float(robot.body_edges[2])
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
             # Registered after the GL loader's exit hook, hence run before it.

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration, capsule_ends
+from mlivr_gym.collisions.contacts import Configuration, capsule_ends, mount_names
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.pictures.figures import box_faces
 from mlivr_gym.robot.capsules import LINKS
@@ -96,17 +96,16 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     faces = box_faces(body)
     edges = np.stack([faces[:4], np.roll(faces[:4], -1, axis=1)], axis=2).reshape(-1, 2, 3)
     parts = [Part("body", BODY_COLOUR, faces, edges, box=body)]
-    per_limb = max(len(shapes.mounts) // robot.limbs, 1)
-    for m, mount in enumerate(shapes.mounts):
-        name = f"limb{m // per_limb}/base/{m % per_limb}"
+    for name, mount in zip(mount_names(robot), shapes.mounts, strict=True):
         ends = mount["ends"] @ rotation.T + position
         parts.append(_capsule(name, MOUNT_COLOUR, ends, float(mount["radius"])))
     for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
-        for c, link in enumerate(shapes.names):
-            name = f"limb{i}/{link}/{shapes.names[:c].count(link)}"
-            parts.append(_capsule(name, _link_colour(i, link), limb[c], float(shapes.radii[c])))
+        names, radii = shapes.each[i].names, shapes.each[i].radii
+        for c, link in enumerate(names):
+            name = f"limb{i}/{link}/{names[:c].count(link)}"
+            parts.append(_capsule(name, _link_colour(i, link), limb[c], float(radii[c])))
         middle = position + rotation @ robot.mount_positions[i]
-        parts += _joints(i, [np.stack([middle, middle]), *limb])
+        parts += _joints(i, [np.stack([middle, middle]), *limb[: len(names)]])
     return parts
 
 

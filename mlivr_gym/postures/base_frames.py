@@ -13,7 +13,7 @@ OPPOSED = 0.2
 
 
 def base_frames(
-    grasps: Array, normals: Array, rails: Array
+    grasps: Array, normals: Array, rails: Array, mounts: Array | None = None
 ) -> tuple[Array, Array, Array, BoolArray]:
     """Compute the body axes of stances at roll zero, in the frame in which the grasps are given.
 
@@ -30,6 +30,8 @@ def base_frames(
         Surface normals, shape (k, N, 3).
     rails
         Rail directions at the first grasps, shape (k, 3).
+    mounts
+        Directions of the mounts across the body's z axis, shape (N, 2); None for equal angles.
 
     Returns
     -------
@@ -57,13 +59,15 @@ def base_frames(
     e1[upright] = _perpendicular(sides, outward)[upright]
     e1 = unit(e1)
     e2 = np.cross(outward, e1)
-    (cosine, sine), is_mirrored = _fit_yaw(grasps, e1, e2)
+    (cosine, sine), is_mirrored = _fit_yaw(grasps, e1, e2, mounts)
     x = cosine[:, None] * e1 + sine[:, None] * e2
     z = np.where(is_mirrored[:, None], -outward, outward)
     return np.stack([x, np.cross(z, x), z], axis=2), outward, line, opposed
 
 
-def _fit_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], BoolArray]:
+def _fit_yaw(
+    grasps: Array, e1: Array, e2: Array, mounts: Array | None
+) -> tuple[tuple[Array, Array], BoolArray]:
     """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
     Returns
@@ -74,8 +78,9 @@ def _fit_yaw(grasps: Array, e1: Array, e2: Array) -> tuple[tuple[Array, Array], 
     """
     limbs = grasps.shape[1]
     angles = 2.0 * np.pi * np.arange(limbs) / limbs
+    across = (np.cos(angles), np.sin(angles)) if mounts is None else (mounts[:, 0], mounts[:, 1])
     fit, mirrored = np.zeros((2, len(grasps))), np.zeros((2, len(grasps)))
-    for limb, (c, s) in enumerate(zip(np.cos(angles), np.sin(angles), strict=True)):
+    for limb, (c, s) in enumerate(zip(*across, strict=True)):
         u, v = dots(grasps[:, limb], e1), dots(grasps[:, limb], e2)
         fit += u * c + v * s, v * c - u * s
         mirrored += u * c - v * s, v * c + u * s

@@ -83,13 +83,13 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
     given = numbers(joints, shape, "start_joints (six angles for each limb [rad])", SettingError)
     given = given.reshape(robot.limbs, 6)
-    limits = robot.limb.limits
+    limits = robot.joint_limits
     outside = np.argwhere(
-        (given < limits[:, 0] - LIMIT_TOLERANCE) | (given > limits[:, 1] + LIMIT_TOLERANCE)
+        (given < limits[..., 0] - LIMIT_TOLERANCE) | (given > limits[..., 1] + LIMIT_TOLERANCE)
     )
     if len(outside):
         limb, joint = outside[0]
-        low, high = limits[joint]
+        low, high = limits[limb, joint]
         raise SettingError(
             f"start_joints: joint {joint + 1} of limb {limb} is at {given[limb, joint]:.4f} rad, "
             f"outside its limits {low:.4f} to {high:.4f} rad"
@@ -155,7 +155,7 @@ def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
     StanceError
         If a joint is outside its window.
     """
-    low, high = robot.limb.windows.T
+    low, high = robot.every_limb[limb].windows.T
     outside = np.flatnonzero((joints < low - JOINT_TOLERANCE) | (joints > high + JOINT_TOLERANCE))
     if len(outside):
         j = int(outside[0])

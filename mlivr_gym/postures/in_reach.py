@@ -129,6 +129,7 @@ def reach_queries(
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], heights_and_rolls)
     out["rule"]["thresholds"]["w_m"] = w_m
+    # The limbs are equal: other robots are not asked, see `PostureSolver.in_reach`.
     limbs_reach = robot.limb.farthest_flange(robot.characteristic_length, w_m)
     out["farthest"] = robot.mount_radius + limbs_reach
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance

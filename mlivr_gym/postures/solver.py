@@ -132,10 +132,14 @@ class PostureSolver:
         return Surroundings(self.grasps, grid, self.settings.clearance)
 
     def hands_touch(self, grid: BoxGrid) -> IntArray:
-        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,)."""
-        out = np.zeros(len(self.grasp_map), dtype=np.int64)
-        check_hands(self.shapes.rows, self.surroundings(grid), QueryScratch.rows(1), out)
-        return out
+        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,).
+
+        A point counts whose surroundings a hand of any limb touches.
+        """
+        out = np.zeros((len(self.shapes.hands), len(self.grasp_map)), dtype=np.int64)
+        for rows, causes in zip(self.shapes.hands, out, strict=True):
+            check_hands(rows, self.surroundings(grid), QueryScratch.rows(1), causes)
+        return np.array(out.max(axis=0), dtype=np.int64)
 
     def clear_of_boxes(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
@@ -181,7 +185,7 @@ class PostureSolver:
         With `nodes_only` a stance that cannot be held has zero masks and no other result; this is
         much faster.
         """
-        if self.robot.limbs == 2:
+        if self.robot.limbs == 2 or not self.robot.is_symmetric:
             return self._solve(stances, nodes_only)
         turns = first_limbs(self.grasp_map, stances)
         return self._solve(permuted_limbs(stances, turns), nodes_only).permuted_limbs(-turns)
@@ -299,7 +303,7 @@ class PostureSolver:
         in the numbers of `Postures.tried` heights do.
         """
         points = np.array([stance], dtype=np.int64)
-        turns = first_limbs(self.grasp_map, points)
+        turns = first_limbs(self.grasp_map, points, self.robot.is_symmetric)
         held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
         frames, heights, rolls, *between_walls = Candidates.of(self.robot, held)
         frame, out, line, opposed = (part[0] for part in frames)
@@ -328,6 +332,8 @@ class PostureSolver:
             Maximum distance of the base from it [m].
         """
         robot = self.robot
+        if not robot.is_symmetric:
+            return np.ones(len(sets), dtype=np.bool_)
         candidates = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, candidates[1:], target, tolerance)

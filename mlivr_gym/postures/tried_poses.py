@@ -51,7 +51,12 @@ class Candidates(NamedTuple):
         """Return a robot's candidates for given grasps."""
         opposed_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         return cls(
-            base_frames(held.grasps, held.normals, np.ascontiguousarray(held.rails[:, 0])),
+            base_frames(
+                held.grasps,
+                held.normals,
+                np.ascontiguousarray(held.rails[:, 0]),
+                robot.mount_directions if robot.mounts else None,
+            ),
             np.array(robot.heights),
             np.array(robot.rolls),
             np.array(OPPOSED_HEIGHTS),
@@ -130,7 +135,7 @@ def bases_at(
     tuple[Array, Array]
         Positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
     """
-    turns = first_limbs(grasp_map, stances)
+    turns = first_limbs(grasp_map, stances, robot.is_symmetric)
     positions, rotations = bases_of_ordered(
         grasp_map, robot, permuted_limbs(stances, turns), numbers
     )

@@ -56,15 +56,16 @@ def lowest_first(stances: IntArray) -> IntArray:
     return turns
 
 
-def first_limbs(grasp_map: GraspMap, stances: IntArray) -> IntArray:
+def first_limbs(grasp_map: GraspMap, stances: IntArray, is_symmetric: bool = True) -> IntArray:
     """Return the limbs with which the rule of postures starts, shape (k, N) -> (k,).
 
     It is the limb whose point is closest to the centroid. Among limbs at equal distances, it is the
     one from which on, limb by limb, the distances from the centroid and then the distances to the
     next point are smaller. Only in stances that are images of themselves the axes of the map
-    decide: the lower x, y, z. Of two limbs it is limb 0.
+    decide: the lower x, y, z. Of two limbs it is limb 0, as of limbs that differ or are not mounted
+    evenly.
     """
-    if stances.shape[1] == 2:
+    if stances.shape[1] == 2 or not is_symmetric:
         return np.zeros(len(stances), dtype=np.int64)
     positions = grasp_map.positions[stances]
     away = _rounded(positions - positions.mean(axis=1, keepdims=True))

@@ -58,3 +58,17 @@ CAPSULE = Struct(
     },
 )
 """Fields of a `Capsule`."""
+
+
+def check_moving(capsules: tuple[Capsule, ...] | None, place: FieldPath) -> None:
+    """Refuse collision shapes of a limb of which none moves.
+
+    Raises
+    ------
+    MlivrError
+        If none of the capsules is on a link that moves.
+    """
+    if capsules is not None and all(shape.link == "base" for shape in capsules):
+        raise place.field("capsules").fault(
+            "has none on a link that moves; leave it out for those of the UR5e"
+        )

@@ -52,7 +52,10 @@ a limb can fold, stay folded and unfold.
 CELLS = 256
 """Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
 
-LinkOffset = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+LinkQuaternion = tuple[float, float, float, float]
+"""A unit quaternion w, x, y, z."""
+
+LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
 """Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
 
 AnchorPlace = tuple[int, tuple[float, float, float]]
@@ -68,6 +71,11 @@ class LimbBase:
     """Joint limits and windows of a limb of six moving joints, of any family."""
 
     window_starts: tuple[float, ...]
+
+    @property
+    def lengths(self) -> Array:
+        """Lengths of the family [m]."""
+        raise NotImplementedError
 
     @property
     def limits(self) -> Array:
@@ -165,7 +173,7 @@ class Limb(LimbBase):
 
     @property
     def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's base [m], from it on."""
+        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
         d1, a2, a3, d4, d5, d6 = np.abs(self.lengths).tolist()
         return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
 

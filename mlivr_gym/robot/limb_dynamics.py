@@ -18,8 +18,8 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb, LimbBase
-from mlivr_gym.schema import Choice, FieldPath, Kind, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
+from mlivr_gym.schema import Choice, FieldPath, Kind, Maybe, Struct, Tuples
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
 
 ARMS = ("ur3e", "ur5e", "ur10e")
 """Arms whose figures ship."""
@@ -38,8 +38,8 @@ class LimbDynamics:
     Attributes
     ----------
     base_mass
-        Mass of the link by which the limb is fixed to the body, a cylinder that stands
-        on it [kg].
+        Mass of the link by which the limb is fixed to the body, a cylinder that stands on it [kg];
+        0 if the body includes it.
     base_size
         Radius and length of that cylinder [m].
     masses
@@ -54,7 +54,11 @@ class LimbDynamics:
     speed_limits
         Largest speed of each joint [rad/s].
     rotor_inertias
-        Inertia of each joint's rotor, seen behind the gear [kg m^2].
+        Inertia of each joint's rotor, reflected through its gear [kg m^2].
+    base_centre
+        Centre of mass of the base link in the limb's base frame [m]; None for that of the cylinder.
+    base_inertia
+        Its inertia, in the order of `inertias` [kg m^2]; None for that of the cylinder.
     """
 
     base_mass: float
@@ -65,34 +69,46 @@ class LimbDynamics:
     torque_limits: tuple[float, ...]
     speed_limits: tuple[float, ...]
     rotor_inertias: tuple[float, ...]
+    base_centre: Triple | None = None
+    base_inertia: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
         place = FieldPath("dynamics", RobotError)
         LIMB_DYNAMICS.check(self, place)
-        for link, (xx, yy, zz, xy, xz, yz) in enumerate(self.inertias):
-            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
-                told = ", ".join(f"{moment:g}" for moment in moments)
-                raise (
-                    place.field("inertias")
-                    .entry(link)
-                    .fault(
-                        f"has the principal moments {told}; they must be above 0, and two of them "
-                        "together at least the third"
-                    )
-                )
+        for link, inertia in enumerate(self.inertias):
+            check_inertia(inertia, place.field("inertias").entry(link))
+        if self.base_inertia is not None:
+            check_inertia(self.base_inertia, place.field("base_inertia"))
+
+
+def check_inertia(inertia: tuple[float, ...], place: FieldPath) -> None:
+    """Refuse an inertia xx, yy, zz, xy, xz, yz [kg m^2] that no body can have.
+
+    Raises
+    ------
+    RobotError
+        If a principal moment is not above 0, or two add up to less than the third.
+    """
+    xx, yy, zz, xy, xz, yz = inertia
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+        told = ", ".join(f"{moment:g}" for moment in moments)
+        raise place.fault(
+            f"has the principal moments {told}; they must be above 0, and two of them "
+            "together at least the third"
+        )
 
 
 @cache
 def arm_data(name: str) -> dict[str, Any]:
-    """Figures of an arm with their sources, as shipped; `name` is one of `ARMS`."""
+    """Return the figures of an arm that ships, with their sources; `name` is one of `ARMS`."""
     return read_json(asset_path(f"{name}.json"), "robot", RobotError)
 
 
 @cache
 def arm_dynamics(name: str) -> LimbDynamics:
-    """Masses, inertias and limits of an arm that ships; `name` is one of `ARMS`."""
+    """Return the masses, inertias and limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     links, limits = data["links"], data["joint_limits"]
@@ -109,7 +125,7 @@ def arm_dynamics(name: str) -> LimbDynamics:
 
 
 def arm_limb(name: str) -> Limb:
-    """Lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
+    """Return the lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
     d1, a2, a3, d4, d5, d6 = (data["dh"][key] for key in ("d1", "a2", "a3", "d4", "d5", "d6"))
     limits = tuple((low, high) for low, high in data["joint_limits"]["position"])
@@ -123,6 +139,26 @@ def arm_of(limb: LimbBase) -> str | None:
         if np.abs(apart).max() < SAME_LENGTH:
             return name
     return None
+
+
+def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
+    """Return the dynamics of the arm that ships with the lengths of a limb.
+
+    Raises
+    ------
+    RobotError
+        If no arm that ships has them: another arm's figures would be wrong without notice.
+    """
+    name = arm_of(limb)
+    if name is None:
+        lengths = ", ".join(f"{length:g}" for length in limb.lengths)
+        raise RobotError(
+            f"robot {robot!r} cannot be simulated: its limbs' lengths {lengths} m are "
+            f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
+            "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
+            "to take that arm's figures"
+        )
+    return arm_dynamics(name)
 
 
 @dataclass(frozen=True)
@@ -141,7 +177,7 @@ class Named:
     make: Callable[[str], Any]
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """The record."""
+        """Return the record."""
         if isinstance(value, str):
             return self.make(Choice(ARMS).read(value, place))
         return self.kind.read(value, place)
@@ -150,7 +186,7 @@ class Named:
 LIMB_DYNAMICS = Struct(
     LimbDynamics,
     {
-        "base_mass": Tuples((), *MASSES, "kg"),
+        "base_mass": Tuples((), 0.0, MASSES[1], "kg"),
         "base_size": Tuples((2,), SMALLEST, LONGEST_ROBOT, "m"),
         "masses": Tuples((6,), *MASSES, "kg"),
         "centres": Tuples((6, 3), most=LONGEST_ROBOT, unit="m"),
@@ -158,6 +194,8 @@ LIMB_DYNAMICS = Struct(
         "torque_limits": Tuples((6,), 1e-3, 1e6, "N m"),
         "speed_limits": Tuples((6,), 1e-3, 1e3, "rad/s"),
         "rotor_inertias": Tuples((6,), 0.0, 1e3, "kg m^2"),
+        "base_centre": Maybe(Tuples((3,), most=LONGEST_ROBOT, unit="m")),
+        "base_inertia": Maybe(Tuples((6,), -1e6, 1e6, "kg m^2")),
     },
 )
 """Fields of a `LimbDynamics`."""

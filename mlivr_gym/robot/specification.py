@@ -1,7 +1,7 @@
-"""The robot: a body with N equal limbs.
+"""The description of a robot: a body with N limbs, as everything else reads it.
 
-Figures of the default robots: the manufacturer's UR5e kinematics and the body
-of the published two-limb model, see `envs_assets/ur5e.json`.
+The default robots have the manufacturer's UR5e kinematics and the body of the published two-limb
+model, see `envs_assets/ur5e.json`. Robots from URDF and MJCF files are read in `from_file`.
 """
 
 from __future__ import annotations
@@ -9,94 +9,74 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arguments import Raising, Via
-from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
-from mlivr_gym.files import load
-from mlivr_gym.robot.capsules import CAPSULE, LINKS, Capsule
+from mlivr_gym.files import load, write_whole
+from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
+from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.export import as_mjcf, as_urdf
+from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
+from mlivr_gym.robot.folds import geometric_order as geometric_order
+from mlivr_gym.robot.from_file import robot_of_file
+from mlivr_gym.robot.kinds import SizeOrEdges
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
-    ARMS,
     LIMB_DYNAMICS,
     MASSES,
     LimbDynamics,
     Named,
-    arm_data,
     arm_dynamics,
     arm_limb,
-    arm_of,
+    check_inertia,
 )
-from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, SphericalWristLimb
-from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Tuples, Whole
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
-
-LIMB_COLOURS = (
-    "#d62728",
-    "#1f5fd0",
-    "#ff9f1c",
-    "#17a2a2",
-    "#9467bd",
-    "#8c564b",
-    "#e377c2",
-    "#7f7f7f",
-)
-"""Colour of each limb, in the scene and in figures; red and blue are the paper's."""
-
+from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
+from mlivr_gym.robot.mounts import MOUNT, Mount
+from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Text, Tuples, Whole
+from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
 
 SMALLEST_BODY = 1e-3
-"""Least edge of the body [m]: of one lighter and smaller MuJoCo refuses the inertia."""
-
-MOST_CAPSULES = 64
-"""Most collision shapes of a limb: the compiled checks keep them on the stack."""
+"""Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
 
 MOST_LIMBS = 8
-"""Most limbs of a robot."""
+"""Largest number of limbs of a robot."""
 
 MOST_FOLDS = 4
-"""Most rows of `RobotSpec.folds`."""
+"""Largest number of entries of `RobotSpec.folds`."""
 
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
 """Stands for the folds of the limb's family, `Limb.default_folds`."""
 
 MOST_POSES = 64
-"""Most heights or rolls that are tried for a stance; the robots that ship have four and five."""
+"""Largest number of candidate heights or rolls; the robots that ship have four and five."""
 
+SUFFIXES = (".urdf", ".xml", ".mjcf")
+"""Endings of the files that `from_file` reads."""
 
-def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
-    """Rolls [rad] by their size, the positive of two opposite ones first.
-
-    This order is the last rule by which a posture is chosen. The roll is counted about the line to
-    the grasp of one limb, with two limbs of limb 0, so which side of a wall is preferred changes
-    with the limb that holds either point: no side of the module is favoured.
-    """
-
-    def key(roll: float) -> tuple[float, bool]:
-        turn = float(np.angle(np.exp(1j * roll)))
-        return round(abs(turn), 9), turn < 0.0
-
-    return tuple(sorted(rolls, key=key))
+PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source")
+"""Fields of a robot on which no plan depends."""
 
 
 @dataclass(frozen=True)
-class RobotSpec:
-    """A body with `limbs` equal limbs, mounted at equal angles about the body's z axis.
+class RobotSpec(DerivedFigures):
+    """A body with `limbs` limbs, by default equal ones at equal angles about the body's z axis.
 
-    The first joint axis of each limb is radial; limb 0 points along the body's +x axis.
+    The first joint axis of each limb is then radial, and limb 0 points along the body's +x axis.
+    `mounts` describes a robot of another build.
 
     Attributes
     ----------
     name
         Short name.
     limbs
-        Number of limbs N, at least 2.
+        Number of limbs N, at least 2; with `mounts` it is their number.
     limb
         Kinematics of one limb.
     mount_radius
@@ -106,169 +86,103 @@ class RobotSpec:
     characteristic_length
         l_c, which makes lengths and angles comparable in the Jacobian [m].
     grasp_separation
-        Least distance of two points held at once [m] (gripper width).
+        Smallest distance of two points held at once [m] (gripper width).
     span
-        Greatest distance of two points held at once that is tried [m].
+        Largest distance of two points that a stance may hold [m].
     heights
-        Heights of the base over the grasps' centroid that are tried [m], in any order:
-        they are kept lowest first.
+        Candidate heights of the base over the grasps' centroid [m], in any order; they are
+        stored lowest first.
     rolls
-        Rolls about the line from the grasps' centroid to that of limb 0, of more than two
-        limbs to the nearest, that are tried [rad], in any order; kept in `geometric_order`.
+        Candidate rolls about the line from the grasps' centroid to that of limb 0, with more than
+        two limbs to the nearest grasp [rad], in any order; stored in `geometric_order`.
     lift
-        How far a gripper departs along the surface normal before it swings [m].
+        Distance by which a gripper departs along the surface normal before it swings [m].
     folds
-        Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base
-        moves, at most four, the preferred first; those that do not lie in the windows of the
-        joints are left out. By default those of the limb's family.
+        Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base moves, at
+        most four, the preferred first; those outside the windows of the joints are left out. By
+        default those of the limb's family.
     capsules
-        Collision shapes of a limb; by default those of the UR5e, stretched to the limb's
-        lengths, or those of another family along its links, and a gripper from the flange to the
-        grasp.
+        Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths,
+        or those of another family along its links, and a gripper from the flange to the grasp.
     body_size
-        Edge of the body, a cube [m].
+        Edge of the body, a cube, or its three edges along x, y and z [m].
     body_mass
         Mass of the body [kg].
     gripper_mass
-        Mass of a gripper [kg].
+        Mass of a gripper [kg]; 0 if the last link of the limb includes it.
     dynamics
-        Masses, inertias and joint limits of a limb, also by the name of an arm (one of
-        `ARMS`); None for those of the arm that has the limb's lengths.
+        Masses, inertias and joint limits of a limb, also by the name of an arm (one of `ARMS`);
+        None for those of the arm that has the limb's lengths.
+    mounts
+        Place of each limb, and its own kinematics if limbs differ; None for equal limbs at equal
+        angles, see `mlivr_gym.robot.mounts.Mount`.
+    body_centre
+        Centre of mass of the body in its frame [m].
+    body_inertia
+        Inertia of the body about its centre of mass, xx, yy, zz, xy, xz, yz [kg m^2]; None for that
+        of a homogeneous box.
+    source
+        Where the figures come from, for readers.
     """
 
     name: str = "robot"
     limbs: int = 2
-    limb: Limb | SphericalWristLimb = field(default_factory=Limb)
+    limb: AnyLimb = field(default_factory=Limb)
     mount_radius: float = 0.1
     tool_length: float = 0.05
-    characteristic_length: float = 0.87
+    characteristic_length: float = CHARACTERISTIC_LENGTH
     grasp_separation: float = 0.1
-    span: float = 2.4
-    heights: tuple[float, ...] = (0.60, 0.65, 0.70, 0.75)
+    span: float = SPAN
+    heights: tuple[float, ...] = HEIGHTS
     rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
     lift: float = 0.1
     folds: tuple[tuple[float, ...], ...] = FOLDS_OF_LIMB
     capsules: tuple[Capsule, ...] | None = None
-    body_size: float = 0.2
+    body_size: float | Triple = 0.2
     body_mass: float = 20.0
     gripper_mass: float = 0.5
     dynamics: LimbDynamics | None = None
+    mounts: tuple[Mount, ...] | None = None
+    body_centre: Triple = (0.0, 0.0, 0.0)
+    body_inertia: tuple[float, ...] | None = None
+    source: str = ""
 
     def __post_init__(self) -> None:
         """Check every figure."""
         if self.folds is FOLDS_OF_LIMB:
             object.__setattr__(self, "folds", self.limb.default_folds)
+        if self.mounts is not None and isinstance(self.mounts, list | tuple):
+            object.__setattr__(self, "limbs", len(self.mounts))
         ROBOT.check(self, FieldPath("", RobotError))
         object.__setattr__(self, "heights", tuple(sorted(self.heights)))
         object.__setattr__(self, "rolls", geometric_order(self.rolls))
-        if self.capsules is not None and all(shape.link == "base" for shape in self.capsules):
-            raise RobotError(
-                "capsules has none on a link that moves; leave it out for those of the UR5e"
-            )
+        if self.body_inertia is not None:
+            check_inertia(self.body_inertia, FieldPath("body_inertia", RobotError))
+        check_moving(self.capsules, FieldPath("", RobotError))
         if self.span <= self.grasp_separation:
             raise RobotError(
                 f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}"
             )
 
     @property
-    def mount_rotations(self) -> Array:
-        """Limb base axes in the body frame, shape (N, 3, 3); z is radial, x the body's z axis."""
-        azimuth = 2.0 * np.pi * np.arange(self.limbs) / self.limbs
-        c, s = np.cos(azimuth), np.sin(azimuth)
-        zero, one = np.zeros(self.limbs), np.ones(self.limbs)
-        return np.stack(
-            [
-                np.stack([zero, s, c], -1),
-                np.stack([zero, -c, s], -1),
-                np.stack([one, zero, zero], -1),
-            ],
-            axis=1,
-        )
-
-    @property
-    def mount_positions(self) -> Array:
-        """Limb base origins in the body frame [m], shape (N, 3)."""
-        return self.mount_radius * self.mount_rotations[:, :, 2]
-
-    @property
-    def extent(self) -> float:
-        """An upper bound of the distance of any part of the robot from the body's middle [m]."""
-        # In the order of `LINKS`, of which the gripper is on the flange.
-        origins = (*self.limb.link_distances, self.limb.link_distances[-1])
-        farthest = self.limb.reach + self.tool_length
-        for capsule in self.shapes:
-            end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
-            farthest = max(farthest, origins[LINKS.index(capsule.link)] + end + capsule.radius)
-        return max(self.mount_radius + farthest, float(np.sqrt(0.75) * self.body_size))
-
-    @cached_property
-    def shapes(self) -> tuple[Capsule, ...]:
-        """Collision shapes of a limb in its link frames.
-
-        The base is fixed to the body; the gripper's frame is the flange's.
-        """
-        if self.capsules is not None:
-            return self.capsules
-        data, limb = arm_data("ur5e"), self.limb
-        radius = data["gripper"]["radius"]
-        tip = self.tool_length - radius
-        gripper = Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius)
-        if not isinstance(limb, Limb):
-            return (*limb.link_capsules, gripper)
-        published = data["dh"]
-        stretch = {
-            "upper_arm": (limb.a2 / published["a2"], 1.0, limb.d4 / published["d4"]),
-            "forearm": (limb.a3 / published["a3"], 1.0, limb.d4 / published["d4"]),
-            "wrist_1": (1.0, 1.0, limb.d5 / published["d5"]),
-            "wrist_3": (1.0, 1.0, limb.d6 / published["d6"]),
-        }  # fmt: skip
-        out = []
-        for entry in data["capsules"]:
-            factor = np.array(stretch.get(entry["link"], (1.0, 1.0, 1.0)))
-            start, end = (tuple((np.array(entry[name]) * factor).tolist()) for name in ("p0", "p1"))
-            out.append(Capsule(entry["link"], start, end, entry["r"]))
-        return (*out, gripper)
-
-    @property
-    def limb_dynamics(self) -> LimbDynamics:
-        """Masses, inertias and joint limits of a limb.
-
-        Raises
-        ------
-        RobotError
-            If they are not given, and the limb's lengths are those of no arm that
-            ships: another arm's figures would be wrong without a word.
-        """
-        if self.dynamics is not None:
-            return self.dynamics
-        name = arm_of(self.limb)
-        if name is None:
-            lengths = ", ".join(f"{length:g}" for length in self.limb.lengths)
-            raise RobotError(
-                f"robot {self.name!r} cannot be simulated: its limbs' lengths {lengths} m are "
-                f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
-                "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
-                "to take that arm's figures"
-            )
-        return arm_dynamics(name)
-
-    @property
     def fingerprint(self) -> str:
-        """Hash of what plans depend on: the description but for its name and `dynamics`."""
-        data = {name: value for name, value in self.to_dict().items() if name != "dynamics"}
+        """Hash of what plans depend on: the description without its name and `PHYSICAL` fields."""
+        data = {name: value for name, value in self.to_dict().items() if name not in PHYSICAL}
+        if data.pop("mounts") is not None:
+            data["mounts"] = [asdict(replace(mount, dynamics=None)) for mount in self.mounts or ()]
         return hashlib.sha256(json.dumps(data | {"name": ""}, sort_keys=True).encode()).hexdigest()[
             :16
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """The description as plain data for JSON."""
+        """Return the description as plain data for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:
         """Build a robot from plain data, the inverse of `to_dict`.
 
-        Missing fields keep their defaults.
+        Fields that are missing keep their defaults; unknown ones are refused.
 
         Parameters
         ----------
@@ -280,14 +194,16 @@ class RobotSpec:
         Raises
         ------
         RobotError
-            naming an unknown field or a faulty value.
+            If a field is unknown or its value faulty; the message names it.
         """
         given = {"name": name} | data if isinstance(data, dict) else data
         return ROBOT.read(given, FieldPath("", RobotError))
 
     @classmethod
     def load(cls, path: str | Path) -> RobotSpec:
-        """Read a robot from a JSON file; one without a name is called like the file.
+        """Read a robot from a JSON, URDF or MJCF file.
+
+        A robot without a name is called like the file.
 
         Raises
         ------
@@ -295,7 +211,62 @@ class RobotSpec:
             If the file cannot be read or a field is faulty.
         """
         name = Path(path).stem
+        if Path(path).suffix.lower() in SUFFIXES:
+            return cls.from_urdf(path)
         return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
+
+    @classmethod
+    def from_urdf(cls, path: str | Path, **options: Any) -> RobotSpec:
+        """Read a robot from a URDF file.
+
+        Parameters
+        ----------
+        path
+            The file.
+        **options
+            Arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
+            `speed_limits`, and further fields of a robot.
+
+        Raises
+        ------
+        RobotError
+            If the file cannot be read, or describes a robot that is not supported.
+        """
+        return robot_of_file(path, cls.from_dict, options)
+
+    @classmethod
+    def from_mjcf(cls, path: str | Path, **options: Any) -> RobotSpec:
+        """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
+        return robot_of_file(path, cls.from_dict, options)
+
+    def save(self, path: str | Path) -> None:
+        """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
+
+    def to_mjcf(self, path: str | Path | None = None) -> str:
+        """Return the robot as MJCF, written to a file if `path` is given.
+
+        Raises
+        ------
+        RobotError
+            If its masses are not known.
+        FileError
+            If the file cannot be written.
+        """
+        return as_mjcf(self, self.to_dict(), path)
+
+    def to_urdf(self, path: str | Path | None = None) -> str:
+        """Return the robot as URDF, written to a file if `path` is given; errors as in `to_mjcf`.
+
+        Its capsules are those of URDF 1.2.
+        """
+        return as_urdf(self, self.to_dict(), path)
 
 
 SIZE = Tuples((), 0.0, LONGEST_ROBOT, "m")
@@ -317,10 +288,14 @@ ROBOT = Struct(
         "lift": SIZE,
         "folds": Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
         "capsules": Maybe(Listed(CAPSULE, most=MOST_CAPSULES)),
-        "body_size": Tuples((), SMALLEST_BODY, LONGEST_ROBOT, "m"),
+        "body_size": SizeOrEdges(SMALLEST_BODY),
         "body_mass": Tuples((), *MASSES, "kg"),
-        "gripper_mass": Tuples((), *MASSES, "kg"),
+        "gripper_mass": Tuples((), 0.0, MASSES[1], "kg"),
         "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
+        "mounts": Maybe(Listed(MOUNT, 2, MOST_LIMBS)),
+        "body_centre": Tuples((3,), most=LONGEST_ROBOT, unit="m"),
+        "body_inertia": Maybe(Tuples((6,), -1e6, 1e6, "kg m^2")),
+        "source": Text(0),
     },
 )
 """Fields of a `RobotSpec`."""
@@ -335,12 +310,20 @@ _PLACE = FieldPath("robot", RobotError)
 
 
 def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLACE) -> RobotSpec:
-    """A robot by name, by path of a JSON file, from plain data (`RobotSpec.to_dict`), or as it is.
+    """Return a robot by name, from a file, from plain data, or as it is.
+
+    Parameters
+    ----------
+    robot
+        The name of a robot that ships, the path of a JSON, URDF (`.urdf`) or MJCF file (`.xml`,
+        `.mjcf`), plain data (`RobotSpec.to_dict`), or a robot.
+    place
+        Where the value stands, for the message of an error.
 
     Raises
     ------
     RobotError
-        If the name is unknown and no such file exists, or the plain data are faulty.
+        If the name is unknown and no such file exists, or the description is faulty.
     """
     if isinstance(robot, RobotSpec):
         return robot
@@ -352,7 +335,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLAC
         return RobotSpec.load(robot)
     raise RobotError(
         f"unknown robot {shortened(robot)}; valid names are {', '.join(ROBOTS)}, "
-        "or give the path of a JSON file"
+        "or give the path of a JSON, URDF or MJCF file"
     )
 
 

@@ -268,6 +268,10 @@ SPHERICAL_WRIST_LIMB = Struct(
 """Fields of a `SphericalWristLimb`."""
 
 
+AnyLimb = Limb | SphericalWristLimb
+"""A limb of any family."""
+
+
 class LimbKind:
     """A limb of any family; plain data without a family are of the UR family."""
 

@@ -130,7 +130,7 @@ def dynamics_spec(
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     physics = physics or Physics()
-    torque_limits = robot.limb_dynamics.torque_limits
+    torque_limits = robot.torque_limits
     spec = scene_spec(grasp_map, robot, obstacles)
     spec.modelname += "-dynamics"
     spec.option.timestep = physics.timestep
@@ -138,7 +138,7 @@ def dynamics_spec(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     grippers = 0
     for limb in range(robot.limbs):
-        _add_motors(spec, limb, torque_limits)
+        _add_motors(spec, limb, torque_limits[limb].tolist())
         _add_grasp(spec, limb, physics)
         grippers |= gripper_bit(limb)
         for geom in spec.body(f"limb{limb}/gripper").geoms:

@@ -21,8 +21,8 @@ class FailureMonitor:
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
         """Monitor step number `step` of a walk of `robot`."""
-        self.physics, self.limits, self.step = physics, robot.limb.limits, step
-        self._torques: Array = np.array(robot.limb_dynamics.torque_limits)
+        self.physics, self.limits, self.step = physics, robot.joint_limits, step
+        self._torques: Array = robot.torque_limits
         self._saturated: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
 
     def first_failure(
@@ -84,13 +84,13 @@ class FailureMonitor:
         for k, limb, joint in np.argwhere(run * self.physics.timestep > allowed)[:1].tolist():
             message = (
                 f"joint {joint + 1} of limb {limb} has been at its torque limit of "
-                f"{self._torques[joint]:g} N m for longer than {allowed:g} s"
+                f"{self._torques[limb, joint]:g} N m for longer than {allowed:g} s"
             )
             torque = float(recording.joint_torques[k, limb, joint])
             values = {"joint": joint + 1.0, "torque_N_m": torque, "allowed_time_s": allowed}
             yield k, "saturation", limb, message, values
-        joints, (low, high) = recording.joint_positions, self.limits.T
-        excess = np.maximum(low - joints, joints - high)
+        joints, limits = recording.joint_positions, self.limits
+        excess = np.maximum(limits[..., 0] - joints, joints - limits[..., 1])
         for k, limb, joint in np.argwhere(excess > self.physics.limit_margin)[:1].tolist():
             angle = float(joints[k, limb, joint])
             message = (

@@ -129,9 +129,8 @@ def segment_dynamics(
     dynamics_of = needed(
         robot, holding, positions, np.stack([at_rest, first]), np.stack([first, second])
     )
-    dynamics = robot.limb_dynamics
-    torque = limits.torque * np.tile(dynamics.torque_limits, robot.limbs)
-    speed = limits.speed * np.tile(dynamics.speed_limits, robot.limbs)
+    torque = limits.torque * robot.torque_limits.reshape(-1)
+    speed = limits.speed * robot.speed_limits.reshape(-1)
     torques = dynamics_of.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
     wrenches = dynamics_of.wrenches.swapaxes(0, 1)
     forces = np.concatenate(

@@ -211,5 +211,5 @@ class LazyGraph(StanceGraph):
         """
         robot = self.robot
         height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
-        by_reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        by_reach = 2.0 * robot.reach
         return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)

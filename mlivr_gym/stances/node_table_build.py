@@ -60,9 +60,14 @@ def build(
     Raises
     ------
     TableError
-        If the robot has not three or four limbs, or the map too many points; if steps are not
-        checked, or there are obstacles or occupied points.
+        If limbs differ or are not mounted evenly; if the robot has not three or four limbs, or the
+        map too many points; if steps are not checked, or there are obstacles or occupied points.
     """
+    if not graph.robot.is_symmetric:
+        raise TableError(
+            "tables of nodes are built for robots whose limbs are equal and mounted evenly round a "
+            f"cube; robot {graph.robot.name!r} plans without one"
+        )
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
     each, parts = STANCES_AT_ONCE // len(_orders(limbs)), parts or Parts(None)

@@ -207,7 +207,7 @@ class PairGraph(StanceGraph):
     def farther_than_span(self) -> int:
         """Number of ordered pairs of points beyond the span that two outstretched limbs reach."""
         robot = self.robot
-        reach = 2.0 * (robot.mount_radius + robot.limb.reach + robot.tool_length)
+        reach = 2.0 * robot.reach
         pairs = scipy.spatial.cKDTree(self.grasp_map.positions).query_pairs(
             reach, output_type="ndarray"
         )

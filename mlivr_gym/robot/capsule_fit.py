@@ -1,0 +1,309 @@
+"""Capsules that contain the collision shapes of a link, and by how much they exceed them.
+
+A shape is the convex hull of its corners, each of which may be a ball: a sphere is one, a capsule
+two, a box eight, a mesh its triangles. A shape that one capsule fits badly is cut in two across its
+longest direction, and each piece is fitted again. The excess is the Hausdorff distance of capsule
+and shape: of two convex sets, one in the other, it is the largest difference of their support
+functions over all directions.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+
+TOLERATED = 0.02
+"""Excess above which a shape is cut in two [m]."""
+
+MOST_PIECES = 5
+"""Largest number of capsules for one shape."""
+
+GAIN = 0.9
+"""A cut must bring the volume of the capsules below this share of what it was."""
+
+CUTS = (0.25, 0.35, 0.5, 0.65, 0.75)
+"""Where along each principal axis a shape may be cut, as shares of its length."""
+
+DIRECTIONS = 2000
+"""Number of directions over which the excess is computed."""
+
+SEGMENTS = 48
+"""Number of corners that stand for the rim of a cylinder."""
+
+
+class Solid(NamedTuple):
+    """The convex hull of balls; of a mesh, the union of its triangles."""
+
+    points: Array
+    """Centres of the balls [m], shape (k, 3)."""
+    radius: float
+    """Their radius [m]."""
+    triangles: Array | None = None
+    """Corners of triangles [m], shape (t, 3, 3); None for a convex primitive."""
+
+
+class FittedCapsule(NamedTuple):
+    """A capsule that contains a solid."""
+
+    start: Array
+    """One end of its axis [m], shape (3,)."""
+    end: Array
+    """The other end [m], shape (3,)."""
+    radius: float
+    """Radius [m]."""
+    excess: float
+    """Largest distance of a point of the capsule from the solid's convex hull [m]."""
+
+
+def solid_of(mujoco: Any, model: Any, geom: int) -> Solid | None:
+    """Return a geom of a model in its own frame, None for a plane or another unbounded shape."""
+    kinds = mujoco.mjtGeom
+    kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
+    if kind == kinds.mjGEOM_SPHERE:
+        return Solid(np.zeros((1, 3)), float(size[0]))
+    if kind == kinds.mjGEOM_CAPSULE:
+        return Solid(np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0]))
+    if kind == kinds.mjGEOM_BOX:
+        return Solid(np.array(list(product((-1.0, 1.0), repeat=3))) * size, 0.0)
+    if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_ELLIPSOID):
+        return Solid(_round_points(size, kind == kinds.mjGEOM_CYLINDER), 0.0)
+    if kind == kinds.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
+        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+        triangles = points[model.mesh_face[first : first + count]]
+        return _hull(points, 0.0, triangles) or Solid(points, 0.0, triangles)
+    return None
+
+
+def _round_points(size: Array, is_cylinder: bool) -> Array:
+    """Return corners of a prism about a cylinder, or of a polyhedron about an ellipsoid [m]."""
+    if is_cylinder:
+        angles = 2.0 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS
+        rim = (
+            np.stack([np.cos(angles), np.sin(angles)], axis=1) * size[0] / np.cos(np.pi / SEGMENTS)
+        )
+        return np.vstack(
+            [np.column_stack([rim, np.full(SEGMENTS, z)]) for z in (-size[1], size[1])]
+        )
+    # Balls about neighbouring directions are 5 degrees apart at most.
+    scaled: Array = directions() * size * 1.005
+    return scaled
+
+
+@cache
+def directions() -> Array:
+    """Return unit vectors spread evenly over the sphere, shape (`DIRECTIONS`, 3)."""
+    k = np.arange(DIRECTIONS) + 0.5
+    z = 1.0 - 2.0 * k / DIRECTIONS
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across = np.sqrt(1.0 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+def moved_solid(solid: Solid, position: Array, rotation: Array) -> Solid:
+    """Return a solid in the frame in which its own has a position and a rotation."""
+    triangles = None if solid.triangles is None else solid.triangles @ rotation.T + position
+    return Solid(solid.points @ rotation.T + position, solid.radius, triangles)
+
+
+def capsules_of(solid: Solid) -> list[FittedCapsule]:
+    """Return capsules that together contain a solid, few of them if they fit well.
+
+    The piece with the largest excess is cut again until each fits or a cut no longer gains volume.
+    """
+    pieces = [(_fitted(solid), solid)]
+    done = 0
+    while done < len(pieces) < MOST_PIECES:
+        pieces.sort(key=lambda piece: -piece[0].excess)
+        fit, worst = pieces[done]
+        if fit.excess <= TOLERATED:
+            break
+        halves = [(_fitted(half), half) for half in _halves(worst)]
+        gained = sum(_volume(half[:3]) for half, _ in halves) < GAIN * _volume(fit[:3])
+        if halves and gained:
+            pieces[done : done + 1] = halves
+        else:
+            done += 1
+    return [smallest_capsule(piece) for _, piece in pieces]
+
+
+def _fitted(solid: Solid) -> FittedCapsule:
+    """Return the best capsule along a principal axis of the points or an axis of the frame."""
+    points, radius = solid.points, solid.radius
+    if len(points) <= 2:
+        return FittedCapsule(points[0], points[-1], radius, 0.0)
+    start, end, wide = _best_along(points)
+    return _with_excess(solid, start, end, wide + radius)
+
+
+def _best_along(points: Array) -> tuple[Array, Array, float]:
+    """Return the smallest capsule round points along a principal axis or an axis of the frame."""
+    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    _, principal = np.linalg.eigh(np.cov((points - centre).T))
+    return min((_along(points, centre, axis) for axis in (*principal.T, *np.eye(3))), key=_volume)
+
+
+def smallest_capsule(solid: Solid) -> FittedCapsule:
+    """Return a capsule of small volume that contains a solid.
+
+    The search begins with the best capsule along a principal axis of the points.
+    """
+    from scipy.optimize import minimize
+
+    best = _fitted(solid)
+    if len(solid.points) <= 2:
+        return best
+    axis = best.end - best.start
+    size = float(np.linalg.norm(axis))
+    axis = axis / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
+    across = np.linalg.svd(axis[None])[2][1:]
+    middle, scale = 0.5 * (best.start + best.end), float(np.ptp(solid.points, axis=0).max())
+
+    def shifted(x: Array) -> tuple[Array, Array, float]:
+        through = middle + scale * (x[2:] @ across)
+        return _along(solid.points, through, axis + x[:2] @ across, False)
+
+    found = minimize(
+        lambda x: _volume(shifted(x)), np.zeros(4), method="Nelder-Mead",
+        options={"maxiter": 150, "initial_simplex": np.vstack([np.zeros(4), 0.05 * np.eye(4)])},
+    )  # fmt: skip
+    start, end, radius = shifted(found.x)
+    other = _with_excess(solid, start, end, radius + solid.radius)
+    return min(best, other, key=lambda fit: _volume(fit[:3]))
+
+
+def capsule_on_axis(solid: Solid) -> FittedCapsule:
+    """Return the smallest capsule on the z axis that contains a solid."""
+    start, end, radius = _along(solid.points, np.zeros(3), np.array([0.0, 0.0, 1.0]), False)
+    return _with_excess(solid, start, end, radius + solid.radius)
+
+
+def _with_excess(solid: Solid, start: Array, end: Array, radius: float) -> FittedCapsule:
+    """Return a capsule with its excess over a solid."""
+    u = directions()
+    of_capsule = np.maximum(u @ start, u @ end) + radius
+    of_solid = (u @ solid.points.T).max(axis=1) + solid.radius
+    return FittedCapsule(start, end, radius, max(0.0, float((of_capsule - of_solid).max())))
+
+
+def _along(
+    points: Array, through: Array, axis: Array, centred: bool = True
+) -> tuple[Array, Array, float]:
+    """Return the smallest capsule round points whose axis has a direction: ends and radius.
+
+    The axis passes through the middle of the points' shadow if `centred`, else through `through`.
+    """
+    axis = axis / np.linalg.norm(axis)
+    away = points - through
+    height = away @ axis
+    across = away - height[:, None] * axis
+    if centred:
+        shift = _middle(across)
+        through, across = through + shift, across - shift
+    far = np.linalg.norm(across, axis=1)
+    # A little more than the farthest corner, whatever was rounded.
+    radius = float(far.max()) * (1.0 + 1e-9) + 1e-12
+    cap = np.sqrt(np.maximum(radius * radius - far * far, 0.0))
+    low, high = float((height + cap).min()), float((height - cap).max())
+    if low > high:
+        low = high = 0.5 * (low + high)
+    return through + low * axis, through + high * axis, radius
+
+
+def _middle(points: Array) -> Array:
+    """Return nearly the centre of the smallest ball round points (Badoiu and Clarkson 2003)."""
+    centre: Array = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    for k in range(1, 30):
+        farthest = points[np.argmax(((points - centre) ** 2).sum(axis=1))]
+        centre = centre + (farthest - centre) / (k + 1.0)
+    return centre
+
+
+def _volume(capsule: tuple[Array, Array, float]) -> float:
+    start, end, radius = capsule
+    length = float(np.linalg.norm(end - start))
+    return float(np.pi * radius * radius * (length + 4.0 / 3.0 * radius))
+
+
+def _halves(solid: Solid) -> list[Solid]:
+    """Return a solid cut in two where the two capsules are smallest, empty if it cannot be cut."""
+    points = solid.points
+    _, principal = np.linalg.eigh(np.cov((points - points.mean(axis=0)).T))
+    best: tuple[Array, Array] | None = None
+    least = np.inf
+    for axis in principal.T:
+        low, high = float((points @ axis).min()), float((points @ axis).max())
+        for share in CUTS:
+            middle = (low + share * (high - low)) * axis
+            sides = [_points_kept(solid, middle, side * axis) for side in (1.0, -1.0)]
+            volume = sum(_volume(_best_along(side)) for side in sides if len(side))
+            if all(map(len, sides)) and volume < least:
+                least, best = volume, (middle, axis)
+    if best is None:
+        return []
+    pieces = [_kept(solid, best[0], side * best[1]) for side in (1.0, -1.0)]
+    return [piece for piece in pieces if piece is not None]
+
+
+def _points_kept(solid: Solid, point: Array, axis: Array) -> Array:
+    """Return points whose hull is that of the part on the side that an axis points to, (k, 3)."""
+    if solid.triangles is None:
+        a, b = (solid.points[k] for k in np.triu_indices(len(solid.points), 1))
+        corners = solid.points
+    else:
+        corners = solid.triangles.reshape(-1, 3)
+        a, b = corners, np.roll(solid.triangles, -1, axis=1).reshape(-1, 3)
+    points = np.vstack([corners[(corners - point) @ axis >= 0.0], _crossings(a, b, point, axis)])
+    hull = _hull(points, 0.0, None)
+    return np.zeros((0, 3)) if hull is None else hull.points
+
+
+def _kept(solid: Solid, point: Array, axis: Array) -> Solid | None:
+    """Return the part of a solid on the side of a plane that an axis points to."""
+    if solid.triangles is None:
+        points = _points_kept(solid, point, axis)
+        return Solid(points, solid.radius) if len(points) else None
+    heights = (solid.triangles - point) @ axis
+    whole = solid.triangles[(heights >= 0.0).all(axis=1)]
+    cut = solid.triangles[(heights >= 0.0).any(axis=1) & (heights < 0.0).any(axis=1)]
+    pieces = [piece for triangle in cut for piece in _cut_triangle(triangle, point, axis)]
+    triangles = np.vstack([whole, np.array(pieces).reshape(-1, 3, 3)])
+    return _hull(triangles.reshape(-1, 3), solid.radius, triangles)
+
+
+def _hull(points: Array, radius: float, triangles: Array | None) -> Solid | None:
+    """Return a solid whose points are corners of the convex hull alone; None if it is flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        corners = ConvexHull(points).vertices
+    except (QhullError, ValueError):
+        return None
+    return Solid(points[corners], radius, triangles)
+
+
+def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:
+    """Return where lines from points a to points b pass a plane, shape (k, 3)."""
+    low, high = (a - point) @ axis, (b - point) @ axis
+    passes = low * high < 0.0
+    share = (low[passes] / (low[passes] - high[passes]))[:, None]
+    crossings: Array = a[passes] + share * (b[passes] - a[passes])
+    return crossings
+
+
+def _cut_triangle(triangle: Array, point: Array, axis: Array) -> list[Array]:
+    """Return the triangles that remain of one on the side of a plane that an axis points to."""
+    corners: list[Array] = []
+    for k in range(3):
+        a, b = triangle[k], triangle[(k + 1) % 3]
+        if (a - point) @ axis >= 0.0:
+            corners.append(a)
+        corners.extend(_crossings(a[None], b[None], point, axis))
+    return [np.array([corners[0], corners[k], corners[k + 1]]) for k in range(1, len(corners) - 1)]

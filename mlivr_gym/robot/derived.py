@@ -1,0 +1,186 @@
+"""Quantities that follow from the fields of a robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
+from mlivr_gym.robot.mounts import Mount, even_rotations
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
+from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
+from mlivr_gym.values import SMALLEST, Triple
+
+
+class DerivedFigures:
+    """Properties of a `RobotSpec` that its fields determine, whatever its build."""
+
+    name: str
+    limbs: int
+    limb: AnyLimb
+    span: float
+    body_mass: float
+    gripper_mass: float
+    body_centre: Triple
+    body_inertia: tuple[float, ...] | None
+    mount_radius: float
+    tool_length: float
+    capsules: tuple[Capsule, ...] | None
+    body_size: float | Triple
+    dynamics: LimbDynamics | None
+    mounts: tuple[Mount, ...] | None
+
+    @cached_property
+    def mounted(self) -> tuple[Mount, ...]:
+        """Each limb with its place, its kinematics and its capsules, N of them.
+
+        `Mount.dynamics` is None where it follows from the lengths, see `dynamics_of`.
+        """
+        if self.mounts is None:
+            turns, limb = even_rotations(self.limbs), self.limb
+            shapes = self.capsules
+            if shapes is None:
+                shapes = stretched_capsules(limb, self.tool_length)
+            places = self.mount_radius * turns[:, :, 2]
+            return tuple(
+                Mount(*place, limb, shapes, self.dynamics)
+                for place in zip(places.tolist(), turns.tolist(), strict=True)
+            )
+        return tuple(map(self._completed, self.mounts))
+
+    def _completed(self, mount: Mount) -> Mount:
+        """Return a mount with what it does not name itself."""
+        limb, shapes, dynamics = mount.limb, mount.capsules, mount.dynamics
+        if limb is None:
+            limb, shapes, dynamics = self.limb, shapes or self.capsules, dynamics or self.dynamics
+        if shapes is None:
+            shapes = stretched_capsules(limb, self.tool_length)
+        return replace(mount, limb=limb, capsules=shapes, dynamics=dynamics)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether a robot is the same after a turn by one limb about the body's z axis.
+
+        Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube.
+        """
+        return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
+
+    @property
+    def every_limb(self) -> tuple[AnyLimb, ...]:
+        """Kinematics of each limb, N of them."""
+        return tuple(mount.limb or self.limb for mount in self.mounted)
+
+    @property
+    def mount_rotations(self) -> Array:
+        """Limb base axes in the body frame, shape (N, 3, 3); z is the axis of the first joint."""
+        return np.array([mount.rotation for mount in self.mounted])
+
+    @property
+    def mount_positions(self) -> Array:
+        """Limb base origins in the body frame [m], shape (N, 3)."""
+        return np.array([mount.position for mount in self.mounted])
+
+    @property
+    def mount_directions(self) -> Array:
+        """Where the shoulders lie across the body's z axis, from their middle [m], shape (N, 2).
+
+        What is below a nanometre counts as 0: rounding must not choose a direction.
+        """
+        lengths = np.array([limb.d1 for limb in self.every_limb])
+        shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
+        across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
+        return np.where(np.abs(across) < SMALLEST, 0.0, across)
+
+    @property
+    def joint_limits(self) -> Array:
+        """Joint limits of every limb [rad], shape (N, 6, 2)."""
+        return np.array([limb.limits for limb in self.every_limb])
+
+    @property
+    def body_edges(self) -> Array:
+        """Edges of the body along x, y and z [m], shape (3,)."""
+        return np.broadcast_to(np.asarray(self.body_size, dtype=np.float64), 3).copy()
+
+    @property
+    def body_radius(self) -> float:
+        """Distance of the body's corners from its middle [m]."""
+        edges = self.body_edges
+        if (edges == edges[0]).all():
+            return float(np.sqrt(0.75) * edges[0])
+        return 0.5 * float(np.linalg.norm(edges))
+
+    @property
+    def reach(self) -> float:
+        """An upper bound of the distance of a grasp from the body's origin [m]."""
+        if self.mounts is None:
+            return self.mount_radius + self.limb.reach + self.tool_length
+        away = np.linalg.norm(self.mount_positions, axis=1).tolist()
+        reach = max(r + limb.reach for r, limb in zip(away, self.every_limb, strict=True))
+        return float(reach + self.tool_length)
+
+    @property
+    def extent(self) -> float:
+        """An upper bound of the distance of any part of the robot from the body's middle [m]."""
+        farthest = self.body_radius
+        for mount, limb in zip(self.mounted, self.every_limb, strict=True):
+            away = self.mount_radius
+            if self.mounts is not None:
+                away = float(np.linalg.norm(mount.position))
+            farthest = max(
+                away + farthest_part(limb, mount.capsules or (), self.tool_length), farthest
+            )
+        return farthest
+
+    @property
+    def shapes(self) -> tuple[Capsule, ...]:
+        """Collision shapes of limb 0 in its link frames.
+
+        The base is fixed to the body; the gripper's frame is the flange's.
+        """
+        return self.mounted[0].capsules or ()
+
+    @property
+    def limb_dynamics(self) -> LimbDynamics:
+        """Masses, inertias and joint limits of limb 0, see `dynamics_of`."""
+        return self.dynamics_of(0)
+
+    def dynamics_of(self, limb: int) -> LimbDynamics:
+        """Return the masses, inertias and joint limits of a limb.
+
+        Parameters
+        ----------
+        limb
+            Number of the limb, from 0.
+
+        Raises
+        ------
+        RobotError
+            If they are not given and the limb's lengths are those of no arm that ships: another
+            arm's figures would be wrong without notice.
+        """
+        given = self.mounted[limb].dynamics
+        return given or dynamics_by_lengths(self.every_limb[limb], self.name)
+
+    @property
+    def torque_limits(self) -> Array:
+        """Largest torque of every joint [N m], shape (N, 6), see `dynamics_of`."""
+        return np.array([self.dynamics_of(i).torque_limits for i in range(self.limbs)])
+
+    @property
+    def speed_limits(self) -> Array:
+        """Largest speed of every joint [rad/s], shape (N, 6), see `dynamics_of`."""
+        return np.array([self.dynamics_of(i).speed_limits for i in range(self.limbs)])
+
+    @property
+    def dynamics_source(self) -> str:
+        """Whose masses, inertias, torque and speed limits a simulation takes, for each limb."""
+        told = []
+        for limb, mount in zip(self.every_limb, self.mounted, strict=True):
+            arm = arm_of(limb)
+            given = "given with the robot" if mount.dynamics is not None else None
+            told.append(given or (f"those of the {arm}, by its lengths" if arm else "not known"))
+        return told[0] if len(set(told)) == 1 else "; ".join(told)

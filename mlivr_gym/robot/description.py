@@ -1,0 +1,365 @@
+"""URDF and MJCF files as MuJoCo reads them.
+
+`mujoco.MjSpec` parses and compiles both formats. What it cannot take from a URDF is added here:
+meshes are found by their package or left out, and the speed limits, for which MuJoCo has no field,
+are read from the text. In MJCF they are the `<numeric>` named `SPEED_LIMITS`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mlivr_gym.errors import RobotError, path_shown
+from mlivr_gym.files import LARGEST_FILE
+from mlivr_gym.robot.limb import FARTHEST_TURN
+
+SPEED_LIMITS = "speed_limits"
+"""Name of the `<numeric>` of an MJCF file that holds the largest speed of each joint [rad/s]."""
+
+PLANNING = "mlivr_gym"
+"""Name of the `<text>` of an MJCF file, and of the element of a URDF file, with `RobotSpec` fields
+that neither format has, as JSON."""
+
+WINDOWS, ROTORS = "window_starts", "rotor_inertias"
+"""Entries of `PLANNING` that are no fields of a robot: figures of each limb, N of six."""
+
+MESH_FORMATS = (".stl", ".obj", ".msh")
+"""Endings of mesh files that MuJoCo reads."""
+
+LEAST_MASS = 1e-12
+"""Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
+
+
+class JointFigures(NamedTuple):
+    """Limits of one joint; None where the file has none."""
+
+    name: str
+    limits: tuple[float, float] | None
+    """Lowest and highest angle [rad]."""
+    torque: float | None
+    """Largest torque [N m]."""
+    speed: float | None
+    """Largest speed [rad/s]."""
+    rotor: float | None
+    """Inertia of the rotor, reflected through the gear [kg m^2]."""
+
+
+class Description(NamedTuple):
+    """A file as MuJoCo reads it, at the posture where all joints are at 0."""
+
+    name: str
+    """Name of the robot."""
+    model: Any
+    """The compiled `mujoco.MjModel`."""
+    data: Any
+    """Its `mujoco.MjData`."""
+    joints: dict[int, JointFigures]
+    """Figures of each hinge by its number in the model."""
+    missing: tuple[str, ...]
+    """Mesh files of collision shapes that were not found or cannot be read."""
+    fields: dict[str, Any]
+    """Fields of `RobotSpec` that the file names, see `PLANNING`."""
+
+
+def read_description(
+    path: str | Path,
+    package_dirs: Sequence[str | Path] = (),
+    speeds: float | Sequence[float] | None = None,
+) -> Description:
+    """Read a URDF or MJCF file.
+
+    Parameters
+    ----------
+    path
+        The file, `.urdf` or another ending for MJCF.
+    package_dirs
+        Folders that hold the packages of `package://` names, in addition to those above the file.
+    speeds
+        Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
+        of the file.
+
+    Raises
+    ------
+    RobotError
+        If the file cannot be read, or holds a loop or a joint that is no hinge.
+    """
+    import mujoco
+
+    path = Path(path)
+    try:
+        size = os.path.getsize(path)
+        text = path.read_text(encoding="utf-8") if size <= LARGEST_FILE else ""
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise RobotError(f"cannot read robot {path_shown(path)}: {reason}") from None
+    if not text:
+        raise RobotError(f"robot {path_shown(path)} is empty or larger than {LARGEST_FILE} bytes")
+    tree = _parsed(text)
+    found: dict[str, float] = {}
+    missing: list[str] = []
+    try:
+        if tree.tag == "robot":
+            folders = [*map(Path, package_dirs), *path.resolve().parents]
+            found, missing, fields = _prepare_urdf(tree, path.parent, folders)
+            spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
+            spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        else:
+            spec = mujoco.MjSpec.from_file(str(path))
+            missing = _without_pictures(spec)
+            fields = next((entry.data for entry in spec.texts if entry.name == PLANNING), "")
+        _check_joints(spec)
+        if tree.tag == "robot":
+            _check_masses(spec)
+        spec.compiler.fusestatic = False
+        spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
+        model = spec.compile()
+    except ValueError as error:
+        raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.0
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        address = model.jnt_qposadr[joint]
+        data.qpos[address : address + 7] = model.qpos0[address : address + 7]
+    mujoco.mj_kinematics(model, data)
+    joints = _figures(mujoco, model, found, speeds)
+    name = tree.get("name") or tree.get("model") or path.stem
+    return Description(name, model, data, joints, tuple(missing), _fields(fields))
+
+
+def _parsed(text: str) -> ElementTree.Element:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise RobotError("the file defines entities, which are not read")
+    # Extensions of simulators often use a prefix that the file does not declare.
+    text = re.sub(r"(</?|\s)([A-Za-z_][\w.-]*):(?=[\w.-]+[\s=/>])", r"\1\2.", text)
+    try:
+        tree = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise RobotError(f"the file is not XML: {error}") from None
+    if tree.tag not in ("robot", "mujoco"):
+        raise RobotError(
+            f"the file's outermost element is <{tree.tag}>; it must be <robot> (URDF) or "
+            "<mujoco> (MJCF); expand a xacro file first"
+        )
+    return tree
+
+
+def _fields(text: str) -> dict[str, Any]:
+    """Return the fields of a robot that a file of this package names."""
+    if not text:
+        return {}
+    try:
+        fields = json.loads(text)
+    except ValueError:
+        fields = None
+    if not isinstance(fields, dict):
+        raise RobotError(f"the text {PLANNING!r} of the file is not a JSON object")
+    return fields
+
+
+def _prepare_urdf(
+    tree: ElementTree.Element, folder: Path, folders: Sequence[Path]
+) -> tuple[dict[str, float], list[str], str]:
+    """Make a URDF readable for MuJoCo; return speed limits, missing meshes and own fields."""
+    children = [joint.find("child") for joint in tree.iter("joint")]
+    names = [child.get("link", "") for child in children if child is not None]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise RobotError(
+            f"link {twice!r} is the child of {names.count(twice)} joints; the links must form a "
+            "tree, without a loop"
+        )
+    missing = []
+    for link in tree.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        for shape in link.findall("collision"):
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            file = _mesh_file(mesh.get("filename", ""), folder, folders)
+            if file is None:
+                missing.append(mesh.get("filename", ""))
+                link.remove(shape)
+            else:
+                mesh.set("filename", str(file))
+    speeds = {}
+    for joint in tree.findall("joint"):
+        limit = joint.find("limit")
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = limit if limit is not None else ElementTree.SubElement(joint, "limit")
+            limit.set("lower", f"{-FARTHEST_TURN}")
+            limit.set("upper", f"{FARTHEST_TURN}")
+        if limit is not None and limit.get("velocity"):
+            speeds[joint.get("name", "")] = _number(limit.get("velocity", ""), joint)
+    for other in tree.findall("mujoco"):
+        tree.remove(other)
+    extra = tree.find(PLANNING)
+    extension = ElementTree.SubElement(tree, "mujoco")
+    options = {"strippath": "false", "discardvisual": "false", "fusestatic": "false"}
+    ElementTree.SubElement(extension, "compiler", options)
+    return speeds, missing, "" if extra is None else extra.text or ""
+
+
+def _number(text: str, joint: ElementTree.Element) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise RobotError(
+            f"joint {joint.get('name')!r} has the speed limit {text!r}; it must be a number"
+        ) from None
+
+
+def _mesh_file(name: str, folder: Path, folders: Sequence[Path]) -> Path | None:
+    """Return the file of a mesh, None if it is not found or MuJoCo cannot read its format."""
+    if name.startswith("package://"):
+        places = [parent / name.removeprefix("package://") for parent in folders]
+    else:
+        places = [folder / name.removeprefix("file://")]
+    if Path(name).suffix.lower() not in MESH_FORMATS:
+        return None
+    return next((place.resolve() for place in places if place.is_file()), None)
+
+
+def _without_pictures(spec: Any) -> list[str]:
+    """Remove what is only seen, and meshes that are not there; return the files of the latter."""
+    import mujoco
+
+    folder = Path(spec.modelfiledir) / (spec.compiler.meshdir or spec.meshdir or "")
+    absent = {
+        mesh.name or Path(mesh.file).stem: mesh.file
+        for mesh in spec.meshes
+        if mesh.file and not (folder / mesh.file).is_file()
+    }
+    from_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+
+    def is_massive(geom: Any) -> bool:
+        return bool(from_geoms or not geom.parent.explicitinertial)
+
+    missing = []
+    for geom in list(spec.geoms):
+        geom.material = ""
+        file = absent.get(geom.meshname)
+        if is_massive(geom) and file:
+            raise RobotError(
+                f"mesh {file!r} is not found; the mass of link {geom.parent.name!r} follows from "
+                "its shape, give the link an inertial or the file the mesh"
+            )
+        if not (geom.contype or geom.conaffinity) and not is_massive(geom):
+            spec.delete(geom)
+        elif file:
+            missing.append(file)
+            spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if (mesh.name or Path(mesh.file).stem) not in used:
+            spec.delete(mesh)
+    for part in (*spec.skins, *spec.materials, *spec.textures, *spec.hfields):
+        spec.delete(part)
+    return missing
+
+
+def _check_joints(spec: Any) -> None:
+    """Refuse floating links and loops."""
+    import mujoco
+
+    for joint in spec.joints:
+        above = joint.parent.parent
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE and above.name != "world":
+            raise RobotError(
+                f"joint {joint.name!r} is floating; only the whole robot may float, all other "
+                "joints must be revolute or fixed"
+            )
+    for k, equality in enumerate(spec.equalities):
+        name = equality.name or f"number {k}"
+        if equality.type in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            raise RobotError(
+                f"the equality {name!r} joins {equality.name1!r} and {equality.name2!r}, which "
+                "closes a loop; the links must form a tree"
+            )
+
+
+def _check_masses(spec: Any) -> None:
+    """Refuse a link of a URDF that moves and has no mass."""
+    masses: dict[str, float] = {}
+    for body in spec.bodies:
+        rigid = body
+        while rigid.parent is not None and not len(rigid.joints) and rigid.parent.name != "world":
+            rigid = rigid.parent
+        masses[rigid.name] = masses.get(rigid.name, 0.0) + float(body.mass)
+    for body in spec.bodies:
+        if len(body.joints) and masses.get(body.name, 0.0) <= 0.0:
+            raise RobotError(
+                f"link {body.name!r} has no mass; give it an <inertial> with the mass [kg] and the "
+                "inertia [kg m^2]"
+            )
+
+
+def _figures(
+    mujoco: Any, model: Any, found: dict[str, float], speeds: float | Sequence[float] | None
+) -> dict[int, JointFigures]:
+    """Return the limits of the hinges."""
+    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+    given = _speeds_of(mujoco, model, len(hinges), speeds)
+    out = {}
+    for k, joint in enumerate(hinges):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint {joint}"
+        low, high = model.jnt_range[joint].tolist()
+        limited = bool(model.jnt_limited[joint]) and high > low
+        address = int(model.jnt_dofadr[joint])
+        out[joint] = JointFigures(
+            name,
+            (low, high) if limited else None,
+            _torque(mujoco, model, joint),
+            found.get(name) if given is None else given[k],
+            float(model.dof_armature[address]) or None,
+        )
+    return out
+
+
+def _speeds_of(
+    mujoco: Any, model: Any, count: int, speeds: float | Sequence[float] | None
+) -> list[float] | None:
+    """Return the speed limits that were given, or those of the file's `<numeric>`, by joint."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
+    if speeds is None and number >= 0:
+        start = int(model.numeric_adr[number])
+        speeds = model.numeric_data[start : start + int(model.numeric_size[number])].tolist()
+    if speeds is None:
+        return None
+    listed = [float(speed) for speed in np.ravel(np.asarray(speeds, dtype=np.float64))]
+    if len(listed) == 1:
+        return listed * count
+    if len(listed) != count:
+        raise RobotError(
+            f"{SPEED_LIMITS} has {len(listed)} entries; it must have 1, or {count}, one for each "
+            "joint of the file"
+        )
+    return listed
+
+
+def _torque(mujoco: Any, model: Any, joint: int) -> float | None:
+    """Return the largest torque of a joint [N m], of the joint or of its actuator."""
+    if model.jnt_actfrclimited[joint]:
+        return float(np.abs(model.jnt_actfrcrange[joint]).min()) or None
+    for k in range(model.nu):
+        if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        if model.actuator_trnid[k, 0] != joint:
+            continue
+        gear = abs(float(model.actuator_gear[k, 0]))
+        if model.actuator_forcelimited[k]:
+            return float(np.abs(model.actuator_forcerange[k]).min()) * gear or None
+        is_motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
+        if is_motor and model.actuator_ctrllimited[k]:
+            gain = abs(float(model.actuator_gainprm[k, 0]))
+            return float(np.abs(model.actuator_ctrlrange[k]).min()) * gear * gain or None
+    return None

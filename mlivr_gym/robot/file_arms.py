@@ -1,0 +1,258 @@
+"""Arms of a URDF or MJCF file: which joints form one, and which bodies belong to each link."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError, shortened
+from mlivr_gym.robot.description import Description
+from mlivr_gym.robot.recognition import JointChain
+
+JOINTS = 6
+"""Number of joints of an arm."""
+
+TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
+"""Endings of the names of tool frames, the preferred first."""
+
+
+class FileArm(NamedTuple):
+    """An arm of a file, by numbers of bodies and joints in the model."""
+
+    joints: tuple[int, ...]
+    """Joints in order from the body."""
+    links: tuple[int, ...]
+    """Body that each joint moves."""
+    tool: tuple[int, Array, Array]
+    """Body that carries the tool frame, and the frame's position [m] and rotation in it."""
+
+    @property
+    def first(self) -> int:
+        """Body that the first joint moves."""
+        return self.links[0]
+
+
+def arms_of(
+    file: Description, tips: Sequence[str] | None, tool_frames: Sequence[str] | None
+) -> tuple[FileArm, ...]:
+    """Return the arms of a file.
+
+    Parameters
+    ----------
+    file
+        The file.
+    tips
+        Names of the links or sites in which the arms end; None for every chain of hinges that
+        begins at the body.
+    tool_frames
+        Name of the tool frame of each arm; None for a customary name, or the last link.
+
+    Raises
+    ------
+    RobotError
+        If there is none, a name is unknown, or a joint of an arm is no hinge.
+    """
+    model = file.model
+    if tips is not None:
+        chains = [_path(file, _frame_named(file, tip)[0]) for tip in tips]
+        for tip, chain in zip(tips, chains, strict=True):
+            if not chain:
+                raise RobotError(f"no joint lies before {tip!r}; name the last link of a limb")
+        tool_frames = tips if tool_frames is None else tool_frames
+    else:
+        first = [b for b in _moving(model) if not _path(file, int(model.body_parentid[b]))]
+        if tool_frames is not None and len(tool_frames) == len(first):
+            chains = [_path(file, _frame_named(file, name)[0]) for name in tool_frames]
+        else:
+            chains = [_longest(file, b) for b in first]
+    if not chains:
+        raise RobotError("the file has no limb: none of its joints is revolute")
+    if tool_frames is not None and len(tool_frames) != len(chains):
+        raise RobotError(
+            f"tool_frame has {len(tool_frames)} names; the file has {len(chains)} limbs"
+        )
+    out = []
+    for k, chain in enumerate(chains):
+        joints = tuple(_hinge(file, body) for body in chain)
+        if tool_frames is not None:
+            tool = _frame_named(file, tool_frames[k])
+            if _path(file, tool[0]) != chain:
+                raise RobotError(
+                    f"tool_frame {tool_frames[k]!r} is not fixed to the last link of the limb, "
+                    f"{body_name(model, chain[-1])!r}"
+                )
+        else:
+            tool = _usual_tool(file, chain[-1])
+        out.append(FileArm(joints, tuple(chain), tool))
+    return tuple(out)
+
+
+def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
+    """Return the joints of an arm in the world at the zero posture.
+
+    Parameters
+    ----------
+    file
+        The file.
+    arm
+        The arm.
+    flange
+        Frame of the flange in the world, shape (4, 4).
+    """
+    joints = list(arm.joints)
+    parent = int(file.model.body_parentid[arm.first])
+    return JointChain(
+        tuple(file.joints[joint].name for joint in joints),
+        file.data.xaxis[joints].copy(),
+        file.data.xanchor[joints].copy(),
+        body_frame(file.data, parent),
+        flange,
+    )
+
+
+def body_frame(data: Any, body: int) -> Array:
+    """Return the frame of a body in the world, shape (4, 4)."""
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
+    return frame
+
+
+def tool_frame_of(data: Any, arm: FileArm) -> Array:
+    """Return the tool frame of an arm in the world, shape (4, 4)."""
+    body, position, rotation = arm.tool
+    inside = np.eye(4)
+    inside[:3, :3], inside[:3, 3] = rotation, position
+    frame: Array = body_frame(data, body) @ inside
+    return frame
+
+
+def body_name(model: Any, body: int) -> str:
+    """Return the name of a body."""
+    return str(model.body(body).name) or f"body {body}"
+
+
+def above(model: Any, body: int) -> list[int]:
+    """Return a body and all that carry it, without the world."""
+    out = []
+    while body:
+        out.append(body)
+        body = int(model.body_parentid[body])
+    return out
+
+
+def _moving(model: Any) -> list[int]:
+    """Return the bodies that joints other than a free one move."""
+    import mujoco
+
+    free = int(mujoco.mjtJoint.mjJNT_FREE)
+    return [
+        body
+        for body in range(1, model.nbody)
+        if model.body_jntnum[body] and model.jnt_type[model.body_jntadr[body]] != free
+    ]
+
+
+def _path(file: Description, body: int) -> list[int]:
+    """Return the moving bodies from the robot's body to a body, this one included."""
+    moving = set(_moving(file.model))
+    return [b for b in reversed(above(file.model, body)) if b in moving]
+
+
+def _longest(file: Description, body: int) -> list[int]:
+    """Return the chain of joints from a body on; the fingers of a gripper do not belong to it."""
+    chain = [body]
+    while True:
+        here = chain[-1]
+        after = [b for b in _moving(file.model) if _path(file, b)[:-1][-1:] == [here]]
+        if not after or (
+            len(chain) >= JOINTS and (len(after) > 1 or not _is_hinge(file, after[0]))
+        ):
+            return chain
+        if len(after) > 1:
+            names = ", ".join(repr(body_name(file.model, b)) for b in after)
+            raise RobotError(
+                f"the chain of joints branches after link {body_name(file.model, here)!r} into "
+                f"{names}; name the last link of each limb with tips"
+            )
+        chain += after
+
+
+def _is_hinge(file: Description, body: int) -> bool:
+    return file.model.body_jntnum[body] == 1 and int(file.model.body_jntadr[body]) in file.joints
+
+
+def _hinge(file: Description, body: int) -> int:
+    """Return the joint that moves a body."""
+    import mujoco
+
+    model = file.model
+    if model.body_jntnum[body] > 1:
+        raise RobotError(
+            f"link {body_name(model, body)!r} has {model.body_jntnum[body]} joints; a link of a "
+            "limb must have one, revolute"
+        )
+    joint = int(model.body_jntadr[body])
+    if joint not in file.joints:
+        kind = {
+            int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+            int(mujoco.mjtJoint.mjJNT_BALL): "a ball joint",
+        }[int(model.jnt_type[joint])]
+        raise RobotError(
+            f"joint {model.joint(joint).name!r} is {kind}; the joints of a limb must be revolute"
+        )
+    for k in range(model.neq):
+        if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj1id[k] == joint:
+            other = int(model.eq_obj2id[k])
+            leader = f" joint {model.joint(other).name!r}" if other >= 0 else " a constant"
+            raise RobotError(
+                f"joint {model.joint(joint).name!r} mimics{leader}; every joint of a limb must "
+                "move by itself"
+            )
+    return joint
+
+
+def _frame_named(file: Description, name: str) -> tuple[int, Array, Array]:
+    """Return the link or site of a name: body, position [m] and rotation."""
+    import mujoco
+
+    model = file.model
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, str(name))
+    if site >= 0:
+        return _site(model, site)
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, str(name))
+    if body < 1:
+        links = ", ".join(body_name(model, b) for b in range(1, model.nbody))
+        sites = ", ".join(str(model.site(k).name) for k in range(model.nsite))
+        known = links + (f"; sites {sites}" if sites else "")
+        raise RobotError(f"the file has no link or site {shortened(name)}; it has links {known}")
+    return body, np.zeros(3), np.eye(3)
+
+
+def _site(model: Any, site: int) -> tuple[int, Array, Array]:
+    import mujoco
+
+    rotation = np.empty(9)
+    mujoco.mju_quat2Mat(rotation, model.site_quat[site])
+    return int(model.site_bodyid[site]), model.site_pos[site].copy(), rotation.reshape(3, 3)
+
+
+def _usual_tool(file: Description, last: int) -> tuple[int, Array, Array]:
+    """Return the tool frame behind the last joint: by a customary name, or the last link."""
+    model = file.model
+    fixed = [b for b in range(1, model.nbody) if _path(file, b)[-1:] == [last]]
+    frames = {str(model.site(k).name): k for k in range(model.nsite)
+              if int(model.site_bodyid[k]) in fixed}  # fmt: skip
+    links = {body_name(model, b): b for b in fixed if b != last}
+    for ending in TOOL_NAMES:
+        for name, site in frames.items():
+            if name.endswith(ending):
+                return _site(model, site)
+        for name, body in links.items():
+            if name.endswith(ending):
+                return body, np.zeros(3), np.eye(3)
+    leaves = [b for b in fixed if b not in {int(model.body_parentid[c]) for c in fixed if c != b}]
+    end = leaves[0] if len(leaves) == 1 else last
+    return end, np.zeros(3), np.eye(3)

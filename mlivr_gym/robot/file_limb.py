@@ -1,0 +1,366 @@
+"""One limb of a URDF or MJCF file in the terms of its family."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
+from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
+from mlivr_gym.robot.file_parts import LimbParts, limb_parts
+from mlivr_gym.robot.file_shapes import fitted_capsules
+from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
+from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
+from mlivr_gym.robot.link_frames import inverse, link_frames
+from mlivr_gym.robot.recognition import DECIMALS, RecognisedArm, recognised
+from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
+from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
+from mlivr_gym.values import LONGEST_ROBOT
+
+ROTOR_INERTIA = 0.1
+"""Inertia of a rotor where neither file nor caller gives one [kg m^2]: MuJoCo Menagerie's UR arms.
+"""
+
+TOOL_LENGTH, GRIPPER_MASS = 0.05, 0.5
+"""Length [m] and mass [kg] of the gripper that is added to an arm without one."""
+
+POSTURES = 100
+"""Number of random postures in which the flange is compared with that of the file."""
+
+LARGEST_ERROR = 5e-3
+"""Largest distance of the flange from that of the file [m]; grasps are captured within 10 mm."""
+
+
+@dataclass(frozen=True)
+class LimbOptions:
+    """What a caller says of limbs, see `from_file.read_robot`."""
+
+    tool_length: float | None
+    rotor_inertia: float | None
+    capsules: tuple[Capsule, ...] | str | None
+
+
+@dataclass(frozen=True)
+class FileLimb:
+    """A limb of a file."""
+
+    limb: Limb
+    """Lengths and joint limits."""
+    joint_names: tuple[str, ...]
+    """Names of its joints."""
+    signs: Array
+    """Signs of its joint angles, see `recognition.RecognisedArm`."""
+    offsets: Array
+    """Offsets of its joint angles [rad]."""
+    mount: Array
+    """Base frame of the limb in the world, later in the body's frame, shape (4, 4)."""
+    capsules: tuple[Capsule, ...]
+    """Collision shapes."""
+    excess: dict[str, float]
+    """Largest excess of the capsules of each link [m]."""
+    dynamics: LimbDynamics
+    """Masses, inertias and limits."""
+    tool_length: float
+    """Distance from the flange to the grasp [m]."""
+    gripper_mass: float
+    """Mass of a gripper that the last link does not include [kg]."""
+    base_parts: tuple[int, ...]
+    """Bodies of the model that are the limb's base."""
+    links: tuple[int, ...]
+    """Bodies that its joints move."""
+    position_error: float
+    """Largest distance of the flange from that of the file [m]."""
+    notes: tuple[str, ...] = field(default=())
+    """What the file does not say, in words."""
+
+    def is_like(self, other: FileLimb) -> bool:
+        """Return whether another limb has the same figures, to the last rounded digit."""
+        return (
+            np.allclose(self.limb.lengths, other.limb.lengths, atol=1e-6)
+            and np.allclose(self.limb.limits, other.limb.limits, atol=1e-6)
+            and len(self.capsules) == len(other.capsules)
+            and all(_alike(a, b) for a, b in zip(self.capsules, other.capsules, strict=True))
+            and _same_dynamics(self.dynamics, other.dynamics)
+            and self.gripper_mass == other.gripper_mass
+        )
+
+    def with_tool_length(self, length: float) -> FileLimb:
+        """Return the limb with its flange elsewhere on the last axis, the grasp where it was."""
+        shift = round(self.tool_length - length, DECIMALS)
+        if not shift:
+            return self
+
+        def moved(capsule: Capsule) -> Capsule:
+            if capsule.link not in LINKS[6:]:
+                return capsule
+            low, high = capsule.start[2] - shift, capsule.end[2] - shift
+            return replace(capsule, start=(0.0, 0.0, low), end=(0.0, 0.0, high))
+
+        x, y, z = self.dynamics.centres[5]
+        centres = (*self.dynamics.centres[:5], (x, y, z - shift))
+        return replace(
+            self,
+            limb=replace(self.limb, d6=self.limb.d6 + shift),
+            capsules=tuple(map(moved, self.capsules)),
+            dynamics=replace(self.dynamics, centres=centres),
+            tool_length=length,
+        )
+
+    def turned(self, angle: float) -> FileLimb:
+        """Return the limb with its base frame turned about the first axis [rad]."""
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        (low, high), *others = self.limb.joint_limits
+        offsets = self.offsets.copy()
+        offsets[0] -= angle
+
+        def back(point: Any) -> Any:
+            return tuple((turn[:3, :3].T @ np.array(point)).tolist())
+
+        capsules = tuple(
+            replace(c, start=back(c.start), end=back(c.end)) if c.link == "base" else c
+            for c in self.capsules
+        )
+        dynamics = self.dynamics
+        if dynamics.base_centre is not None and dynamics.base_inertia is not None:
+            xx, yy, zz, xy, xz, yz = dynamics.base_inertia
+            inertia = turn[:3, :3].T @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            inertia = inertia @ turn[:3, :3]
+            order = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+            dynamics = replace(
+                dynamics,
+                base_centre=back(dynamics.base_centre),
+                base_inertia=tuple(inertia[order].tolist()),
+            )
+        return replace(
+            self,
+            limb=replace(self.limb, joint_limits=((low - angle, high - angle), *others)),
+            offsets=offsets, mount=self.mount @ turn, capsules=capsules, dynamics=dynamics,
+        )  # fmt: skip
+
+
+def limb_of(
+    file: Description, arms: tuple[FileArm, ...], number: int, options: LimbOptions
+) -> FileLimb:
+    """Return a limb of a file.
+
+    Parameters
+    ----------
+    file
+        The file.
+    arms
+        All arms of the file.
+    number
+        Which of them.
+    options
+        What the caller says.
+
+    Raises
+    ------
+    RobotError
+        If its joints are those of no known family, or a figure is missing.
+    """
+    arm = arms[number]
+    tool = tool_frame_of(file.data, arm)
+    _check_size(file, arm, tool)
+    members = limb_parts(file, arms, number, options.tool_length is None)
+    found = recognised(chain_of(file, arm, members.flange))
+    limits = _limits(file, arm, found)
+    limb = Limb(**found.lengths, joint_limits=limits)  # type: ignore[arg-type]
+    if WINDOWS in file.fields:
+        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
+    frames = found.mount @ link_frames(limb, found.offsets)
+    notes = []
+    length, gripper_mass = members.tool_length, 0.0
+    if not members.gripper:
+        length = TOOL_LENGTH if options.tool_length is None else options.tool_length
+        gripper_mass = GRIPPER_MASS
+        notes.append(f"a gripper of {length:g} m and {gripper_mass:g} kg added")
+    masses = [
+        joined(file.model, file.data, part, frame) for part, frame in members.with_frames(frames)
+    ]
+    if members.gripper:
+        masses, gripper_mass = _with_gripper(file, members, frames, masses)
+    dynamics = _dynamics(file, arm, masses)
+    rotors = tuple(file.joints[joint].rotor for joint in arm.joints)
+    if options.rotor_inertia is not None:
+        rotors = (options.rotor_inertia,) * len(rotors)
+    elif ROTORS in file.fields:
+        rotors = _of_limb(file, ROTORS, number)
+    elif None in rotors:
+        notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
+    rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
+    dynamics = replace(dynamics, rotor_inertias=rotors)
+    if options.capsules is None:
+        capsules, excess = fitted_capsules(file, members, frames)
+        if not members.gripper:
+            capsules = (*capsules, gripper_capsule(length))
+    elif isinstance(options.capsules, str):
+        capsules, excess = stretched_capsules(limb, length), {}
+        notes.append("collision shapes are the UR5e's, stretched")
+    else:
+        capsules, excess = options.capsules, {}
+    error = _position_error(file, arm, limb, found, members.flange)
+    if error > 1e-4:
+        notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
+    return FileLimb(
+        limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
+        found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
+        error, tuple(notes),
+    )  # fmt: skip
+
+
+def _check_size(file: Description, arm: FileArm, tool: Array) -> None:
+    """Refuse an arm longer than any robot, which is probably given in millimetres."""
+    points = np.vstack([file.data.xanchor[list(arm.joints)], tool[:3, 3]])
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length > LONGEST_ROBOT:
+        raise RobotError(
+            f"the limb of joints {file.joints[arm.joints[0]].name!r} to "
+            f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
+            f"{LONGEST_ROBOT:g} m: lengths are in metres, is the file in millimetres?"
+        )
+
+
+def _limits(
+    file: Description, arm: FileArm, found: RecognisedArm
+) -> tuple[tuple[float, float], ...]:
+    """Return the limits of the limb's joint angles [rad]."""
+    out = []
+    for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
+        figures = file.joints[joint]
+        if figures.limits is None:
+            raise RobotError(
+                f"joint {figures.name!r} has no limits; give it a lower and an upper angle [rad], "
+                "the lower one first"
+            )
+        ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
+        low, high = sorted(sign * end + offset for end in ends)
+        out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
+    return tuple(out)
+
+
+def _of_limb(file: Description, name: str, number: int) -> Any:
+    """Return figures of one limb that a file of this package names."""
+    listed = file.fields[name]
+    if not isinstance(listed, list) or len(listed) <= number:
+        raise RobotError(f"{name} of the file must be a list of six numbers for each limb")
+    return listed[number]
+
+
+def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbDynamics:
+    """Return masses, inertias and limits of the limb, without inertias of rotors."""
+    figures = [file.joints[joint] for joint in arm.joints]
+    for one in figures:
+        if one.torque is None:
+            raise RobotError(
+                f"joint {one.name!r} has no torque limit; give it a largest torque above 0 [N m] "
+                "(URDF: effort; MJCF: actuatorfrcrange, or the forcerange of its actuator)"
+            )
+        if not one.speed:
+            raise RobotError(
+                f"joint {one.name!r} has no speed limit; give speed_limits above 0 [rad/s] "
+                "(URDF: velocity; MJCF: a <numeric> named 'speed_limits')"
+            )
+    for link, part in zip(arm.links, masses[1:], strict=True):
+        if part.mass <= 0.0:
+            raise RobotError(
+                f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
+                "mass [kg] and the inertia [kg m^2]"
+            )
+    base, size, given = masses[0], *_cylinder_of(masses[0])
+    return LimbDynamics(
+        base.mass,
+        size,
+        tuple(part.mass for part in masses[1:]),
+        tuple(part.centre for part in masses[1:]),
+        tuple(part.inertia for part in masses[1:]),
+        tuple(float(one.torque or 0.0) for one in figures),
+        tuple(float(one.speed or 0.0) for one in figures),
+        (0.0,) * len(figures),
+        base.centre if given else None,
+        base.inertia if given else None,
+    )
+
+
+def _cylinder_of(base: RigidBody) -> tuple[tuple[float, float], bool]:
+    """Return radius and length of the cylinder that stands for a base, and whether it differs."""
+    if not base.mass:
+        return (0.05, 0.05), False
+    radius = float(np.sqrt(max(2.0 * base.inertia[2] / base.mass, 1e-6)))
+    square = 12.0 * base.inertia[0] / base.mass - 3.0 * radius**2
+    length = float(np.sqrt(max(square, 1e-6)))
+    return (radius, length), not _same(base, cylinder(base.mass, radius, length, 0.5 * length))
+
+
+def _with_gripper(
+    file: Description, members: LimbParts, frames: Array, masses: list[RigidBody]
+) -> tuple[list[RigidBody], float]:
+    """Return the masses with the file's gripper, and the mass of a gripper that is none of them."""
+    gripper = joined(file.model, file.data, members.gripper, frames[6])
+    radius = arm_data("ur5e")["gripper"]["radius"]
+    length = members.tool_length
+    if _same(gripper, cylinder(gripper.mass, radius, max(length, 0.01), 0.5 * length)):
+        return masses, gripper.mass
+    last = joined(file.model, file.data, (*members.links[5], *members.gripper), frames[6])
+    return [*masses[:6], last], 0.0
+
+
+def _same(first: RigidBody, second: RigidBody) -> bool:
+    """Return whether two bodies move alike."""
+    return all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(first, second, strict=True))
+
+
+def _position_error(
+    file: Description, arm: FileArm, limb: Limb, found: RecognisedArm, flange: Array
+) -> float:
+    """Return the largest distance of the flange from that of the file over random postures [m]."""
+    import mujoco
+
+    data, rng = mujoco.MjData(file.model), np.random.default_rng(0)
+    data.qpos[:] = file.data.qpos
+    local = inverse(body_frame(file.data, arm.links[5])) @ flange
+    probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    tool = inverse(found.mount @ link_frames(limb, found.offsets)[6]) @ flange
+    addresses = file.model.jnt_qposadr[list(arm.joints)]
+    worst = 0.0
+    for _ in range(POSTURES):
+        angles = rng.uniform(-np.pi, np.pi, len(addresses))
+        data.qpos[addresses] = angles
+        mujoco.mj_kinematics(file.model, data)
+        theirs = body_frame(data, arm.links[5]) @ local @ probes
+        ours = found.mount @ link_frames(limb, found.signs * angles + found.offsets)[6]
+        ours = ours @ _only_turned(tool) @ probes
+        worst = max(worst, float(np.linalg.norm((theirs - ours)[:3], axis=0).max()))
+    if worst > LARGEST_ERROR:
+        raise RobotError(
+            f"the flange of joint {file.joints[arm.joints[-1]].name!r} lies up to {worst:.3g} m "
+            f"from where exact axes would bring it; it must be at most {LARGEST_ERROR:g} m"
+        )
+    return worst
+
+
+def _only_turned(frame: Array) -> Array:
+    out = frame.copy()
+    out[:3, 3] = 0.0
+    return out
+
+
+def _alike(first: Capsule, second: Capsule) -> bool:
+    """Return whether two capsules are equal but for rounding."""
+    figures = [(*c.start, *c.end, c.radius) for c in (first, second)]
+    return first.link == second.link and np.allclose(*figures, atol=1e-6)
+
+
+def _same_dynamics(first: LimbDynamics, second: LimbDynamics) -> bool:
+    """Return whether two limbs move alike but for rounding."""
+    for name in LimbDynamics.__dataclass_fields__:
+        a, b = getattr(first, name), getattr(second, name)
+        if (a is None) != (b is None) or (a is not None and not np.allclose(a, b, atol=1e-6)):
+            return False
+    return True

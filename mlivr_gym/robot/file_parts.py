@@ -1,0 +1,137 @@
+"""Which bodies of a URDF or MJCF file belong to the links, the base and the gripper of a limb."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.description import Description
+from mlivr_gym.robot.file_arms import FileArm, above, body_name, tool_frame_of
+from mlivr_gym.robot.recognition import MEETING
+
+SHORTEST_GRIPPER = 0.01
+"""A grasp that is nearer to the first shape behind the flange is the flange itself [m]."""
+
+
+@dataclass(frozen=True)
+class LimbParts:
+    """Bodies of a limb by their numbers in the model."""
+
+    base: tuple[int, ...]
+    """Bodies that fix the limb to the robot's body."""
+    links: tuple[tuple[int, ...], ...]
+    """Bodies that move with each joint, six tuples; the last is without the gripper."""
+    gripper: tuple[int, ...]
+    """Bodies of the gripper, empty if the file has none."""
+    flange: Array
+    """Frame of the flange in the world, shape (4, 4)."""
+    tool_length: float
+    """Distance from the flange to the tool frame [m]."""
+
+    def with_frames(self, frames: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
+        """Yield base and links, each with its frame; `frames` has shape (7, 4, 4)."""
+        return zip((self.base, *self.links), frames, strict=True)
+
+
+def limb_parts(
+    file: Description, arms: tuple[FileArm, ...], number: int, with_gripper: bool
+) -> LimbParts:
+    """Return the bodies of a limb.
+
+    Parameters
+    ----------
+    file
+        The file.
+    arms
+        All arms of the file.
+    number
+        Which of them.
+    with_gripper
+        Whether shapes behind the last link are a gripper; else they belong to the last link.
+    """
+    arm = arms[number]
+    links = [_moved_by(file, arm, body) for body in arm.links]
+    tool = tool_frame_of(file.data, arm)
+    gripper = _gripper(file, arm, links[-1]) if with_gripper else ()
+    flange, length = tool, 0.0
+    if gripper:
+        flange = tool.copy()
+        flange[:3, 3] = file.data.xpos[gripper[0]]
+        away, axis = tool[:3, 3] - flange[:3, 3], file.data.xaxis[arm.joints[-1]]
+        length = abs(float(away @ axis))
+        off = float(np.linalg.norm(np.cross(away, axis)))
+        if length < SHORTEST_GRIPPER or off > MEETING:
+            gripper, flange, length = (), tool, 0.0
+    links[-1] = tuple(body for body in links[-1] if body not in gripper)
+    return LimbParts(_base(file, arms, number), tuple(links), gripper, flange, round(length, 9))
+
+
+def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
+    """Return the bodies that belong to the robot's body, its root first.
+
+    Raises
+    ------
+    RobotError
+        If the limbs do not stand on one body.
+    """
+    model = file.model
+    roots = {above(model, arm.first)[-1] for arm in arms}
+    if len(roots) > 1 or any(model.body_parentid[arm.first] == 0 for arm in arms):
+        names = ", ".join(repr(body_name(model, root)) for root in sorted(roots))
+        raise RobotError(f"the limbs stand on {names}; all must be mounted on one body")
+    root = roots.pop()
+    bases = {body for k in range(len(arms)) for body in _base(file, arms, k)}
+    moving = {link for arm in arms for link in arm.links}
+    return tuple(
+        body
+        for body in range(1, model.nbody)
+        if root in above(model, body) and body not in bases and not moving & set(above(model, body))
+    )
+
+
+def solid_geoms(file: Description, body: int) -> list[int]:
+    """Return the collision shapes of a body."""
+    model = file.model
+    first = int(model.body_geomadr[body])
+    return [
+        geom
+        for geom in range(first, first + int(model.body_geomnum[body]))
+        if model.geom_contype[geom] or model.geom_conaffinity[geom]
+    ]
+
+
+def _moved_by(file: Description, arm: FileArm, link: int) -> tuple[int, ...]:
+    """Return the bodies fixed to a link of an arm; joints that are not the arm's stay at 0."""
+    model = file.model
+    out = []
+    for body in range(1, model.nbody):
+        carrier = next((b for b in above(model, body) if b in arm.links), None)
+        if carrier == link:
+            out.append(body)
+    return tuple(out)
+
+
+def _gripper(file: Description, arm: FileArm, last: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the bodies behind the last link that have shapes, and those that they carry."""
+    first = [body for body in last if body != arm.links[-1] and solid_geoms(file, body)]
+    return tuple(body for body in last if set(first) & set(above(file.model, body)))
+
+
+def _base(file: Description, arms: tuple[FileArm, ...], number: int) -> tuple[int, ...]:
+    """Return the bodies that fix a limb, and no other, to the robot's body."""
+    model = file.model
+    before = [set(above(model, int(model.body_parentid[arm.first]))) for arm in arms]
+    others = set().union(*(found for k, found in enumerate(before) if k != number))
+    alone = before[number] - others
+    moving = {link for arm in arms for link in arm.links}
+    if len(arms) > 1 and alone and not others:
+        alone = set()
+    return tuple(
+        body
+        for body in range(1, model.nbody)
+        if alone & set(above(model, body)) and not moving & set(above(model, body))
+    )

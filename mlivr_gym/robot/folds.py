@@ -1,0 +1,31 @@
+"""Candidate base poses of the default robot, and the order of rolls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+HEIGHTS = (0.60, 0.65, 0.70, 0.75)
+"""Candidate heights of the base of a robot with limbs as long as the UR5e [m]."""
+
+SPAN = 2.4
+"""Largest distance of two points that such a robot holds [m]."""
+
+CHARACTERISTIC_LENGTH = 0.87
+"""Length that makes distances and angles of such a limb comparable [m]."""
+
+
+def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
+    """Return rolls [rad] sorted by size, the positive one of two opposite rolls first.
+
+    This order is the last rule by which a posture is chosen. A roll is counted about the line to
+    the grasp of one limb, with two limbs of limb 0, so the side of a wall that is preferred changes
+    with the limb that holds either point: no side of the module is favoured.
+    """
+
+    def key(roll: float) -> tuple[float, bool]:
+        turn = float(np.angle(np.exp(1j * roll)))
+        return round(abs(turn), 9), turn < 0.0
+
+    return tuple(sorted(rolls, key=key))

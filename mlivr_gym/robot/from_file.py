@@ -1,0 +1,295 @@
+"""Robots from URDF and MJCF files.
+
+A file is either one arm, of which several are mounted evenly round a body, or a whole robot, whose
+body and limbs are found from the tree of its links. Lengths, limits, masses, inertias and collision
+shapes come from the file; whatever it does not say is named in `RobotSpec.source`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import MlivrError, RobotError, path_shown
+from mlivr_gym.robot.build_checks import check_build
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
+from mlivr_gym.robot.file_arms import arms_of
+from mlivr_gym.robot.file_body import FileBody, body_of
+from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
+from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
+from mlivr_gym.robot.mounts import Mount
+from mlivr_gym.values import Triple
+
+UR5E_ARM = 0.425 + 0.3922
+"""Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
+
+R = TypeVar("R", bound=DerivedFigures)
+
+
+@dataclass(frozen=True)
+class RobotFile:
+    """A robot as a file describes it.
+
+    Attributes
+    ----------
+    fields
+        Fields of `RobotSpec`.
+    joint_names
+        Names of the joints in the file, N of six; equal limbs of one arm share them.
+    signs
+        1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
+        offset`.
+    offsets
+        The offsets [rad], shape (N, 6).
+    capsule_excess
+        By how much the capsules of each link exceed its shapes at most [m], by limb and link.
+    body_excess
+        By how much the box of the body exceeds its shapes [m].
+    position_error
+        Largest distance of a flange from that of the file over random postures [m]: what the exact
+        axes of the family differ from those of the file.
+    """
+
+    fields: dict[str, Any]
+    joint_names: tuple[tuple[str, ...], ...]
+    signs: Array
+    offsets: Array
+    capsule_excess: tuple[dict[str, float], ...]
+    body_excess: float
+    position_error: float
+
+    def from_file_angles(self, angles: Array) -> Array:
+        """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""
+        return np.asarray(angles) * self.signs + self.offsets
+
+    def to_file_angles(self, angles: Array) -> Array:
+        """Return joint angles of the file from those of the robot [rad], shape (..., N, 6)."""
+        return (np.asarray(angles) - self.offsets) * self.signs
+
+
+def robot_of_file(
+    path: str | Path, make: Callable[[dict[str, Any]], R], options: dict[str, Any]
+) -> R:
+    """Return the robot of a file, made from its fields and checked.
+
+    Parameters
+    ----------
+    path
+        The file.
+    make
+        Makes a robot from its fields.
+    options
+        Arguments of `read_robot`.
+
+    Raises
+    ------
+    RobotError
+        If the file cannot be read, or describes a robot that is not supported.
+    """
+    file = read_robot(path, **options)
+    try:
+        robot = make(file.fields)
+        check_build(robot)
+    except MlivrError as fault:
+        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
+    return robot
+
+
+def read_robot(
+    path: str | Path,
+    *,
+    limbs: int | None = None,
+    tips: Sequence[str] | None = None,
+    tool_frame: str | Sequence[str] | None = None,
+    tool_length: float | None = None,
+    mount_radius: float | None = None,
+    body_size: float | Triple | None = None,
+    speed_limits: float | Sequence[float] | None = None,
+    rotor_inertia: float | None = None,
+    capsules: Sequence[Capsule] | str | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    **fields: Any,
+) -> RobotFile:
+    """Read a robot from a URDF or MJCF file.
+
+    Parameters
+    ----------
+    path
+        The file: `.urdf` or MJCF.
+    limbs
+        Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the
+        number that the file has.
+    tips
+        Names of the last link, or a site, of each limb; None for every chain of joints that begins
+        at the body.
+    tool_frame
+        Name of the link or site at which a limb grasps, of each limb if they differ; None for a
+        customary name such as `tool0`, or the last link.
+    tool_length
+        Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
+        or, if it has none, for the default gripper of 0.05 m.
+    mount_radius
+        Distance of an arm's base from the body's z axis [m], if the file is one arm; by default
+        half the body's edge.
+    body_size
+        Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes
+        of a whole robot's body.
+    speed_limits
+        Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
+        of the file. MJCF has no field for them but a `<numeric>` of this name.
+    rotor_inertia
+        Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
+        the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
+    capsules
+        Collision shapes of a limb in its link frames, or `"ur5e"` for those of the UR5e stretched
+        to its lengths; None for capsules fitted to the collision shapes of the file.
+    package_dirs
+        Folders in which the packages of `package://` names lie, in addition to those above the
+        file.
+    **fields
+        Further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where `heights`, `span`
+        and `characteristic_length` are not given, those of the default robot grow with the arm.
+
+    Returns
+    -------
+    RobotFile
+        The fields of the robot, the map of its joints and the excess of its shapes.
+
+    Raises
+    ------
+    RobotError
+        If the file cannot be read, or describes a robot that is not supported; the message names
+        the joint or link, its value and what would be valid.
+
+    Examples
+    --------
+    >>> file = read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
+    >>> file.capsule_excess[0]["forearm"]  # doctest: +SKIP
+    """
+    options = LimbOptions(tool_length, rotor_inertia, _listed(capsules))
+    frames = (tool_frame,) if isinstance(tool_frame, str) else tool_frame
+    try:
+        file = read_description(path, package_dirs, speed_limits)
+        arms = arms_of(file, tips, frames)
+        if len(arms) == 1:
+            return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
+                "limbs": 2 if limbs is None else limbs,
+                "body_size": 0.2 if body_size is None else body_size,
+                "mount_radius": mount_radius,
+            })  # fmt: skip
+        if limbs not in (None, len(arms)):
+            raise RobotError(f"limbs is {limbs}; the file has {len(arms)} limbs")
+        if mount_radius is not None:
+            raise RobotError(
+                f"mount_radius is {mount_radius}; the file is a whole robot of {len(arms)} limbs, "
+                "whose mounts it names"
+            )
+        each = tuple(limb_of(file, arms, k, options) for k in range(len(arms)))
+        # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
+        shortest = min(limb.tool_length for limb in each)
+        each = tuple(limb.with_tool_length(shortest) for limb in each)
+        return _of_whole_robot(file, body_of(file, arms, each, body_size), fields)
+    except MlivrError as fault:
+        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
+
+
+def _listed(capsules: Sequence[Capsule] | str | None) -> tuple[Capsule, ...] | str | None:
+    if isinstance(capsules, str) and capsules != "ur5e":
+        raise RobotError(f"capsules is {capsules!r}; it must be 'ur5e', or a list of capsules")
+    return capsules if capsules is None or isinstance(capsules, str) else tuple(capsules)
+
+
+def _of_one_arm(
+    file: Description, limb: FileLimb, fields: dict[str, Any], build: dict[str, Any]
+) -> RobotFile:
+    """Return a robot of equal arms mounted evenly round a box."""
+    if build["mount_radius"] is None:
+        build["mount_radius"] = 0.5 * float(np.min(build["body_size"]))
+    count = build["limbs"] if isinstance(build["limbs"], int) else 1
+    return RobotFile(
+        _fields(file, (limb,), fields, build),
+        (limb.joint_names,) * count,
+        np.tile(limb.signs, (count, 1)),
+        np.tile(limb.offsets, (count, 1)),
+        (limb.excess,) * count,
+        0.0,
+        limb.position_error,
+    )
+
+
+def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> RobotFile:
+    """Return the robot of a file that holds a body with several limbs."""
+    limbs = body.limbs
+    build: dict[str, Any] = {
+        "body_size": body.edges,
+        "body_mass": body.solid.mass,
+        "body_centre": body.solid.centre,
+        "body_inertia": body.inertia,
+    }
+    alike = all(limb.is_like(limbs[0]) for limb in limbs)
+    if body.mount_radius is not None and alike:
+        build |= {"limbs": len(limbs), "mount_radius": body.mount_radius}
+    else:
+        build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
+    return RobotFile(
+        _fields(file, limbs, fields, build),
+        tuple(limb.joint_names for limb in limbs),
+        np.array([limb.signs for limb in limbs]),
+        np.array([limb.offsets for limb in limbs]),
+        tuple(limb.excess for limb in limbs),
+        body.excess,
+        max(limb.position_error for limb in limbs),
+    )
+
+
+def _mount(limb: FileLimb, alike: bool) -> Mount:
+    """Return the mount of a limb, with the limb itself if the limbs differ."""
+    x, y, z = limb.mount[:3, 3].tolist()
+    a, b, c = (tuple(row) for row in limb.mount[:3, :3].tolist())
+    if alike:
+        return Mount((x, y, z), (a, b, c))
+    return Mount((x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics)
+
+
+def _fields(
+    file: Description,
+    limbs: tuple[FileLimb, ...],
+    fields: dict[str, Any],
+    build: dict[str, Any],
+) -> dict[str, Any]:
+    """Return the fields of a robot; those that a caller gives come before those of the file."""
+    first = limbs[0]
+    scale = max(abs(limb.limb.a2) + abs(limb.limb.a3) for limb in limbs) / UR5E_ARM
+    described = {
+        "name": file.name,
+        "limb": first.limb,
+        "capsules": first.capsules,
+        "dynamics": first.dynamics,
+        "tool_length": first.tool_length,
+        "gripper_mass": first.gripper_mass,
+        "source": _source(file, limbs),
+        "heights": tuple(scale * height for height in HEIGHTS),
+        "span": scale * SPAN,
+        "characteristic_length": scale * CHARACTERISTIC_LENGTH,
+    }
+    written = {name: value for name, value in file.fields.items() if name not in (WINDOWS, ROTORS)}
+    return described | build | written | fields
+
+
+def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
+    """Return where the figures come from, in words."""
+    told = [f"the file of {file.name}"]
+    notes = [note for limb in limbs for note in limb.notes]
+    told += [note for k, note in enumerate(notes) if note not in notes[:k]]
+    fitted = max((max(limb.excess.values(), default=0.0) for limb in limbs), default=0.0)
+    if fitted:
+        told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
+    text = "; ".join(told)
+    return "".join(c if c.isprintable() else " " for c in text)[:200]

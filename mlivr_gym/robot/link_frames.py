@@ -1,0 +1,50 @@
+"""Frames of the links of a limb, those of the manufacturer's description."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.limb import LinkQuaternion
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
+
+
+def axes_of(quaternion: LinkQuaternion) -> Array:
+    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def link_frames(limb: AnyLimb, angles: Array) -> Array:
+    """Return the frames of the base and the six links in the limb's base frame, shape (7, 4, 4).
+
+    Parameters
+    ----------
+    limb
+        The limb.
+    angles
+        Joint angles [rad], shape (6,).
+    """
+    frames = np.empty((7, 4, 4))
+    frames[0] = np.eye(4)
+    for k, (origin, quaternion) in enumerate(limb.link_offsets):
+        c, s = np.cos(angles[k]), np.sin(angles[k])
+        step = np.eye(4)
+        step[:3, :3] = axes_of(quaternion) @ [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+        step[:3, 3] = origin
+        frames[k + 1] = frames[k] @ step
+    return frames
+
+
+def inverse(frame: Array) -> Array:
+    """Return the inverse of a rigid transform, shape (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3] = frame[:3, :3].T
+    out[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
+    return out

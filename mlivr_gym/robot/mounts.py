@@ -1,0 +1,93 @@
+"""Where the limbs of a robot are mounted on its body.
+
+By default N equal limbs are mounted at equal angles about the body's z axis. A robot of another
+build names one `Mount` for each limb, which may also bring a limb of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.limb_dynamics import (
+    LIMB_DYNAMICS,
+    LimbDynamics,
+    Named,
+    arm_dynamics,
+    arm_limb,
+)
+from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.schema import FieldPath, Listed, Maybe, Rotation, Struct, Tuples
+from mlivr_gym.values import LONGEST_ROBOT, Triple
+
+MOST_CAPSULES = 64
+"""Largest number of collision shapes of a limb: the compiled checks keep them on the stack."""
+
+
+@dataclass(frozen=True)
+class Mount:
+    """The place of one limb on the body, and the parts in which it differs from the other limbs.
+
+    Attributes
+    ----------
+    position
+        Origin of the limb's base in the body frame [m].
+    rotation
+        Rows of the rotation from the limb's base axes to the body's; its third column is the axis
+        of the first joint.
+    limb
+        Kinematics of this limb; None for `RobotSpec.limb`.
+    capsules
+        Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
+        given, for those of the UR5e stretched to its lengths.
+    dynamics
+        Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
+        is given, for those of the arm that has its lengths.
+    """
+
+    position: Triple
+    rotation: tuple[Triple, Triple, Triple]
+    limb: AnyLimb | None = None
+    capsules: tuple[Capsule, ...] | None = None
+    dynamics: LimbDynamics | None = None
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        place = FieldPath("mount", RobotError)
+        MOUNT.check(self, place)
+        check_moving(self.capsules, place)
+
+
+MOUNT = Struct(
+    Mount,
+    {
+        "position": Tuples((3,), most=LONGEST_ROBOT, unit="m"),
+        "rotation": Rotation(),
+        "limb": Maybe(Named(LIMB_OF_FAMILY, arm_limb)),
+        "capsules": Maybe(Listed(CAPSULE, most=MOST_CAPSULES)),
+        "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
+    },
+)
+"""Fields of a `Mount`."""
+
+
+def even_rotations(limbs: int) -> Array:
+    """Return the axes of limbs mounted at equal angles, in the body frame, shape (N, 3, 3).
+
+    The z axis of a limb's base is radial and its x axis is the body's z axis.
+    """
+    azimuth = 2.0 * np.pi * np.arange(limbs) / limbs
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    zero, one = np.zeros(limbs), np.ones(limbs)
+    return np.stack(
+        [
+            np.stack([zero, s, c], -1),
+            np.stack([zero, -c, s], -1),
+            np.stack([one, zero, zero], -1),
+        ],
+        axis=1,
+    )

@@ -1,0 +1,80 @@
+"""Masses and inertias of bodies that are fixed to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.description import LEAST_MASS
+from mlivr_gym.values import Triple
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of an inertia in the order xx, yy, zz, xy, xz, yz."""
+
+
+class RigidBody(NamedTuple):
+    """A mass with its centre and inertia."""
+
+    mass: float
+    """Mass [kg]."""
+    centre: Triple
+    """Centre of mass [m]."""
+    inertia: tuple[float, ...]
+    """Inertia about it, in the order of `PAIRS` [kg m^2]."""
+
+
+def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> RigidBody:
+    """Return bodies of a model as one, as seen from a frame.
+
+    Parameters
+    ----------
+    model
+        The compiled model.
+    data
+        Its data with the poses of bodies.
+    numbers
+        Numbers of the bodies.
+    frame
+        The frame in the world, shape (4, 4).
+    """
+    parts = []
+    for body in numbers:
+        mass = float(model.body_mass[body])
+        if mass <= 2.0 * LEAST_MASS:
+            continue
+        turn = data.xmat[body].reshape(3, 3)
+        centre = data.xpos[body] + turn @ model.body_ipos[body]
+        axes = turn @ _matrix(model.body_iquat[body])
+        parts.append((mass, centre, axes @ np.diag(model.body_inertia[body]) @ axes.T))
+    mass = sum(part[0] for part in parts)
+    if not mass:
+        return RigidBody(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+    centre = sum((m * c for m, c, _ in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for m, c, about in parts:
+        away = c - centre
+        inertia += about + m * ((away @ away) * np.eye(3) - np.outer(away, away))
+    turn = frame[:3, :3].T
+    inertia = turn @ inertia @ turn.T
+    x, y, z = (turn @ (centre - frame[:3, 3])).tolist()
+    return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+
+
+def _matrix(quaternion: Array) -> Array:
+    w, x, y, z = quaternion
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def cylinder(mass: float, radius: float, length: float, height: float) -> RigidBody:
+    """Return a cylinder along z whose middle is at a height [kg, m]."""
+    across = mass * (3.0 * radius**2 + length**2) / 12.0
+    return RigidBody(
+        mass, (0.0, 0.0, height), (across, across, 0.5 * mass * radius**2, 0.0, 0.0, 0.0)
+    )
