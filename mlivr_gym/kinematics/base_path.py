@@ -135,6 +135,15 @@ def _half_turn_axis(first: Pose, last: Pose, axis: Triple) -> Triple:
 
 
 @kernel
+def comes_first(a: Triple, b: Triple) -> bool:
+    """Return whether a point comes before another by its coordinates, x first."""
+    for k in range(3):
+        if abs(a[k] - b[k]) > SAME_PLACE:
+            return a[k] < b[k]
+    return False
+
+
+@kernel
 def resting(path: BasePath, base: Pose) -> None:
     """Fill `path` with that of a base that stays."""
     set_path(path, base, base, STRAIGHT, (0.0, 0.0, 0.0))

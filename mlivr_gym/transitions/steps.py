@@ -22,7 +22,7 @@ from mlivr_gym.compiled.bit_sets import (
     only,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, comes_first, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
@@ -312,18 +312,23 @@ def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) 
         mask = stances.released[s, step.limb].branches
         base = stances.base[s]
         scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, scratch)
-    return pairs_by_travel(scratch)
+    start = world.grasps[stances.points[step.before, step.limb]].point
+    end = world.grasps[stances.points[step.after, step.limb]].point
+    return pairs_by_travel(comes_first(vector(end), vector(start)), scratch)
 
 
 @kernel
-def pairs_by_travel(scratch: StepScratch) -> int:
+def pairs_by_travel(back: bool, scratch: StepScratch) -> int:
     """Write the pairs of branches above both points, the shortest line first, into `scratch.order`.
 
-    Returns the number of pairs.
+    Returns the number of pairs. Lines of equal length, of which there are many where wrists are
+    spherical, come in the order of their branches at the point that comes first, which is the
+    second with `back`: the step back takes the same line.
     """
     order, travel, count = scratch.order, scratch.travel, 0
-    for b0 in range(BRANCHES):
-        for b1 in range(BRANCHES):
+    for first in range(BRANCHES):
+        for second in range(BRANCHES):
+            b0, b1 = (second, first) if back else (first, second)
             if has_branch(scratch.lifted[0], b0) and has_branch(scratch.lifted[1], b1):
                 length = line_end(scratch.q[0, b0], scratch.q[1, b1], scratch.end)
                 place = count

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from coal_ruler import mujoco_pairs
 from compiled import called
+from wrist_arms import iiwa_robot
 
 from mlivr_gym import Box, robot_spec
 from mlivr_gym.collisions.against_robot import (
@@ -47,12 +48,12 @@ def fat(robot):
     return replace(robot, name="fat", capsules=shapes)
 
 
-ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3"))]
+ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3")), iiwa_robot()]
 
 
 def left_out(robot):
     """Return the pairs of links that the table omits, and whether they belong to one limb."""
-    checked = robot.name != "fat"
+    checked = robot.name != "fat" and robot.limb.side_offsets is not None
     rows = [
         row for row in ALLOWED_COLLISIONS if row.whose != BOXES and (checked or not row.checked)
     ]

@@ -139,7 +139,12 @@ class PlainStep:
         plain, limb = self.plain, self.limb
         starts = plain.above(self.before, limb, first.pairs)
         ends = plain.above(self.after, limb, last.pairs)
-        lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0 in starts for b1 in ends]
+        pairs = [(b0, b1) for b0 in starts for b1 in ends]
+        here, there = (plain.grasp(s, limb)["point"] for s in (self.before, self.after))
+        if there.round(6).tolist() < here.round(6).tolist():
+            # Of lines of equal length the step back takes the same.
+            pairs = [(b0, b1) for b1 in ends for b0 in starts]
+        lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0, b1 in pairs]
         lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
         return [(b0, b1, starts[b0], end) for b0, b1, end, _ in lines[:TRIES]]
 

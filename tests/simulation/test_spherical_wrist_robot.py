@@ -1,0 +1,101 @@
+"""A robot with two iiwa, joint 3 held: its stances, its plans, and a walk in MuJoCo."""
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from coal_ruler import Ruler, grasps_of
+from scipy.spatial.transform import Rotation
+from wrist_arms import flange_of, iiwa_robot, pinocchio_wrist_arm
+
+from mlivr_gym import stance_graph
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.motion.plan_checks import check_motion
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.scene import robot_alone, set_configuration
+
+CLEARANCE = 0.02
+ROBOT = iiwa_robot(0.8)
+MODEL = pinocchio_wrist_arm(ROBOT.limb)
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    return stance_graph(jem, ROBOT)
+
+
+@pytest.fixture(scope="module")
+def plans(graph):
+    rng, planner, found = np.random.default_rng(0), Planner(graph), []
+    for n in range(3):
+        start, goal = sample_task(graph, rng, 1.0)
+        found.append(planner.plan(start.stance, goal, ("base", "steps")[n % 2]).unwrap())
+    return found
+
+
+def test_limbs_hold_their_points_in_every_stance_as_pinocchio_has_it(graph, jem):
+    """On branches inside the joint limits, with the `w_m` that the posture has."""
+    assert len(graph) > 1000
+    low, high = ROBOT.limb.limits.T
+    for k in np.random.default_rng(0).integers(len(graph), size=100).tolist():
+        stance = graph.points[k].tolist()
+        position, quaternion, joints = graph.configuration(graph.state(stance))
+        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+        assert (joints >= low - 1e-5).all()
+        assert (joints <= high + 1e-5).all()
+        for i, point in enumerate(stance):
+            frame, jacobian, _ = flange_of(MODEL, ROBOT.limb, joints[i])
+            tip = frame[:3, 3] + ROBOT.tool_length * frame[:3, 2]
+            mount = base @ ROBOT.mount_rotations[i]
+            world = position + base @ ROBOT.mount_positions[i] + mount @ tip
+            np.testing.assert_allclose(world, jem.positions[point], atol=1e-7)
+            np.testing.assert_allclose(mount @ frame[:3, 2], -jem.normals[point], atol=1e-7)
+            w_m = limb_manipulability(jacobian, ROBOT.characteristic_length)
+            assert w_m >= graph.limb_threshold - 1e-9
+
+
+def test_the_scene_has_the_links_where_pinocchio_has_the_flange():
+    model = robot_alone(ROBOT).compile()
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    for _ in range(20):
+        joints = rng.uniform(-2.0, 2.0, (2, 6))
+        set_configuration(model, data, np.zeros(3), np.array([1.0, 0, 0, 0]), joints)
+        for i in range(2):
+            mount = pin.SE3(ROBOT.mount_rotations[i], ROBOT.mount_positions[i]).homogeneous
+            truth = mount @ flange_of(MODEL, ROBOT.limb, joints[i])[0]
+            site = data.site(f"limb{i}/flange")
+            np.testing.assert_allclose(site.xpos, truth[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(site.xmat.reshape(3, 3), truth[:3, :3], atol=1e-12)
+
+
+def test_along_plans_coal_finds_the_clearance(graph, plans, jem):
+    ruler, found = Ruler(graph.robot, jem.boxes), []
+    for plan in plans:
+        for k, step in enumerate(plan.steps):
+            motion = step_motion(graph, plan, k, 12)
+            before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
+            for n, phase in enumerate(motion.phase):
+                points = [(i, p) for i, p in enumerate(before) if i != step.limb]
+                points += {0: [(step.limb, before[step.limb])], 1: [],
+                           2: [(step.limb, after[step.limb])]}[int(phase)]  # fmt: skip
+                here = (
+                    motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n]
+                )  # fmt: skip
+                found += ruler.measured(here, grasps_of(graph, points), 2.0 * CLEARANCE)
+    assert min(found)[0] >= CLEARANCE - 1e-9
+
+
+def test_plans_are_what_a_check_of_them_finds(plans, jem):
+    for plan in plans:
+        check_motion(plan.query, plan.world, plan.motion, jem)
+
+
+def test_a_plan_is_carried_out_in_mujoco(graph, plans):
+    plan = min(plans, key=lambda plan: len(plan.steps))
+    walk = execute(graph, plan)
+    assert walk.failure is None
+    assert len(walk.captures) == len(plan.steps)
+    assert max(capture.distance for capture in walk.captures) < 0.01
