@@ -176,7 +176,7 @@ class LimbShapes:
             (a, b)
             for a in range(len(moving))
             for b in range(a + 1, len(moving))
-            if _can_meet(kinematics, moving[a], moving[b])
+            if _can_meet(spec, kinematics, moving[a], moving[b])
         ]
         limb = self.robot["limbs"][i]
         limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
@@ -211,7 +211,8 @@ class LimbShapes:
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
                 robot["around"][4 + count] = row
-                same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
+                meets = _upper_arm_can_meet(capsule, capsules)
+                same = 2 if meets and not spec.is_apart("base", "upper_arm") else 3
                 for other in range(spec.limbs):
                     robot["limbs"][other]["least_link"][count] = same if other == limb else 2
                 count += 1
@@ -307,11 +308,13 @@ def round_cube(half: float) -> tuple[Array, Array]:
     return ends, np.full(4, np.sqrt(3.0) * at)
 
 
-def _can_meet(limb: Limb, first: Capsule, second: Capsule) -> bool:
+def _can_meet(spec: RobotSpec, limb: Limb, first: Capsule, second: Capsule) -> bool:
     """Whether two capsules of a limb, are compared, see `allowed_collisions`."""
     row = is_allowed(first.link, second.link)
     if row is None or not row.checked:
         return row is None
+    if spec.is_apart(first.link, second.link):
+        return False
     links = (LINKS.index(first.link), min(LINKS.index(second.link), 6))
     if NEVER_NEARER[links] == 2:
         reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
