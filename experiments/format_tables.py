@@ -11,7 +11,7 @@ from reports import table
 
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.robot.kinds import SizeOrEdges
+from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.mounts import MOUNT
@@ -107,6 +107,8 @@ def kind_in_words(kind: Any) -> str:
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
         case Anything():
             return "anything"
+        case PairOf():
+            return "pair of " + ", ".join(f"`{' '.join(pair)}`" for pair in kind.pairs)
         case SizeOrEdges():
             return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
         case Named():
@@ -134,6 +136,8 @@ def _listed(kind: Listed[Any]) -> str:
     count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
     inner = kind.kind
     what = {Struct: "objects", Fields: "objects", Text: "texts"}.get(type(inner))
+    if isinstance(inner, PairOf):
+        return kind_in_words(inner).replace("pair of", "list of pairs:")
     return f"list of {count}{what or kind_in_words(inner)}"
 
 

@@ -179,7 +179,7 @@ class LimbShapes:
             (a, b)
             for a in range(len(moving))
             for b in range(a + 1, len(moving))
-            if _can_meet(kinematics, moving[a], moving[b])
+            if _can_meet(spec, kinematics, moving[a], moving[b])
         ]
         limb = self.robot["limbs"][i]
         limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
@@ -215,7 +215,8 @@ class LimbShapes:
                 row["ends"][:] = [position + rotation @ end for end in (capsule.start, capsule.end)]
                 row["radius"] = capsule.radius
                 robot["base_capsules"][4 + count] = row
-                same = 2 if _upper_arm_can_meet(capsule, capsules) else 3
+                meets = _upper_arm_can_meet(capsule, capsules)
+                same = 2 if meets and not spec.is_apart("base", "upper_arm") else 3
                 for other in range(spec.limbs):
                     robot["limbs"][other]["first_link"][count] = same if other == limb else 2
                 count += 1
@@ -312,11 +313,13 @@ def cube_capsules(half: float) -> tuple[Array, Array]:
     return ends, np.full(4, np.sqrt(3.0) * at)
 
 
-def _can_meet(limb: AnyLimb, first: Capsule, second: Capsule) -> bool:
+def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -> bool:
     """Return whether two capsules of one limb are compared, see `allowed_collisions`."""
     row = allowed_pair(first.link, second.link)
     if row is None or not row.checked:
         return row is None
+    if spec.is_apart(first.link, second.link):
+        return False
     offsets = limb.side_offsets
     if offsets is None:
         return True

@@ -20,14 +20,17 @@ from mlivr_gym.arrays import Array
 TOLERATED = 0.02
 """Excess above which a shape is cut in two [m]."""
 
-MOST_PIECES = 5
+MOST_PIECES = 8
 """Largest number of capsules for one shape."""
 
 GAIN = 0.9
-"""A cut must bring the volume of the capsules below this share of what it was."""
+"""A cut must bring the largest excess of the capsules below this share of what it was."""
 
 CUTS = (0.25, 0.35, 0.5, 0.65, 0.75)
 """Where along each principal axis a shape may be cut, as shares of its length."""
+
+ROUNDED = 1e-9
+"""Excess that counts as none [m]."""
 
 DIRECTIONS = 2000
 """Number of directions over which the excess is computed."""
@@ -116,7 +119,7 @@ def moved_solid(solid: Solid, position: Array, rotation: Array) -> Solid:
 def capsules_of(solid: Solid) -> list[FittedCapsule]:
     """Return capsules that together contain a solid, few of them if they fit well.
 
-    The piece with the largest excess is cut again until each fits or a cut no longer gains volume.
+    The piece with the largest excess is cut again until each fits or a cut no longer brings it down.
     """
     pieces = [(_fitted(solid), solid)]
     done = 0
@@ -126,7 +129,7 @@ def capsules_of(solid: Solid) -> list[FittedCapsule]:
         if fit.excess <= TOLERATED:
             break
         halves = [(_fitted(half), half) for half in _halves(worst)]
-        gained = sum(_volume(half[:3]) for half, _ in halves) < GAIN * _volume(fit[:3])
+        gained = max((half.excess for half, _ in halves), default=np.inf) < GAIN * fit.excess
         if halves and gained:
             pieces[done : done + 1] = halves
         else:
@@ -190,7 +193,8 @@ def _with_excess(solid: Solid, start: Array, end: Array, radius: float) -> Fitte
     u = directions()
     of_capsule = np.maximum(u @ start, u @ end) + radius
     of_solid = (u @ solid.points.T).max(axis=1) + solid.radius
-    return FittedCapsule(start, end, radius, max(0.0, float((of_capsule - of_solid).max())))
+    excess = float((of_capsule - of_solid).max())
+    return FittedCapsule(start, end, radius, excess if excess > ROUNDED else 0.0)
 
 
 def _along(
@@ -233,7 +237,7 @@ def _volume(capsule: tuple[Array, Array, float]) -> float:
 
 
 def _halves(solid: Solid) -> list[Solid]:
-    """Return a solid cut in two where the two capsules are smallest, empty if it cannot be cut."""
+    """Return a solid cut in two where two capsules fit best, empty if it cannot be cut."""
     points = solid.points
     _, principal = np.linalg.eigh(np.cov((points - points.mean(axis=0)).T))
     best: tuple[Array, Array] | None = None
@@ -243,9 +247,12 @@ def _halves(solid: Solid) -> list[Solid]:
         for share in CUTS:
             middle = (low + share * (high - low)) * axis
             sides = [_points_kept(solid, middle, side * axis) for side in (1.0, -1.0)]
-            volume = sum(_volume(_best_along(side)) for side in sides if len(side))
-            if all(map(len, sides)) and volume < least:
-                least, best = volume, (middle, axis)
+            if not all(map(len, sides)):
+                continue
+            fits = [_with_excess(Solid(side, 0.0), *_best_along(side)) for side in sides]
+            excess = max(fit.excess for fit in fits)
+            if excess < least:
+                least, best = excess, (middle, axis)
     if best is None:
         return []
     pieces = [_kept(solid, best[0], side * best[1]) for side in (1.0, -1.0)]

@@ -33,6 +33,7 @@ class DerivedFigures:
     body_size: float | Triple
     dynamics: LimbDynamics | None
     mounts: tuple[Mount, ...] | None
+    apart: tuple[tuple[str, str], ...]
 
     @cached_property
     def mounted(self) -> tuple[Mount, ...]:
@@ -68,6 +69,10 @@ class DerivedFigures:
         Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube.
         """
         return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
+
+    def is_apart(self, first: str, second: str) -> bool:
+        """Return whether the shapes of two links of a limb never meet, see `RobotSpec.apart`."""
+        return any({first, second} == set(pair) for pair in self.apart)
 
     @property
     def every_limb(self) -> tuple[AnyLimb, ...]:

@@ -27,7 +27,7 @@ from mlivr_gym.robot.rigid import RigidBody
 
 FIELDS = (
     "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
-    "source",
+    "source", "apart",
 )  # fmt: skip
 """Fields of `RobotSpec` that neither format has."""
 

@@ -13,7 +13,7 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
-from mlivr_gym.robot.file_shapes import fitted_capsules
+from mlivr_gym.robot.file_shapes import fitted_capsules, links_apart
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
@@ -75,6 +75,8 @@ class FileLimb:
     """Bodies that its joints move."""
     position_error: float
     """Largest distance of the flange from that of the file [m]."""
+    apart: tuple[tuple[str, str], ...]
+    """Links whose shapes never meet, see `RobotSpec.apart`."""
     notes: tuple[str, ...] = field(default=())
     """What the file does not say, in words."""
 
@@ -196,10 +198,12 @@ def limb_of(
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
     rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
     dynamics = replace(dynamics, rotor_inertias=rotors)
+    apart: tuple[tuple[str, str], ...] = ()
     if options.capsules is None:
-        capsules, excess = fitted_capsules(file, members, frames)
+        capsules, excess = fitted_capsules(file, members, frames, length)
         if not members.gripper:
             capsules = (*capsules, gripper_capsule(length))
+        apart = links_apart(file, members, frames, limb)
     elif isinstance(options.capsules, str):
         capsules, excess = stretched_capsules(limb, length), {}
         notes.append("collision shapes are the UR5e's, stretched")
@@ -211,7 +215,7 @@ def limb_of(
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
         found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
-        error, tuple(notes),
+        error, apart, tuple(notes),
     )  # fmt: skip
 
 

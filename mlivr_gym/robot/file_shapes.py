@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsule_fit import (
+    ROUNDED,
     FittedCapsule,
     Solid,
     capsule_on_axis,
@@ -20,10 +21,10 @@ from mlivr_gym.robot.capsule_fit import (
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
+from mlivr_gym.robot.kinds import APART
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-
-ROUNDED = 1e-9
-"""What rounding may take from a coordinate [m]; the radius of a fitted capsule grows by it."""
+from mlivr_gym.robot.stretched import gripper_capsule
 
 
 def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Solid]:
@@ -42,7 +43,7 @@ def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Soli
 
 
 def fitted_capsules(
-    file: Description, members: LimbParts, frames: Array
+    file: Description, members: LimbParts, frames: Array, tool_length: float
 ) -> tuple[tuple[Capsule, ...], dict[str, float]]:
     """Return capsules round the shapes of a limb, and the largest excess of those of each link [m].
 
@@ -54,6 +55,8 @@ def fitted_capsules(
         Bodies of the limb.
     frames
         Frames of base and links in the world, shape (7, 4, 4).
+    tool_length
+        Distance from the flange to the grasp [m].
 
     Raises
     ------
@@ -80,7 +83,7 @@ def fitted_capsules(
             fits = [fit for shape in shapes for fit in capsules_of(shape)]
         if fits:
             excess[link] = max(fit.excess for fit in fits)
-        out += [_rounded(link, fit) for fit in fits]
+        out += [_rounded(_link_of(link, fit, tool_length), fit) for fit in fits]
     if not any(capsule.link != "base" for capsule in out):
         raise RobotError(f"no link of the limb has a collision shape; {remedy}")
     if len(out) > MOST_CAPSULES - 1:
@@ -91,8 +94,81 @@ def fitted_capsules(
     return tuple(out), excess
 
 
+def links_apart(
+    file: Description, members: LimbParts, frames: Array, limb: Limb
+) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of `APART` whose shapes in the file never meet, whatever the joint angles.
+
+    The upper arm moves in a plane beside joint 1, the wrist point lies beside the forearm by d4,
+    and the flange axis beside wrist 1 by d5.
+    """
+    parts = dict(zip(LINKS, members.with_frames(frames), strict=False))
+    parts["gripper"] = (members.gripper, frames[6])
+    shapes = {link: solids(file, *part) for link, part in parts.items()}
+
+    def farthest(link: str, measure: Callable[[Array], Array]) -> float:
+        return max(
+            (float(measure(s.points).max()) + s.radius for s in shapes[link]), default=-np.inf
+        )
+
+    def across(points: Array) -> Array:
+        return np.hypot(points[:, 0], points[:, 1])
+
+    beside_wrist = limb.d5 - farthest("wrist_1", lambda points: -points[:, 1])
+    gripper = max(farthest("gripper", across), gripper_capsule(0.0).radius)
+    gaps = {
+        ("base", "upper_arm"): _beside(shapes["upper_arm"], limb.d1 - farthest("base", _height))
+        - farthest("base", across),
+        ("forearm", "wrist_2"): limb.d4
+        - farthest("forearm", _height)
+        - farthest("wrist_2", lambda points: np.linalg.norm(points, axis=1)),
+        ("wrist_1", "wrist_3"): beside_wrist - farthest("wrist_3", across),
+        # A capsule of wrist 3 that bulges out counts as the gripper's, see `_link_of`.
+        ("wrist_1", "gripper"): beside_wrist - max(gripper, farthest("wrist_3", across)),
+    }
+    return tuple(pair for pair in APART if gaps[pair] > 0.0)
+
+
+def _height(points: Array) -> Array:
+    return points[:, 2]
+
+
+def _beside(shapes: list[Solid], radius: float) -> float:
+    """Return the least height over the plane z = 0 of what is farther from the z axis [m].
+
+    Along joint 2, the upper arm's z axis, only what is farther from it than the base lies below can
+    be beside the base.
+    """
+    least = np.inf
+    for shape in shapes:
+        points = _samples(shape)
+        far = np.hypot(points[:, 0], points[:, 1]) + shape.radius > radius
+        least = min(least, float(points[far, 2].min(initial=np.inf)) - shape.radius)
+    return least
+
+
+def _samples(shape: Solid) -> Array:
+    """Return points spread over a shape's triangles, or over the lines between its corners."""
+    if shape.triangles is None:
+        a, b = (shape.points[k] for k in np.triu_indices(len(shape.points)))
+        share = np.linspace(0.0, 1.0, 11)[:, None, None]
+        return (a + share * (b - a)).reshape(-1, 3)
+    grid = [(i, j, 6 - i - j) for i in range(7) for j in range(7 - i)]
+    points: Array = np.array(grid) @ shape.triangles / 6.0
+    return points.reshape(-1, 3)
+
+
+def _link_of(link: str, fit: FittedCapsule, tool_length: float) -> str:
+    """Return the link of a capsule: one that bulges out to the grasp counts as the gripper's.
+
+    The shape in it ends at the flange or before, far from the surface at which the limb grasps.
+    """
+    bulges = fit.excess > 0.0 and max(fit.start[2], fit.end[2]) + fit.radius > 0.5 * tool_length
+    return "gripper" if link == "wrist_3" and bulges else link
+
+
 def _rounded(link: str, fit: FittedCapsule) -> Capsule:
-    """Return a capsule of a link, its coordinates rounded to nanometres."""
+    """Return a capsule of a link, rounded to nanometres; the radius grows by what that may take."""
     start, end = (tuple((np.round(point, 9) + 0.0).tolist()) for point in (fit.start, fit.end))
     if link in LINKS[6:]:
         start, end = (0.0, 0.0, start[2]), (0.0, 0.0, end[2])

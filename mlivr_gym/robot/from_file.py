@@ -274,6 +274,7 @@ def _fields(
         "dynamics": first.dynamics,
         "tool_length": first.tool_length,
         "gripper_mass": first.gripper_mass,
+        "apart": tuple(p for p in first.apart if all(p in limb.apart for limb in limbs)),
         "source": _source(file, limbs),
         "heights": tuple(scale * height for height in HEIGHTS),
         "span": scale * SPAN,

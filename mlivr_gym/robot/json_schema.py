@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.robot.kinds import SizeOrEdges
+from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.schema import Choice, Listed, Maybe, Numbers, Rotation, Struct, Text, Whole
@@ -49,6 +49,8 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
             return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
         case SizeOrEdges():
             return {"anyOf": [json_schema_of(kind.edge), json_schema_of(kind.edges)]}
+        case PairOf():
+            return {"enum": [list(pair) for pair in kind.pairs]}
         case Text():
             return {"type": "string", "minLength": kind.least, "maxLength": LONGEST_TEXT}
         case Choice():

@@ -11,6 +11,36 @@ from mlivr_gym.schema import FieldPath, Tuples
 from mlivr_gym.values import LONGEST_ROBOT
 
 
+APART = (
+    ("base", "upper_arm"),
+    ("forearm", "wrist_2"),
+    ("wrist_1", "wrist_3"),
+    ("wrist_1", "gripper"),
+)
+"""Pairs of links that lie beside each other, by lengths that no joint angle changes."""
+
+
+@dataclass(frozen=True)
+class PairOf:
+    """One of several pairs of names, in either order.
+
+    Attributes
+    ----------
+    pairs
+        The pairs.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+
+    def read(self, value: object, place: FieldPath) -> tuple[str, str]:
+        """Return the pair in the order in which it is listed."""
+        given = value if isinstance(value, list | tuple) else ()
+        for pair in self.pairs:
+            if list(given) in (list(pair), list(pair[::-1])):
+                return pair
+        raise place.refused(value, "one of " + ", ".join(map("-".join, self.pairs)))
+
+
 @dataclass(frozen=True)
 class SizeOrEdges:
     """The edge of a cube [m], or three edges of a box.

@@ -25,6 +25,9 @@ The robot's shapes meet each other and the surroundings; boxes never meet.
 BODY_COLOUR, GRIPPER_COLOUR = (0.93, 0.93, 0.95, 1), (0.15, 0.15, 0.17, 1)
 STEEL_COLOUR, DISC_COLOUR = (0.70, 0.72, 0.75, 1), (0.1, 0.1, 0.12, 1)
 
+SHORTEST = 1e-6
+"""Length of an axis that MuJoCo accepts [m]."""
+
 _TOUCHES = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
 
 
@@ -176,11 +179,11 @@ def _add_capsules(links: dict[str, Any], robot: DerivedFigures, i: int) -> None:
 
 
 def _shifted(capsule: Capsule) -> Sequence[float]:
-    """Return the capsule's end, moved a hair along z if both ends are one.
+    """Return the capsule's end, moved by a micrometre along z if both ends are one.
 
     MuJoCo needs the direction of the axis.
     """
     end = list(capsule.end)
-    if capsule.start == capsule.end:
-        end[2] += 1e-9
+    if np.linalg.norm(np.subtract(end, capsule.start)) < SHORTEST:
+        end[2] += SHORTEST
     return end

@@ -25,7 +25,7 @@ from mlivr_gym.robot.export import as_mjcf, as_urdf
 from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.folds import geometric_order as geometric_order
 from mlivr_gym.robot.from_file import robot_of_file
-from mlivr_gym.robot.kinds import SizeOrEdges
+from mlivr_gym.robot.kinds import APART, PairOf, SizeOrEdges
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -116,6 +116,9 @@ class RobotSpec(DerivedFigures):
     mounts
         Place of each limb, and its own kinematics if limbs differ; None for equal limbs at equal
         angles, see `mlivr_gym.robot.mounts.Mount`.
+    apart
+        Pairs of links of one limb, of `APART`, whose true shapes never meet although their capsules
+        may: these pairs are not compared.
     body_centre
         Centre of mass of the body in its frame [m].
     body_inertia
@@ -143,6 +146,7 @@ class RobotSpec(DerivedFigures):
     gripper_mass: float = 0.5
     dynamics: LimbDynamics | None = None
     mounts: tuple[Mount, ...] | None = None
+    apart: tuple[tuple[str, str], ...] = ()
     body_centre: Triple = (0.0, 0.0, 0.0)
     body_inertia: tuple[float, ...] | None = None
     source: str = ""
@@ -168,6 +172,8 @@ class RobotSpec(DerivedFigures):
     def fingerprint(self) -> str:
         """Hash of what plans depend on: the description without its name and `PHYSICAL` fields."""
         data = {name: value for name, value in self.to_dict().items() if name not in PHYSICAL}
+        if not data["apart"]:
+            del data["apart"]
         if data.pop("mounts") is not None:
             data["mounts"] = [asdict(replace(mount, dynamics=None)) for mount in self.mounts or ()]
         return hashlib.sha256(json.dumps(data | {"name": ""}, sort_keys=True).encode()).hexdigest()[
@@ -293,6 +299,7 @@ ROBOT = Struct(
         "gripper_mass": Tuples((), 0.0, MASSES[1], "kg"),
         "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
         "mounts": Maybe(Listed(MOUNT, 2, MOST_LIMBS)),
+        "apart": Listed(PairOf(APART), 0, len(APART)),
         "body_centre": Tuples((3,), most=LONGEST_ROBOT, unit="m"),
         "body_inertia": Maybe(Tuples((6,), -1e6, 1e6, "kg m^2")),
         "source": Text(0),
