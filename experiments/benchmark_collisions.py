@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 from numba import njit
+from reports import spread
 from scipy.spatial.transform import Rotation
-from stopwatch import spread
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray

@@ -10,22 +10,18 @@ repetition down.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
-from planning_report import table
+from reports import command_line, publish, table
 
 from mlivr_gym import robot_spec
-from mlivr_gym.files import write_whole
 
 ID = "MLIVR-JEM-v0"
 NUMBERS = {2: "two", 3: "three", 4: "four"}
@@ -151,20 +147,16 @@ def measure(seconds: float) -> list[Measured]:
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(description="Steps a second.")
-    parser.add_argument("--out", default="results", help="folder (default: %(default)s)")
+    parser = command_line(__doc__)
     parser.add_argument(
         "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
     )
     args = parser.parse_args()
     rows = measure(args.seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
-    told = [row._asdict() for row in rows]
-    data = {"machine": machine, "seconds": args.seconds, "rows": told}
-    out = Path(args.out)
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
-    write_whole(out / "benchmark_env.md", report(data))
+    measured = [row._asdict() for row in rows]
+    data = {"machine": machine, "seconds": args.seconds, "rows": measured}
+    publish(args.out, "benchmark_env", data, report)
 
 
 def report(data: dict[str, Any]) -> str:

@@ -10,8 +10,6 @@ reference get farther; see `reference_planner.py` for what it does.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,12 +24,11 @@ from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
 from planning_report import report
 from reference_planner import TOLERANCE, map_to_plan
-from stopwatch import spread, timed
+from reports import command_line, pair_graph, publish, spread, timed
 
-from mlivr_gym import Settings, State, stance_graph
+from mlivr_gym import State
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import write_whole
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
@@ -48,13 +45,6 @@ LIBRARY_QUERIES = 10
 CONFIGURATIONS = 1000
 
 Task = tuple[State, Array]
-
-
-def pair_graph(**settings: Any) -> PairGraph:
-    """The stance graph of the JEM and two limbs."""
-    graph = stance_graph(settings=Settings(**settings))
-    assert isinstance(graph, PairGraph)
-    return graph
 
 
 def resident() -> float:
@@ -177,19 +167,14 @@ def measure(count: int, limit: float) -> dict[str, Any]:
 
 def main() -> None:
     """Measure and write both files."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    parser = command_line(__doc__)
     parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
     parser.add_argument(
         "--reference-seconds", type=float, default=15.0, help="limit of each run of the reference"
     )
     args = parser.parse_args()
     data = measure(max(args.queries, STARTS), args.reference_seconds)
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_whole(args.out / "benchmark_planning.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "benchmark_planning.md", report(data))
+    publish(args.out, "benchmark_planning", data, report)
     print(report(data))
 
 

@@ -8,12 +8,11 @@ of steps.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import pair_graph
+from reports import ROOT, pair_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
@@ -38,7 +37,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.pair_graph import PairGraph
 
-OUT = Path(__file__).parent.parent / "docs" / "figures"
+OUT = ROOT / "docs" / "figures"
 """Where the figures go."""
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)

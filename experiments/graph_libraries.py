@@ -13,7 +13,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import rustworkx as rx
-from stopwatch import timed
+from reports import timed
 
 from mlivr_gym.stances.pair_graph import PairGraph
 

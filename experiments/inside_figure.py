@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from reports import ROOT
 
 from mlivr_gym.pictures.figures import write_figure
 
-OUT = Path(__file__).parent.parent / "docs" / "inside.png"
+OUT = ROOT / "docs" / "inside.png"
 
 STAGES = (
     ("stance", "points of the limbs", "stances/pair_graph.py"),

@@ -8,19 +8,14 @@ them. Writes `results/limb_starts.json`.
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from planning_report import table
+from reports import command_line, keep, table
 
 from mlivr_gym import RobotSpec, stance_graph
-from mlivr_gym.files import write_whole
 from mlivr_gym.robot.specification import MOST_LIMBS
 from mlivr_gym.stances.random_states import TRIES, random_stance
-
-RESULTS = Path(__file__).parent.parent / "results"
 
 
 def starts(limbs: int) -> dict[str, int]:
@@ -40,8 +35,9 @@ def told(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Count and write."""
+    out = command_line(__doc__).parse_args().out
     data = {str(limbs): starts(limbs) for limbs in range(2, MOST_LIMBS + 1)}
-    write_whole(RESULTS / "limb_starts.json", json.dumps(data, indent=1) + "\n")
+    keep(out, "limb_starts", data)
     print(told(data))
 
 

@@ -12,8 +12,6 @@ methods get the same tasks, with the cost of steps and the same time. Writes
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from functools import partial
 from pathlib import Path
@@ -23,10 +21,10 @@ import numpy as np
 from many_limbs_methods import METHODS, NO_PLAN, section, walk_of
 from matplotlib.figure import Figure
 from processes import Processes
+from reports import command_line, publish, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
@@ -135,91 +133,84 @@ def executed(graph: LazyGraph, plan: Plan) -> bool:
     return execute(graph, plan).failure is None
 
 
+FAN = (
+    "robot | neighbours that are nodes, median | steps, mean | without steps | nodes, new [ms] | "
+    "steps, new [ms] | nodes, known [ms] | steps, tabled [ms]"
+)
+TASKS = (
+    "robot | cost | tasks | plans | none exists | undecided | first plan [s] | within 0.5 s | "
+    "within 2 s | first over last | bound | the least | within 1.5 | steps | replanned [s] | "
+    "carried out"
+)
+"""Heads of the tables."""
+
+
 def markdown(data: dict[str, Any]) -> str:
     """The report."""
-    lines = [
-        "# Three and four limbs",
-        "",
-        f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
-        "a task and cost on a graph that knows nothing but the table of all nodes, which ships and "
-        "is unpacked once ([how long that takes](start_up.md)); times are those of a machine with "
-        "two cores, tasks at once: "
-        f"{data.get('workers', 1)}.",
-        "",
-        "![Share of tasks with a plan over time](many_limbs.png)",
-        "",
-        "## Steps next to a random stance",
-        "",
-        "*Without steps*: share of the stances that no step leaves. *Tabled*: the steps of a new "
-        "stance where all nodes are in a table.",
-        "",
-        "| robot | neighbours that are nodes, median | steps, mean | without steps "
-        "| nodes, new [ms] | steps, new [ms] | nodes, known [ms] "
-        "| steps, tabled [ms] |",
-        "|---|---|---|---|---|---|---|---|",
+    tasks = [
+        task_row(robot, cost, [task[cost] for task in data["tasks"][robot]])
+        for robot in ROBOTS
+        for cost in COSTS
     ]
-    for robot in ROBOTS:
-        found = data["fan"][robot]
-        steps = np.array(found["steps"])
-        names = ("nodes_s", "steps_s", "again_s", "tabled_s")
-        new, checked, again, tabled = (1e3 * np.median(found[name]) for name in names)
-        lines.append(
-            f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
-            f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} | {tabled:.1f} |"
-        )
-    lines += [
-        "",
-        "## Random tasks",
-        "",
-        "*First plan*: median over the tasks that have one; *within* 0.5 and 2 s: share of all "
-        "tasks but those that have no plan. *First over last*: cost of the first plan by that of "
-        "the last, median. *Bound*: factor of the least cost "
-        "within which the last plan is proved, median; *the least* and *within 1.5*: share of all "
-        "tasks but those that have no plan whose plan is proved to cost the least, or within 1.5 "
-        "times that. *Undecided*: neither a plan nor the proof that there is none. "
-        "*Replanned*: time of a first plan by the same planner once a point is occupied that the "
-        "plan grasps half-way, median and 95 %.",
-        "",
-        "| robot | cost | tasks | plans | none exists | undecided | first plan [s] "
-        "| within 0.5 s | within 2 s | first over last | bound | the least | within 1.5 | steps "
-        "| replanned [s] | carried out |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for robot in ROBOTS:
-        lines += [
-            _row(robot, cost, [task[cost] for task in data["tasks"][robot]]) for cost in COSTS
-        ]
     measured = {
         robot: [task for task in data["tasks"][robot] if "methods" in task] for robot in ROBOTS
     }
-    lines += section(measured, data["seconds"])
-    return "\n".join(lines) + "\n"
+    return f"""# Three and four limbs
+
+Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data["seconds"]:g} s a task and \
+cost on a graph that knows nothing but the table of all nodes, which ships and is unpacked once \
+([how long that takes](start_up.md)); times are those of a machine with two cores, tasks at once: \
+{data.get("workers", 1)}.
+
+![Share of tasks with a plan over time](many_limbs.png)
+
+## Steps next to a random stance
+
+*Without steps*: share of the stances that no step leaves. *Tabled*: the steps of a new stance \
+where all nodes are in a table.
+
+{table(FAN, (fan_row(robot, data["fan"][robot]) for robot in ROBOTS))}
+## Random tasks
+
+*First plan*: median over the tasks that have one; *within* 0.5 and 2 s: share of all tasks but \
+those that have no plan. *First over last*: cost of the first plan by that of the last, median. \
+*Bound*: factor of the least cost within which the last plan is proved, median; *the least* and \
+*within 1.5*: share of all tasks but those that have no plan whose plan is proved to cost the \
+least, or within 1.5 times that. *Undecided*: neither a plan nor the proof that there is none. \
+*Replanned*: time of a first plan by the same planner once a point is occupied that the plan \
+grasps half-way, median and 95 %.
+
+{table(TASKS, tasks)}{section(measured, data["seconds"])}"""
 
 
-def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
+def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
+    """A row of the table of steps."""
+    steps, names = np.array(found["steps"]), ("nodes_s", "steps_s", "again_s", "tabled_s")
+    times = [f"{1e3 * np.median(found[name]):.1f}" for name in names]
+    nodes, without = f"{np.median(found['nodes']):.0f}", f"{(steps == 0).mean():.0%}"
+    return [f"`{robot}`", nodes, f"{steps.mean():.1f}", without, *times]
+
+
+def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
     """A row of the table of tasks."""
     plans = [one for one in found if one["improvements"]]
     none = sum(one["reason"] in NO_PLAN for one in found)
-    undecided = len(found) - len(plans) - none
-    start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
+    counts = [f"`{robot}`", cost, len(found), len(plans), none, len(found) - len(plans) - none]
     if not plans:
-        return f"{start} - | - | - | - | - | - | - | - | - | - |"
+        return counts + ["-"] * 10
+    solvable = max(len(found) - none, 1)
     bounds = np.array([one["bound"] or np.inf for one in plans])
-    best, good = (
-        (bounds <= most).sum() / max(len(found) - none, 1) for most in (1.0 + 1e-6, WELL_PROVED)
-    )
+    best, good = ((bounds <= most).sum() / solvable for most in (1.0 + 1e-6, WELL_PROVED))
     first = np.array([one["improvements"][0][0] for one in plans])
-    soon = [(first <= most).sum() / max(len(found) - none, 1) for most in (0.5, 2.0)]
+    soon = [f"{(first <= most).sum() / solvable:.0%}" for most in (0.5, 2.0)]
     ratio = np.median([one["improvements"][0][1] / one["improvements"][-1][1] for one in plans])
-    steps = np.mean([one["steps"] for one in plans])
-    done = sum(bool(one["executed"]) for one in plans)
     again = [one["replanned"] for one in plans if one["replanned"] is not None]
-    soonest = "{:.2f}, {:.2f}".format(*np.percentile(again, (50, 95))) if again else "-"
-    return (
-        f"{start} {np.median(first):.2f} | {soon[0]:.0%} | {soon[1]:.0%} | {ratio:.2f} "
-        f"| {np.median(bounds):.2f} | {best:.0%} | {good:.0%} | {steps:.1f} "
-        f"| {soonest} | {done} of {len(plans)} |"
-    )
+    return [
+        *counts, f"{np.median(first):.2f}", *soon, f"{ratio:.2f}", f"{np.median(bounds):.2f}",
+        f"{best:.0%}", f"{good:.0%}", f"{np.mean([one['steps'] for one in plans]):.1f}",
+        "{:.2f}, {:.2f}".format(*np.percentile(again, (50, 95))) if again else "-",
+        f"{sum(bool(one['executed']) for one in plans)} of {len(plans)}",
+    ]  # fmt: skip
 
 
 def curves(data: dict[str, Any], path: Path) -> None:
@@ -257,10 +248,7 @@ def curves(data: dict[str, Any], path: Path) -> None:
 
 def main() -> None:
     """Measure and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--others", type=int, default=20, help="tasks for other methods too")
@@ -281,8 +269,7 @@ def main() -> None:
         data["fan"][robot] = fan(robot)
         work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
-    write_whole(args.out / "many_limbs.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "many_limbs.md", markdown(data))
+    publish(args.out, "many_limbs", data, markdown)
     curves(data, args.out / "many_limbs.png")
 
 

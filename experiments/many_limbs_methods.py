@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from planning_report import NOTHING, table
+from reports import NOTHING, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.agents import RandomPolicy
@@ -99,21 +99,19 @@ def _episode(env: MlivrEnv, policy: Policy, start: State, goal: Array, end: floa
     return None
 
 
-def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> list[str]:
+def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> str:
     """Lines of the report: what the methods did on the tasks of each robot, if that is known."""
     if not any(measured.values()):
-        return []
-    lines = [
-        "",
-        "## Other methods",
-        "",
-        f"Some of the tasks that may have a plan, {seconds:g} s for each, at most {MOST_STEPS} "
-        "steps; no step is known at the beginning. *Steps* and *time* (median) are those of the "
-        "walks that were found, which are not the same tasks for all.",
-        "",
-    ]
+        return ""
     rows = [row for robot, tasks in measured.items() for row in _rows(robot, tasks)]
-    return [*lines, table("robot | method | solved | steps | time [s]", rows).rstrip("\n")]
+    return f"""
+## Other methods
+
+Some of the tasks that may have a plan, {seconds:g} s for each, at most {MOST_STEPS} steps; no \
+step is known at the beginning. *Steps* and *time* (median) are those of the walks that were \
+found, which are not the same tasks for all.
+
+{table("robot | method | solved | steps | time [s]", rows)}"""
 
 
 def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[list[str]]:

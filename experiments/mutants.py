@@ -24,11 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from mutation import Mutant, mutants_of, planted
-from reports import command_line, keep, read, table
+from reports import ROOT, command_line, keep, read, table
 
 from mlivr_gym.files import write_whole
 
-ROOT = Path(__file__).parent.parent
 SEED, COUNT = 14, 150
 LIMIT = 600.0
 """Seconds after which the tests of a fault are ended without a result.

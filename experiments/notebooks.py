@@ -15,10 +15,11 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
+from reports import ROOT
 
 from mlivr_gym.files import write_whole
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = ROOT / "examples"
 
 LONGEST_CELL = 300
 """How long a cell may take [s]."""

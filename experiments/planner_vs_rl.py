@@ -26,7 +26,7 @@ import numpy as np
 import torch
 from comparison_report import draw, full_report
 from comparison_walks import Walks, walked
-from reports import command_line, keep, publish, read
+from reports import ROOT, command_line, keep, publish, read
 from tqdm import tqdm
 from train_policies import GRASP_FAILURE
 
@@ -260,7 +260,7 @@ def main() -> None:
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.freeze:
-        freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
+        freeze_test_set(ROOT / "envs_assets" / "test_set.json", SEED, SIZES)
         return
     results = Results(args.out)
     runs: dict[str, Callable[[argparse.Namespace, Results], None]] = {

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-NOTHING = "\N{EN DASH}"
+from reports import NOTHING, table
 
 OFF = "collisions off"
 
@@ -74,13 +74,6 @@ def beside(data: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for name, row in data["libraries"].items():
         if name != "this planner":
             yield f"A* of {name} on the same table, median [ms]", f"{row['A*']['median']:.3g}"
-
-
-def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
-    """A table in Markdown; the names in `head` are separated by ` | `."""
-    names = head.split(" | ")
-    lines = [f"| {' | '.join(map(str, row))} |" for row in (names, *rows)]
-    return "\n".join([lines[0], "|" + "---|" * len(names), *lines[1:]]) + "\n"
 
 
 def targets(data: dict[str, Any]) -> str:

@@ -33,14 +33,13 @@ import start_up
 import table1_statistics
 import thresholds
 import time_cost
-from planning_report import NOTHING
+from reports import NOTHING, ROOT, table
 from table1 import study_markdown
 from truth import told
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
 
-ROOT = Path(__file__).parent.parent
 CASES = {
     "1": "1: no thresholds, base cost",
     "2": "2: thresholds, base cost",
@@ -162,7 +161,7 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]
         wall = measured[what, benchmark_env.settings_of(**arguments)]
         title = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
         rows.append((title, f"{float(f'{wall:.3g}'):,.0f}", before[name]))
-    return planning_report.table("default settings | measured | version 0.1.0", rows)
+    return table("default settings | measured | version 0.1.0", rows)
 
 
 def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
@@ -235,7 +234,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "time_cost": time_cost.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
-    "ablation": ablation.table,
+    "ablation": ablation.markdown,
     "start_up": start_up.report,
     "benchmark_env": benchmark_env.report,
     "benchmark_planning": planning_report.report,

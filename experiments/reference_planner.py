@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from reports import pair_graph, timed
 from scipy.spatial.transform import Rotation
-from stopwatch import timed
 
-from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
+from mlivr_gym import GraspMap, RobotSpec, Settings
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
@@ -31,7 +31,7 @@ Stance = tuple[int, int]
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
 
-NODES_ONLY = Settings(transitions=False, collisions=False)
+NODES_ONLY = {"transitions": False, "collisions": False}
 """Thresholds without step checks: what the reference and the libraries can solve too."""
 
 MODES: dict[str, dict[str, Any]] = {
@@ -51,13 +51,6 @@ STEP = 0.5
 
 SEED = np.array([0.0, -1.0, -1.6, -0.5, 1.5, 0.0])
 """Joint angles [rad] from which the iteration begins where no earlier solution is at hand."""
-
-
-def nodes_only_graph(grasp_map: GraspMap) -> PairGraph:
-    """Stance graph without step checks."""
-    graph = stance_graph(grasp_map, settings=NODES_ONLY)
-    assert isinstance(graph, PairGraph)
-    return graph
 
 
 def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
@@ -348,7 +341,7 @@ def map_to_plan(
     """From map to plan without step checks: ours and both modes of the plain reference."""
 
     def ours() -> tuple[PairGraph, Any]:
-        fresh = nodes_only_graph(grasp_map)
+        fresh = pair_graph(grasp_map, **NODES_ONLY)
         return fresh, Planner(fresh).plan(start, goal).unwrap()
 
     times = [timed(ours)[0] for _ in range(5)]
@@ -361,10 +354,11 @@ def map_to_plan(
         s = graph.find(stance)
         return graph.base_in_world[s] if s >= 0 else None
 
-    counter = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
+    settings = Settings(**NODES_ONLY)
+    counter = ReferencePlanner(grasp_map, graph.robot, settings)
     needed = counter.plan(first, goal, TOLERANCE, np.inf, known)["candidates"]
     for mode, options in MODES.items():
-        reference = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY, **options)
+        reference = ReferencePlanner(grasp_map, graph.robot, settings, **options)
         run = reference.plan(first, goal, TOLERANCE, limit)
         each = run["seconds"] / run["candidates"]
         total = max(run["seconds"], 0.0 if run["finished"] else each * needed)

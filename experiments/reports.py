@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 from mlivr_gym.files import write_whole
@@ -15,14 +18,17 @@ from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
+ROOT = Path(__file__).parent.parent
+"""The repository."""
+
 NOTHING = "\N{EN DASH}"
 """What a cell without a figure shows."""
 
 
-def command_line(told: str | None) -> argparse.ArgumentParser:
+def command_line(description: str | None) -> argparse.ArgumentParser:
     """A parser with the option `--out`; `told` is the docstring of the script."""
     parser = argparse.ArgumentParser(
-        description=told, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
     return parser
@@ -54,11 +60,24 @@ def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
 
 
 def publish(
-    out: Path, name: str, data: Any, tell: Callable[[Any], str], indent: int | None = 1
+    out: Path, name: str, data: Any, markdown: Callable[[Any], str], indent: int | None = 1
 ) -> None:
     """Write what was measured, and its page."""
     keep(out, name, data, indent)
-    write_whole(out / f"{name}.md", tell(data))
+    write_whole(out / f"{name}.md", markdown(data))
+
+
+def timed(call: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds that a call takes, and what it returns."""
+    start = time.perf_counter()
+    value = call()
+    return time.perf_counter() - start, value
+
+
+def spread(seconds: Sequence[float]) -> dict[str, float]:
+    """Median and 95th percentile [ms], and how many."""
+    median, p95 = 1e3 * np.percentile(seconds, (50, 95))
+    return {"median": float(median), "p95": float(p95), "count": len(seconds)}
 
 
 def pair_graph(grasp_map: GraspMap | None = None, **settings: Any) -> PairGraph:

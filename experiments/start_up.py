@@ -12,9 +12,7 @@ and `start_up.md`; with names, those paths alone are measured anew.
 
 from __future__ import annotations
 
-import argparse
 import compileall
-import json
 import os
 import platform
 import subprocess
@@ -25,12 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from planning_report import NOTHING, table
+from reports import NOTHING, ROOT, command_line, publish, read, table
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.files import write_whole
-
-ROOT = Path(__file__).parent.parent
 
 QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps"
 POSE = "2.03 -0.046 -0.324 0.5964 0.0785 0.1043 0.7920"
@@ -193,15 +188,11 @@ def report(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", choices=[*PATHS, []], help="paths (default: all)")
     parser.add_argument("--compiled", action="store_true", help="compile everything, too")
-    parser.add_argument("--out", default=ROOT / "results", type=Path, help="folder")
     args = parser.parse_args()
-    kept = args.out / "start_up.json"
-    before: dict[str, Any] = {}
-    if args.names and kept.exists():
-        before = json.loads(kept.read_text(encoding="utf-8"))["paths"]
+    before = read(args.out, "start_up").get("paths", {}) if args.names else {}
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     python, loads = platform.python_version(), []
     compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
@@ -214,9 +205,7 @@ def main() -> None:
         "load": max(loads) - 1.0,
         "paths": {path: before[path] for path in PATHS if path in before},
     }
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_whole(kept, json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "start_up.md", report(data))
+    publish(args.out, "start_up", data, report)
 
 
 if __name__ == "__main__":
