@@ -1,10 +1,11 @@
-"""What each device of the search of three and four limbs is worth: each is switched off in turn.
+"""Switch off each part of the search for three and four limbs in turn, and measure its worth.
 
-    python experiments/ablation.py [--out results] [--tasks 50] [--seconds 2]
+    python experiments/ablation.py --variant NAME [--out results] [--tasks 50] [--seconds 2]
 
-Random tasks on the JEM with collisions checked, without obstacles, with a box on the straight line
-to the goal, and with such a box and ten occupied points. All variants get the same tasks, cost of
-steps. Writes `ablation.json` and `ablation.md`.
+Random tasks on the JEM with collisions checked and the step cost: without obstacles, with a box on
+the straight line to the goal, and with such a box and ten occupied points. All variants get the
+same tasks. A call measures one variant in at most ten minutes, adds it to `ablation.json` and
+writes `ablation.md`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mlivr_gym.world.boxes import Box
 ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
 NONE = ("search exhausted", "goal outside the reachable set")
-"""Reasons that prove that there is no plan."""
+"""Reasons which prove that no plan exists."""
 
 
 def _no_table() -> None:
@@ -81,10 +82,11 @@ VARIANTS: dict[str, Callable[[], None]] = {
     "no table, entries by promise and bound alone": _no_inflation,
     "no table, entries by bound alone": _by_bound,
 }
+"""Variants, and the functions that switch parts of the search off."""
 
 
 def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[Box], list[int]]]:
-    """Start, goal, boxes and occupied points of random tasks whose start can be held."""
+    """Return start, goal, boxes and occupied points of random tasks whose start can be held."""
     graph, found = stance_graph(robot=robot), []
     seed = 0
     while len(found) < count:
@@ -113,7 +115,7 @@ def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[B
 
 
 def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str, Any]]:
-    """What the search makes of the tasks."""
+    """Plan the tasks and return time, cost and bound of each result."""
     out = []
     for start, goal, boxes, taken in tasks(robot, world, count):
         graph = stance_graph(robot=robot)
@@ -134,7 +136,7 @@ def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str,
 
 
 def markdown(rows: dict[str, Any]) -> str:
-    """The page: of each variant how many tasks of each kind are solved."""
+    """Return the page: the number of solved tasks of each kind, by variant."""
     kinds = [
         f"{robot}, {world}" for robot in ROBOTS for world in WORLDS if f"{robot}, {world}" in rows
     ]
@@ -164,12 +166,12 @@ there is none; in brackets the plans that are proved to have the fewest steps.
 
 
 def decided(found: list[dict[str, Any]]) -> int:
-    """How many tasks have a plan or the proof that there is none."""
+    """Return how many tasks have a plan or the proof that none exists."""
     return sum(one["steps"] is not None or one["reason"] in NONE for one in found)
 
 
 def main() -> None:
-    """Ask all tasks of one variant, or of all."""
+    """Measure one variant."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=2.0)

@@ -1,11 +1,11 @@
-"""Steps a second of the environment, beside two well-known ones in the same run.
+"""Measure environment steps per second, compared with well-known environments in the same run.
 
     python experiments/benchmark_env.py [--out results] [--seconds 1]
 
-writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are
-possible; drawing them is not timed, starting new episodes is. Every figure is the best of ten short
-repetitions on one core, each of other episodes, since other work on the machine only slows a
-repetition down.
+Actions are drawn at random among the possible ones; drawing them is not timed, starting new
+episodes is. Each value is the best of ten repetitions of `--seconds` on one core, each with other
+episodes, because other work on the machine only slows a repetition down. Writes
+`benchmark_env.json` and `benchmark_env.md`.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ SINGLE: tuple[dict[str, Any], ...] = (
     {"robot": "mlivr4", "collisions": False},
     {"dynamics": "mujoco"},
 )
-"""Arguments of the environments that are measured one by one; the default ones come first."""
+"""Arguments of the environments that are measured singly, the default ones first."""
 
 REPETITIONS = 10
-"""Of which the best counts."""
+"""Number of repetitions, of which the best counts."""
 
 
 class Measured(NamedTuple):
-    """Steps a second."""
+    """Steps per second of an environment."""
 
     what: str
     settings: str
-    """With which settings, see `settings_of`; empty for other packages'."""
+    """Settings in words, see `settings_of`; empty for environments of other packages."""
     wall: float
-    """Of the best repetition."""
+    """Steps per second of the best repetition."""
     median: float
-    """Of the median repetition."""
+    """Median of the repetitions."""
 
 
 def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int) -> float:
-    """Steps a second of one environment."""
+    """Return the steps per second of a single environment."""
     rng = np.random.default_rng(seed)
     spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
@@ -74,7 +74,7 @@ def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int
 
 
 def vector(env: Any, seconds: float, seed: int) -> float:
-    """Steps a second of all copies of a vector environment together."""
+    """Return the steps per second of all copies of a vector environment."""
     rng = np.random.default_rng(seed)
     spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
@@ -89,14 +89,9 @@ def vector(env: Any, seconds: float, seed: int) -> float:
 
 
 def settings_of(native: bool = False, **arguments: Any) -> str:
-    """Arguments of an environment in words, the default ones too.
+    """Return arguments of `MlivrEnv` in words, with those at their defaults.
 
-    Parameters
-    ----------
-    native
-        Whether it is the vector environment, which needs every step.
-    arguments
-        Arguments of `MlivrEnv`.
+    `native` is the vector environment, which needs the table of all steps.
     """
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
     found = [
@@ -117,7 +112,7 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
 
 
 def best(what: str, settings: str, run: Callable[[int], float]) -> Measured:
-    """The best of some repetitions, each with a seed of its own."""
+    """Return the best and the median of the repetitions, each with its own seed."""
     speeds = [run(seed) for seed in range(REPETITIONS)]
     measured = Measured(what, settings, max(speeds), float(np.median(speeds)))
     print(f"{what}, {settings}: {measured.wall:.0f} steps/s", flush=True)
@@ -125,7 +120,7 @@ def best(what: str, settings: str, run: Callable[[int], float]) -> Measured:
 
 
 def measure(seconds: float) -> list[Measured]:
-    """Steps a second of every environment, each repetition as long as is asked for [s]."""
+    """Measure every environment; each repetition takes `seconds` [s]."""
     rows: list[Measured] = []
     plain: dict[str, Any] = {"disable_env_checker": True}
     for arguments in SINGLE:
@@ -146,7 +141,7 @@ def measure(seconds: float) -> list[Measured]:
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measure and write results and page."""
     parser = command_line(__doc__)
     parser.add_argument(
         "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
@@ -156,11 +151,11 @@ def main() -> None:
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     measured = [row._asdict() for row in rows]
     data = {"machine": machine, "seconds": args.seconds, "rows": measured}
-    publish(args.out, "benchmark_env", data, report)
+    publish(args.out, "benchmark_env", data, markdown)
 
 
-def report(data: dict[str, Any]) -> str:
-    """The report, in Markdown."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     rows = [
         (row["what"], row["settings"], f"{row['wall']:,.0f}", f"{row['median']:,.0f}")
         for row in data["rows"]

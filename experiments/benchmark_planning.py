@@ -1,11 +1,13 @@
-"""How long planning takes: the default settings first, then beside networkx and rustworkx.
+"""Measure how long planning takes, and compare it with networkx, rustworkx and a plain reference.
 
     python experiments/benchmark_planning.py [--out results] [--queries 200]
         [--reference-seconds 15]
 
-writes `benchmark_planning.md` and `benchmark_planning.json` in about four minutes. All is measured
-in one process, on the table of stances and steps that ships. A longer limit lets the plain
-reference get farther; see `reference_planner.py` for what it does.
+All series run in one process on the table of nodes and edges that ships: plans to new, known and
+unreachable goals, replanning after changes of the world, single collision checks, the same table in
+graph libraries, and the paper's algorithm in plain Python (`reference_planner.py`; a longer limit
+lets it get farther). Writes `benchmark_planning.json` and `benchmark_planning.md` in about four
+minutes.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from typing import Any
 import numpy as np
 from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
-from planning_report import report
+from planning_report import markdown
 from reference_planner import TOLERANCE, map_to_plan
 from reports import command_line, pair_graph, publish, spread, timed
 
@@ -36,10 +38,10 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 COSTS = ("steps", "base")
 GOALS, STARTS = 16, 5
-"""Goals that are known beforehand, as many as a planner keeps, and starts for each."""
+"""Number of known goals, as many as a planner keeps prepared, and of starts for each."""
 
 CHANGES = 50
-"""Changes of the world after which a plan is made anew, of each kind."""
+"""Number of changes of the world of each kind, after each of which a plan is made."""
 
 LIBRARY_QUERIES = 10
 CONFIGURATIONS = 1000
@@ -48,13 +50,13 @@ Task = tuple[State, Array]
 
 
 def resident() -> float:
-    """Resident memory of this process [MB]."""
+    """Return the resident memory of this process [MB]."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores and versions."""
+    """Return processor, cores and versions of the packages."""
     info = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     models = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
     packages = ("numpy", "scipy", "numba", "pin", "networkx", "rustworkx")
@@ -66,8 +68,13 @@ def machine() -> dict[str, Any]:
     }
 
 
-def asked(planner: Planner, tasks: Iterable[Task], cost: str, **options: Any) -> dict[str, Any]:
-    """Times of `Planner.plan` and of its search alone, and what else a series of queries tells."""
+def query_times(
+    planner: Planner, tasks: Iterable[Task], cost: str, **options: Any
+) -> dict[str, Any]:
+    """Return times of `Planner.plan` and of its search alone over a series of queries.
+
+    Expanded states and queries without a plan are counted, too.
+    """
     whole, results = [], []
     for start, goal in tasks:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
@@ -81,7 +88,7 @@ def asked(planner: Planner, tasks: Iterable[Task], cost: str, **options: Any) ->
 
 
 def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
-    """Random stances and places in the cabin to which no walk leads from them."""
+    """Yield random starts with goals in the cabin that no walk from them reaches."""
     low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
     while True:
         start, goal = sample_task(graph, rng, TOLERANCE).start, rng.uniform(low, high)
@@ -90,27 +97,27 @@ def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
 
 
 def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
-    """New goals, goals that are known and goals that cannot be reached."""
+    """Measure new goals, prepared goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
     preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
     known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
     exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
-        "new goal": asked(Planner(graph), tasks, cost),
-        "known goal": asked(knowing, known, cost),
-        "unreachable goal": asked(Planner(graph), cut_off, cost),
+        "new goal": query_times(Planner(graph), tasks, cost),
+        "known goal": query_times(knowing, known, cost),
+        "unreachable goal": query_times(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
         "prepare": spread(preparing),
     }
 
 
 def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
-    """Queries of the base cost on the table in two graph libraries, and here."""
+    """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
     series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
     series["Dijkstra"] = {"method": "dijkstra"}
-    ours = {name: asked(Planner(graph), tasks, "base", **how) for name, how in series.items()}
+    ours = {name: query_times(Planner(graph), tasks, "base", **how) for name, how in series.items()}
     out: dict[str, Any] = {"this planner": ours}
     for name, library in LIBRARIES.items():
         before = resident()
@@ -134,7 +141,7 @@ def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
 
 
 def measure(count: int, limit: float) -> dict[str, Any]:
-    """Everything, in order."""
+    """Run all measurements in order."""
     setup, rng = default_setup(), np.random.default_rng(2026)
     start, goal = tuple(setup["start"]), np.array(setup["goal"])
     Planner(pair_graph()).plan(start, goal).unwrap()  # what is compiled is at hand from now on
@@ -166,7 +173,7 @@ def measure(count: int, limit: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure and write both files."""
+    """Measure and write results and page."""
     parser = command_line(__doc__)
     parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
     parser.add_argument(
@@ -174,8 +181,8 @@ def main() -> None:
     )
     args = parser.parse_args()
     data = measure(max(args.queries, STARTS), args.reference_seconds)
-    publish(args.out, "benchmark_planning", data, report)
-    print(report(data))
+    publish(args.out, "benchmark_planning", data, markdown)
+    print(markdown(data))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""What collision checks rule out, as a picture of one stance.
+"""Draw a stance that meets all thresholds but collides with the cabin.
 
     python experiments/blocked.py [--out results]
 
-writes `blocked.png`, and an SVG beside it: a stance that meets the thresholds, but not without
-touching the cabin, and below a close-up of the worst contact.
+Of all stances that only the collision check rules out, the one with the fewest contacts is shown,
+with a close-up of its deepest contact. Writes `blocked.png` and `blocked.svg`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 
 def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
-    """The stance with the fewest contacts of those that only collisions rule out."""
+    """Return the stance with the fewest contacts among those that only collisions rule out."""
     best: Panel | None = None
     grasps, clearance = checked.solver.grasps, checked.settings.clearance
     for stance, masks in zip(free.points, free.mask, strict=True):
@@ -37,12 +37,12 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
 
 
 def _place(graph: PairGraph, point: int) -> str:
-    """A point in words, its face first."""
+    """Return the face and the id of a point."""
     return f"{graph.grasp_map.faces[point]} point {graph.grasp_map.ids[point]}"
 
 
 def main() -> None:
-    """Draw it."""
+    """Draw the figure and print the contacts."""
     out = command_line(__doc__).parse_args().out
     checked, free = pair_graph(), pair_graph(collisions=False)
     panel = blocked_stance(checked, free)

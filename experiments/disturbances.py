@@ -1,10 +1,11 @@
-"""Carries plans out with a robot and a module that the controller does not know.
+"""Simulate plans with a robot and a module that differ from what the controller assumes.
 
     python experiments/disturbances.py [--out results] [--tasks 200] [--each 20] [--workers 2]
 
-All disturbances at once on held-out random tasks; each by itself for the paper's controller,
-feedforward and the guided controller (a tornado). What is measured is kept study by study in
-`disturbances.json`, and a study that is there is not made again.
+A Monte Carlo study: all disturbances at once on held-out random tasks, and each disturbance alone,
+for the paper's controller, for feedforward and for the guided controller. Writes
+`disturbances.json`, `disturbances.md` and `disturbances.png`, a tornado chart. Studies that
+`disturbances.json` already holds are not run again.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TASKS, SEED = 20270101, 77_000
-"""Seeds of the held-out tasks and of their disturbances; gains were chosen with others."""
+"""Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""
 
 CONTROLLERS: dict[str, tuple[Limits | Durations, Controller]] = {
     "guided, gentle": (GENTLE, Controller()),
     "feedforward, gentle": (GENTLE, FEEDFORWARD),
     "the paper's PD, 50 s": (Durations(), PAPER),
 }
-"""Pace and controller of each row."""
+"""Pace and controller of each group of studies."""
 
 NAMES = {
     "friction": "friction to 3 N m",
@@ -63,7 +64,7 @@ HEAD = (
 
 
 def studies() -> dict[str, tuple[str, Disturbances]]:
-    """Controller and disturbances of each study, by its name; all at once come first."""
+    """Return controller and disturbances of each study by name, those of all disturbances first."""
     found = {f"{name}: all": (name, ALL) for name in CONTROLLERS}
     for name in CONTROLLERS:
         found[f"{name}: none"] = name, NONE
@@ -72,8 +73,8 @@ def studies() -> dict[str, tuple[str, Disturbances]]:
     return found
 
 
-def told(outcomes: list[RunOutcome]) -> dict[str, Any]:
-    """What is kept of a study."""
+def summary(outcomes: list[RunOutcome]) -> dict[str, Any]:
+    """Return the results of a study as plain data."""
     steps = sum(outcome.done for outcome in outcomes)
     return success_rate(outcomes) | {
         "steps": sum(outcome.steps for outcome in outcomes),
@@ -88,28 +89,28 @@ def told(outcomes: list[RunOutcome]) -> dict[str, Any]:
 
 
 def quantiles(values: list[float]) -> list[float]:
-    """Median, 95th percentile and largest."""
+    """Return median, 95th percentile and maximum."""
     return [float(value) for value in np.quantile(values, [0.5, 0.95, 1.0])]
 
 
 def study(
     graph: StanceGraph, plans: list[Plan], name: str, disturbances: Disturbances, workers: int
 ) -> dict[str, Any]:
-    """Each plan once with a disturbance of its own."""
+    """Simulate each plan once, with its own random disturbances."""
     timing, controller = CONTROLLERS[name]
     setup = Setup(timing, controller, disturbances=disturbances)
     outcomes = execute_many(graph, plans, setup, seed=SEED, workers=workers)
-    return told(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
+    return summary(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
 
 
 def row_of(data: dict[str, Any], name: str, field: str) -> dict[str, Any] | None:
-    """The study of a controller with one disturbance, `none` or `all`, if it was made."""
+    """Return the study of a controller with one disturbance, `none` or `all`; None if not run."""
     row: dict[str, Any] | None = data["studies"].get(f"{name}: {field}")
     return row
 
 
 def cells(field: str, row: dict[str, Any]) -> list[Any]:
-    """One study as a row of its table."""
+    """Return the table row of a study."""
     low, high = row["interval"]
     failures = ", ".join(f"{kind} {count}" for kind, count in row["failures"].items()) or "none"
     three = [
@@ -123,7 +124,7 @@ def cells(field: str, row: dict[str, Any]) -> list[Any]:
 
 
 def section(data: dict[str, Any], name: str) -> str:
-    """The studies of a controller."""
+    """Return the section of the page on a controller."""
     rows = [(field, row_of(data, name, field)) for field in ("none", *NAMES, "all")]
     return f"""## {name[0].upper()}{name[1:]}
 
@@ -131,7 +132,7 @@ def section(data: dict[str, Any], name: str) -> str:
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The studies as a page."""
+    """Return the page."""
     sections = "\n".join(section(data, name) for name in CONTROLLERS)
     return f"""# A robot and a module that the controller does not know
 
@@ -149,7 +150,7 @@ Forces, captures and errors: median, 95th percentile, largest of the walks.
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """What the site says of the studies."""
+    """Return the paragraphs of the docs on the studies."""
     lines = []
     for name in CONTROLLERS:
         whole, none = (row_of(data, name, field) for field in ("all", "none"))
@@ -162,7 +163,7 @@ def readme_text(data: dict[str, Any]) -> str:
             for field, row in alone.items()
             if row["share"] < 1.0
         ]
-        told = (
+        alone_text = (
             f"By themselves make walks fail: {', '.join(failing)}."
             if failing
             else f"By itself none of {len(alone)} makes a walk fail."
@@ -172,13 +173,13 @@ def readme_text(data: dict[str, Any]) -> str:
             f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %; "
             f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
             f"with a second try, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % below "
-            f"{whole['grasp_force_N'][1]:.0f} N). {told}\n"
+            f"{whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
         )
     return "".join(lines)
 
 
 def tornado(data: dict[str, Any], path: Path) -> None:
-    """The share of walks that each disturbance costs each controller."""
+    """Draw the share of walks that fail for each disturbance and controller."""
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     axes = figure.subplots(1, len(CONTROLLERS), sharey=True, sharex=True)
     order = ["none", *NAMES, "all"]
@@ -205,7 +206,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Make the studies that are missing and write page and picture."""
+    """Run the missing studies, and write page and chart."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=200, help="tasks with all disturbances")
     parser.add_argument("--each", type=int, default=20, help="tasks with one disturbance")

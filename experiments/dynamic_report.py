@@ -1,4 +1,4 @@
-"""Tells what `dynamic_simulation.py` measured: page, text of the site, picture of the fronts."""
+"""Page of `dynamic_simulation.py`, its texts in the docs, and the figure of the limits."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from mlivr_gym.pictures.figures import save_figure
 
 CONTROLLERS = {"full": "guided", "feedforward": "feedforward", "paper": "the paper's PD"}
 PACES = {"fast": "fast", "quintic": "fast, quintics", "gentle": "gentle", "paper": "50 s"}
-"""Names in tables."""
+"""Names of controllers and paces in tables."""
 
 CLOCKS = {"fastest": "fastest", "sharp": "fastest, stopping at corners", "quintic": "quintic"}
-"""Clocks that are compared."""
+"""Time scalings that are compared."""
 
 LIMITS = {
     "grasp_force": "grasp force [N]",
@@ -23,7 +23,7 @@ LIMITS = {
     "torque": "share of joint torque",
     "all_limits": "share of all three",
 }
-"""What is varied."""
+"""Limits that are varied."""
 
 WALKS = (
     "controller | pace | s a step | outcome | grasp force [N] | grasp torque [N m] | "
@@ -37,7 +37,7 @@ TIME_STEPS = (
 
 
 def walk_row(row: dict[str, Any]) -> list[str]:
-    """The walk of Case 3 with a controller at a pace."""
+    """Return the table row of Case 3 with a controller at a pace."""
     failure, times = row["failure"], row["step_times_s"]
     captured = f"{row['largest_capture_distance_mm']:.2f}" if row["steps_done"] else "-"
     return [
@@ -55,7 +55,7 @@ def walk_row(row: dict[str, Any]) -> list[str]:
 
 
 def plan_lines(name: str, row: dict[str, Any]) -> str:
-    """The random plans at a pace."""
+    """Return the paragraph on the random plans at a pace."""
     mean, median, most = row["seconds_a_step"]
     failures = "".join(
         f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: "
@@ -71,7 +71,7 @@ torque {row["peak_grasp_torque_N_m"]:.1f} N m.
 
 
 def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
-    """The walk with a time step."""
+    """Return the table row of the walk simulated with a time step."""
     captured = row["largest_capture_distance_mm"]
     return [
         step,
@@ -84,18 +84,18 @@ def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
 
 
 def clock_row(name: str, row: dict[str, Any]) -> list[str]:
-    """How long steps take by a clock, and which limits decide."""
+    """Return the table row of a time scaling: mean duration of a step, and binding limits."""
     return [
         CLOCKS[name], f"{row['seconds_a_step']:.2f}", counted(row["deciding"]).replace("_", " ")
     ]  # fmt: skip
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The results as a page."""
+    """Return the page."""
     fixed, pace, speed = data["shortest_fixed"], data["pace"], data["overhead"]
     fronts = [
-        [told, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
-        for name, told in LIMITS.items()
+        [words, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
+        for name, words in LIMITS.items()
     ]
     return f"""# Dynamic simulation
 
@@ -151,7 +151,7 @@ error of the first-order integrator goes with the time step.
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """What the site says of the simulation."""
+    """Return the paragraph of the docs on the simulation."""
     walks = {(row["controller"], row["pace"]): row for row in data["walks"]}
     fast, gentle = (data["random_plans"][name] for name in ("fast", "gentle"))
     paper, pace = walks["paper", "paper"], data["pace"]
@@ -174,8 +174,8 @@ simulated on one core, trajectory, control and measurements included.
 """
 
 
-def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
-    """What README says of it, with what disturbances do."""
+def readme_sentence(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
+    """Return the sentence of the README on executed plans, without and with disturbances."""
     fast = data["random_plans"]["fast"]
     walks = disturbed["studies"]["guided, gentle: all"]
     low, high = (f"{100 * share:.0f}" for share in walks["interval"])
@@ -188,13 +188,13 @@ def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
 
 
 def pace_figure(data: dict[str, Any], path: Path) -> None:
-    """Seconds a step over each limit."""
+    """Plot the mean duration of a step against each limit."""
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     axes = figure.subplots(1, len(LIMITS), sharey=True)
-    for axis, (name, told) in zip(axes, LIMITS.items(), strict=True):
+    for axis, (name, words) in zip(axes, LIMITS.items(), strict=True):
         values, means = zip(*data["pace"]["fronts"][name], strict=True)
         axis.plot(values, means, "o-", color="#1f5fd0")
-        axis.set(xlabel=told, xscale="log")
+        axis.set(xlabel=words, xscale="log")
         axis.set_xticks(values, [f"{value:g}" for value in values], fontsize=8)
         axis.set_xticks([], minor=True)
         axis.grid(alpha=0.3)

@@ -1,4 +1,4 @@
-"""Tables of the fields of files for `docs/formats.md`, made from the schemas that check them."""
+"""Write the tables of file fields of `docs/formats.md` from the schemas that check the files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ LIMBS, STANCES = 13, 17
 """Numbers that stand for N limbs and K stances in schemas that depend on them."""
 
 SYMBOLS = {LIMBS: "N", STANCES: "K", STANCES - 1: "K - 1"}
-"""What they are shown as."""
+"""Symbols that these numbers are replaced with."""
 
 MEANINGS = {
     "name": "Short name of the map.",
@@ -73,11 +73,11 @@ MEANINGS = {
     "statistics": "What the search found and spent, see below.",
     "checksum": "SHA-256 of the other fields (`files.checksum`), which may be left out.",
 } | dict.fromkeys(REMARKS, "For readers; not used.")
-"""Meaning of fields that no class describes."""
+"""Meanings of the fields that no class documents."""
 
 
 def kind_in_words(kind: Any) -> str:
-    """What a value must be."""
+    """Return what a value must be, in words."""
     match kind:
         case Maybe():
             return f"{kind_in_words(kind.kind)}, or null"
@@ -113,7 +113,7 @@ def kind_in_words(kind: Any) -> str:
 
 
 def _numbers(kind: Numbers) -> str:
-    """Numbers with shape, unit and range."""
+    """Return shape, unit and range of numbers in words."""
     unit = f" [{kind.unit}]" if kind.unit else ""
     rows = SYMBOLS.get(kind.rows[1], "k")
     shape = ", ".join(rows if n is None else SYMBOLS.get(n, str(n)) for n in kind.shape)
@@ -125,7 +125,7 @@ def _numbers(kind: Numbers) -> str:
 
 
 def _listed(kind: Listed[Any]) -> str:
-    """A list, of how many of what."""
+    """Return length and element type of a list in words."""
     exact = kind.least == kind.most
     count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
     inner = kind.kind
@@ -134,7 +134,7 @@ def _listed(kind: Listed[Any]) -> str:
 
 
 def attributes(made: type) -> dict[str, str]:
-    """What a class says of its attributes in its docstring."""
+    """Return the descriptions of a class's attributes from its docstrings."""
     text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
     found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
     said = {name: " ".join(meaning.split()) for name, meaning in found}
@@ -146,16 +146,16 @@ def attributes(made: type) -> dict[str, str]:
 
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
-    """A row of the table for each field of an object."""
+    """Yield a table row for each field of an object."""
     parts = kind.fields if isinstance(kind, Struct) else kind
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
-            told = meanings[name].replace("|", "\\|")
-            yield f"`{name}`", needed, kind_in_words(inner), told
+            meaning = meanings[name].replace("|", "\\|")
+            yield f"`{name}`", needed, kind_in_words(inner), meaning
 
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:
-    """The fields of an object as a table, with a title above it."""
+    """Return the table of an object's fields, below its title."""
     made = kind.made if made is None and isinstance(kind, Struct) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
@@ -163,7 +163,7 @@ def fields(kind: Any, made: type | None = None, title: str = "") -> str:
 
 
 def tables() -> dict[str, str]:
-    """The tables by the names of their marks."""
+    """Return the tables by the names of their marks."""
     point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
     robot, capsules = ROBOT, ROBOT.kinds["capsules"].kind.kind  # type: ignore[attr-defined]
     query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
@@ -199,6 +199,6 @@ def tables() -> dict[str, str]:
         ),
         "fields_trajectory": table(
             "field | meaning",
-            ((f"`{name}`", told) for name, told in attributes(Trajectory).items()),
+            ((f"`{name}`", meaning) for name, meaning in attributes(Trajectory).items()),
         ),
     }

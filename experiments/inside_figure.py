@@ -1,4 +1,9 @@
-"""The figure of `docs/inside.md`: one step from stance to edge, what runs and what it hands on."""
+"""Draw the figure of `docs/inside.md`: which module computes what, from a stance to an edge.
+
+    python experiments/inside_figure.py
+
+Writes `docs/inside.png` and `docs/inside.svg`.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +28,14 @@ STAGES = (
     ("step", "motions of the limb that\nmoves, limbs that hold", "transitions/steps.py"),
     ("edge", "branches kept, path, swing", "stances/pair_table.py"),
 )
-"""What there is in turn, what it says, and where it is made."""
+"""Stages in order: name, result, and the module that computes it."""
 
 RECORDS = ("points", "HeldStance -> Posture", "BasePath", "Release", "Step, Motion", "PairEdge")
-"""What is handed on."""
+"""Records that each stage passes on."""
 
 
 def main() -> None:
-    """Draw it."""
+    """Draw the figure."""
     figure = Figure(figsize=(13.6, 2.8), dpi=110)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.005, 0.01, 0.99, 0.98))

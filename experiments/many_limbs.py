@@ -1,13 +1,14 @@
-"""Three and four limbs: how steps fan out, and plans of random tasks with what is proved of them.
+"""Measure plans of three and four limbs on random tasks, and compare other methods.
 
     python experiments/many_limbs.py [--out results] [--tasks 20] [--seconds 10]
 
-A task leads from a random stance, from which some step leads away, to the base position of another,
-1 to 5 m off, on the JEM with collisions checked. Each is asked with two costs for some seconds, in
-a process of its own; plans are then carried out in MuJoCo at default timing. Some tasks have no
-plan: the search says so where it exhausts the states; of the others it is not known. Then other
-methods get the same tasks, with the cost of steps and the same time. Writes
-`many_limbs.json`, `many_limbs.md` and `many_limbs.png`.
+A task leads from a random state that some step leaves to the base position of another one, 1 to 5 m
+away, on the JEM with collisions checked. Each task is planned with two costs for `--seconds`; the
+plans are then executed in MuJoCo at default timing. For some tasks the search proves that no plan
+exists; the others without a plan remain undecided. Other methods get the same tasks with the step
+cost and the same time. The branching of the stance graph is measured, too. Writes
+`many_limbs.json`, `many_limbs.md` and `many_limbs.png`; a task takes up to `--seconds` for each of
+two costs and six methods.
 """
 
 from __future__ import annotations
@@ -36,25 +37,25 @@ from mlivr_gym.transitions.state import State
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
-"""How far goals are [m]."""
+"""Minimum and maximum distance of goals [m]."""
 
 STANCES = 40
-"""Random stances whose steps are counted."""
+"""Number of random stances whose steps are counted."""
 
 REPLANNING = 2.0
-"""How long a plan around an occupied point is looked for [s]."""
+"""Time limit of a plan around an occupied point [s]."""
 
 SOONEST_SHOWN, MOST_SHOWN = 0.02, 2.5
-"""Shortest time [s] and largest factor that the plot shows."""
+"""Shortest time [s] and largest factor that the figure shows."""
 
 WELL_PROVED = 1.5
-"""Factor of the least cost within which plans are to be proved."""
+"""Optimality bound of plans that count as well proved."""
 
 
 def fan(robot: str) -> dict[str, Any]:
-    """How many nodes and steps are next to random stances, and how long it takes to know.
+    """Return number of nodes and steps next to random stances, and the time to compute them.
 
-    The steps twice: where postures are known alone, and from the table of all nodes.
+    Steps are timed twice: with only the postures known, and from the table of all nodes.
     """
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     states: list[State] = []
@@ -74,15 +75,15 @@ def fan(robot: str) -> dict[str, Any]:
         graph.candidates(state.stance)
         again = time.perf_counter()
         assert len(tabled.successors(state).limb) == steps
-        told = time.perf_counter()
-        times = known - began, checked - known, again - checked, told - again
+        tabled_end = time.perf_counter()
+        times = known - began, checked - known, again - checked, tabled_end - again
         rows.append((nodes, steps, *times))
     names = ("nodes", "steps", "nodes_s", "steps_s", "again_s", "tabled_s")
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Array]:
-    """A state from which some step leads away, and where the base is at another."""
+    """Return a random state that some step leaves, and the base position of another one."""
     while True:
         start, end = random_state(graph, rng), random_state(graph, rng)
         goal = graph.posture_of(end).base_position[0]
@@ -91,8 +92,8 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
             return start, goal
 
 
-def asked(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
-    """What is found for a task, with both costs, and by other methods for the first tasks."""
+def task_results(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
+    """Plan a task with both costs, and the first `others` tasks with the other methods."""
     graph = stance_graph(robot=robot)
     assert isinstance(graph, LazyGraph)
     start, goal = random_task(graph, np.random.default_rng([seed, graph.limbs]))
@@ -116,7 +117,7 @@ def asked(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
 
 
 def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | None:
-    """How long a first plan takes once a point is occupied that the plan grasps half-way [s]."""
+    """Return the time of a first plan once a point that the plan grasps is occupied [s]."""
     start = plan.stances[0]
     grasped = [step.to_point for step in plan.steps if step.to_point not in start]
     if not grasped:
@@ -127,7 +128,7 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
 
 
 def executed(graph: LazyGraph, plan: Plan) -> bool:
-    """Whether MuJoCo carries a plan out, touching nothing."""
+    """Return whether MuJoCo executes a plan without contact."""
     from mlivr_gym.simulation.execution import execute  # loads GL
 
     return execute(graph, plan).failure is None
@@ -146,7 +147,7 @@ TASKS = (
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The report."""
+    """Return the page."""
     tasks = [
         task_row(robot, cost, [task[cost] for task in data["tasks"][robot]])
         for robot in ROBOTS
@@ -184,7 +185,7 @@ grasps half-way, median and 95 %.
 
 
 def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
-    """A row of the table of steps."""
+    """Return the row of a robot in the table of steps."""
     steps, names = np.array(found["steps"]), ("nodes_s", "steps_s", "again_s", "tabled_s")
     times = [f"{1e3 * np.median(found[name]):.1f}" for name in names]
     nodes, without = f"{np.median(found['nodes']):.0f}", f"{(steps == 0).mean():.0%}"
@@ -192,7 +193,7 @@ def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
 
 
 def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
-    """A row of the table of tasks."""
+    """Return the row of a robot and a cost in the table of tasks."""
     plans = [one for one in found if one["improvements"]]
     none = sum(one["reason"] in NO_PLAN for one in found)
     counts = [f"`{robot}`", cost, len(found), len(plans), none, len(found) - len(plans) - none]
@@ -214,7 +215,7 @@ def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
 
 
 def curves(data: dict[str, Any], path: Path) -> None:
-    """Share of the tasks that have a plan, over time, and how good the last plans are proved."""
+    """Plot the share of tasks with a plan over time, and the bounds of the last plans."""
     figure = Figure(figsize=(9.0, 6.4), layout="constrained")
     axes = figure.subplots(2, 2, sharey=True)
     for column, robot in enumerate(ROBOTS):
@@ -247,7 +248,7 @@ def curves(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measure and write results, page and figure."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=10.0)
@@ -267,7 +268,7 @@ def main() -> None:
         graph.sets()  # for other methods
         node_table(graph)
         data["fan"][robot] = fan(robot)
-        work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
+        work = partial(task_results, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
     publish(args.out, "many_limbs", data, markdown)
     curves(data, args.out / "many_limbs.png")

@@ -1,9 +1,9 @@
-"""A film of Case 3 at the paper's pace and as fast as the limits allow, side by side.
+"""Film Case 3 at the paper's pace and at the fastest pace that the limits allow, side by side.
 
     python experiments/pace_film.py [--out results]
 
-Both pictures of a frame are at the same time after the start; the film runs faster than the clock,
-and says how much.
+Both halves of a frame show the same time after the start. The film runs faster than real time and
+states the factor. Writes `pace.gif`.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.setup import Setup
 
 SIZE = (400, 225)
-"""Size of one picture [px]."""
+"""Size of each half of a frame [px]."""
 
 PACES = {
     "the paper's 10, 30 and 10 s": Setup(Durations(), FEEDFORWARD),
     "as fast as the limits allow": Setup(Limits()),
 }
-"""What is shown side by side."""
+"""The two executions that are compared."""
 
 
 def headed(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
-    """A picture with words above it."""
+    """Return a picture with a caption above it."""
     line = with_caption(picture[:1], words, SIZE[1])[1:]
     return np.vstack([line, picture])
 
 
 def main() -> None:
-    """Carry the walk out twice and write `pace.gif`."""
+    """Simulate the walk twice and write `pace.gif`."""
     out = command_line(__doc__).parse_args().out
     (graph, plan), recordings = case_3(), []
     for setup in PACES.values():

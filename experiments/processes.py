@@ -1,4 +1,4 @@
-"""Work over many seeds in several processes, kept answer by answer: a run that ends goes on."""
+"""Evaluate a function for many seeds in parallel, with stored results so that a run can resume."""
 
 from __future__ import annotations
 
@@ -13,23 +13,19 @@ from tqdm import tqdm
 
 
 class Processes(NamedTuple):
-    """How many processes, and where their answers stay."""
+    """A number of worker processes, and a folder in which their results are stored."""
 
     workers: int
+    """Number of processes."""
     keep: Path | None = None
-    """Folder with a file of answers for each study; they hold for the code they were made with."""
+    """Folder with one file of results for each study; they are valid for the code that made
+    them."""
 
     def answers(self, work: Callable[[int], Any], seeds: range, what: str) -> Iterator[Any]:
-        """Answers for all seeds, in order, as plain data; those that are kept are not made again.
+        """Yield the results for all seeds in order, as plain data.
 
-        Parameters
-        ----------
-        work
-            What is done for a seed; it takes what it needs from the process it is forked of.
-        seeds
-            The seeds.
-        what
-            Name of the study, and of its file.
+        Stored results are not computed again. `work` is called with a seed and may use global data
+        that exist before the processes are forked. `what` is the name of the study and of its file.
         """
         path = None if self.keep is None else self.keep / f"{what.replace(' ', '_')}.jsonl"
         known: dict[int, Any] = {}

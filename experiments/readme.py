@@ -1,12 +1,12 @@
-"""Tell the figures of `results/` in its pages and between the marks of README and site.
+"""Write the measured values of `results/` into the reports, the README and the pages of `docs/`.
 
     python experiments/readme.py
 
-Each experiment writes its figures as JSON and its page; this script tells all pages anew from the
-JSON, and what README and the pages of `docs/` show of them. A place for figures is marked in a page
-by `<!-- NAME -->` and `<!-- end of NAME -->`; `parts` has the names. The tables of fields in
-`docs/formats.md` come from the schemas in the same way. `make test` fails when a page says
-something else.
+Each experiment writes its results as JSON and as a report. This script writes all reports again
+from the JSON files, and fills the marked places of README and docs. A place starts with `<!-- NAME
+-->` and ends with `<!-- end of NAME -->`; `parts` lists the names. The field tables of
+`docs/formats.md` come from the schemas in the same way. It takes some seconds; `make test` fails if
+a page states another value.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ import thresholds
 import time_cost
 from reports import NOTHING, ROOT, table
 from table1 import study_markdown
-from truth import told
+from truth import markdown as truth_markdown
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
@@ -46,22 +46,26 @@ CASES = {
     "3": "3: thresholds, step cost",
     "4": "4: as 2, half the points, deck cleared",
 }
+"""Titles of the cases of Table I."""
 
 
 def table1(data: dict[str, Any]) -> str:
-    """Table I of the paper beside what was measured."""
+    """Return Table I of the paper next to the measured values."""
     lines = [HEAD, HEAD_LINE]
     for case, title in CASES.items():
         lines += table_rows(data, case, title)
     return "\n".join(lines) + "\n"
 
 
+MODES = {"faithful": "as in the paper", "collisions": "steps and collisions checked"}
+"""Modes of Table I that the README compares with the paper, and their titles."""
+
 PRICE = 0.05
-"""Price of a regrasp whose effect is told [m]."""
+"""Price of a regrasp whose effect is described [m]."""
 
 
 def study(data: dict[str, Any]) -> str:
-    """How many node-only plans cannot be executed, and what a price of a regrasp does."""
+    """Return the text on plans that cannot be executed and on a price for each regrasp."""
     counts = data["transition_study"]
     free = next(row for row in data["pareto"] if row["price"] == 0.0)
     priced = next(row for row in data["pareto"] if row["price"] == PRICE)
@@ -81,7 +85,7 @@ def study(data: dict[str, Any]) -> str:
 
 
 def truth(data: dict[str, Any]) -> str:
-    """What outside truth says of the promises."""
+    """Return the text on the checks against independent programs."""
     walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
     stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
     return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} legal \
@@ -102,17 +106,17 @@ paper's world are called blocked.
 
 
 def paper(data: dict[str, Any]) -> str:
-    """Steps and base translation of the paper's cases beside those found here, in a few columns."""
+    """Return the table of steps and base translation in the paper's cases, and as measured."""
 
     def cell(row: dict[str, Any], digits: int) -> str:
         return f"{row['steps']:.0f}, {row['base_translation']:.{digits}f} m"
 
-    modes = {"as in the paper": "faithful", "steps and collisions checked": "collisions"}
-    lines = [f"| case | paper | {' | '.join(modes)} |", "|---|---|---|---|"]
-    for case, title in CASES.items():
-        measured = (cell(data["measured"][mode][case], 2) for mode in modes.values())
-        lines.append(f"| {title} | {cell(data['paper'][case], 1)} | {' | '.join(measured)} |")
-    return "\n".join(lines) + "\n"
+    measured = data["measured"]
+    rows = [
+        [title, cell(data["paper"][case], 1), *(cell(measured[mode][case], 2) for mode in MODES)]
+        for case, title in CASES.items()
+    ]
+    return table(" | ".join(["case", "paper", *MODES.values()]), rows)
 
 
 SHOWN = ("astar-steps", "astar-base", "mcts", "local", "dagger-pointer", "random")
@@ -120,23 +124,21 @@ SHOWN = ("astar-steps", "astar-base", "mcts", "local", "dagger-pointer", "random
 
 
 def policies(data: dict[str, Any]) -> str:
-    """Success and steps of some methods, on the map that is known and on halves of its points."""
+    """Return success and steps of some methods on the known map and half its points, as a table."""
     names, splits = comparison_report.NAMES, ("same", "half")
     found = [dict(comparison_report.table_rows(data, split)) for split in splits]
-    lines = ["| method | same map | half the points | an action [ms] |", "|---|---|---|---|"]
+    rows = []
     for name in SHOWN:
-        cells = [
-            f"{rows[name][0].split(' [')[0]}, {rows[name][2].split(' [')[0]}" for rows in found
-        ]
-        lines.append(f"| {names[name]} | {' | '.join(cells)} | {found[0][name][6]} |")
-    return "\n".join(lines) + "\n"
+        cells = (", ".join(by_name[name][k].split(" [")[0] for k in (0, 2)) for by_name in found)
+        rows.append([names[name], *cells, found[0][name][6]])
+    return table("method | same map | half the points | an action [ms]", rows)
 
 
 STEPS = {
     "one environment": ("MLIVR-JEM-v0", {}),
     "copies": ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
 }
-"""Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
+"""Environments whose speed the README shows, with arguments of `benchmark_env.settings_of`."""
 
 FIRST = {
     "ready-made": "first plan of an installation, from the shell [s]",
@@ -145,7 +147,7 @@ FIRST = {
 """Runs of the first path of `start_up.py` that the README shows."""
 
 IN_README = (0, 1, 4, 5, 7, 8)
-"""Figures of `planning_report.figures` that the README shows."""
+"""Indices of the values of `planning_report.figures` that the README shows."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
@@ -165,7 +167,7 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]
 
 
 def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
-    """How soon a new user has the first answers, in one sentence."""
+    """Return how soon a new user has first results, in one paragraph."""
     wall = {name: f"{paths[name]['ready-made']['wall']:.1f}" for name in ("plan", "environment")}
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (
@@ -177,7 +179,7 @@ def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
 
 
 def parts(results: Path) -> dict[str, str]:
-    """What stands between the marks of pages, by the names of the marks."""
+    """Return the contents of the marked places by name."""
 
     def data(name: str) -> Any:
         return json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
@@ -193,72 +195,74 @@ def parts(results: Path) -> dict[str, str]:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
-        "carried_out": dynamic_report.in_one_line(data("dynamic_simulation"), data("disturbances")),
+        "carried_out": dynamic_report.readme_sentence(
+            data("dynamic_simulation"), data("disturbances")
+        ),
         "limits": simulation_figures.limits(),
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
-        "limb_starts": limb_starts.told(data("limb_starts")),
+        "limb_starts": limb_starts.markdown(data("limb_starts")),
         **format_tables.tables(),
     }
 
 
 MARK = re.compile(r"^<!-- (\w+) -->\n(?:.*\n)*?<!-- end of \1 -->\n", re.MULTILINE)
-"""A marked place, with what stands in it."""
+"""A marked place with its contents."""
 
 
-def filled(text: str, told: dict[str, str]) -> str:
-    """A page with what belongs between its marks."""
+def filled(text: str, contents: dict[str, str]) -> str:
+    """Return a page with its marked places filled."""
 
     def part(match: re.Match[str]) -> str:
         name = match[1]
-        return f"<!-- {name} -->\n{told[name]}<!-- end of {name} -->\n"
+        return f"<!-- {name} -->\n{contents[name]}<!-- end of {name} -->\n"
 
     return MARK.sub(part, text)
 
 
 def pages() -> list[Path]:
-    """The README and the pages of the site, which may have marks."""
+    """Return the README and the pages of the docs."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 REPORTS: dict[str, Callable[[Any], str]] = {
     "table1": table_markdown,
     "table1_study": study_markdown,
-    "table1_statistics": table1_statistics.told,
+    "table1_statistics": table1_statistics.markdown,
     "thresholds": thresholds.markdown,
-    "truth": told,
+    "truth": truth_markdown,
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "ablation": ablation.markdown,
-    "start_up": start_up.report,
-    "benchmark_env": benchmark_env.report,
-    "benchmark_planning": planning_report.report,
-    "planner_vs_rl": comparison_report.full_report,
-    "reference_curves": reference_curves.told,
+    "start_up": start_up.markdown,
+    "benchmark_env": benchmark_env.markdown,
+    "benchmark_planning": planning_report.markdown,
+    "planner_vs_rl": comparison_report.markdown,
+    "reference_curves": reference_curves.markdown,
 }
-"""What tells each file of results as a page of the same name."""
+"""Functions that make the report of each file of results."""
 
 
 def texts() -> dict[Path, str]:
-    """What each page that carries figures must say."""
+    """Return the contents of each page that states measured values."""
     results = ROOT / "results"
     reports = {
-        results / f"{name}.md": tell(
+        results / f"{name}.md": markdown(
             json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
         )
-        for name, tell in REPORTS.items()
+        for name, markdown in REPORTS.items()
     }
-    told = parts(results)
-    return reports | {page: filled(page.read_text(encoding="utf-8"), told) for page in pages()}
+    contents = parts(results)
+    return reports | {page: filled(page.read_text(encoding="utf-8"), contents) for page in pages()}
 
 
 def stale() -> list[str]:
-    """Pages that say other figures than the results."""
+    """Return the pages that state other values than the results."""
     return [
         path.relative_to(ROOT).as_posix()
         for path, text in texts().items()

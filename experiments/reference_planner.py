@@ -1,9 +1,8 @@
-"""What the planner is compared with.
+"""Plain reference planner: the paper's Algorithm 1, which evaluates one candidate stance at a time.
 
-`ReferencePlanner` is the paper's Algorithm 1 with one candidate stance at a time: A* over stances
-with Python's `heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is
-its definition. No table, no compiled kernel, no knowledge of the map beyond the points within the
-span.
+A* over stances uses Python's `heapq`; inverse kinematics is Pinocchio's iterative scheme, and
+manipulability is computed by its definition. It has no table, no compiled kernel, and knows of the
+map only the points within the span.
 """
 
 from __future__ import annotations
@@ -32,36 +31,32 @@ TOLERANCE = 0.2
 """Radius of the goal region [m]."""
 
 NODES_ONLY = {"transitions": False, "collisions": False}
-"""Thresholds without step checks: what the reference and the libraries can solve too."""
+"""Settings with thresholds and without step checks, which the reference can solve, too."""
 
 MODES: dict[str, dict[str, Any]] = {
     "thorough": {"first_pose": False, "limit": 200},
     "hasty": {"first_pose": True, "limit": 50},
 }
-"""Every base pose and 200 iterations, or the first base pose that will do and 50 iterations."""
+"""All base poses and 200 iterations, or the first sufficient base pose and 50 iterations."""
 
 ACCURACY = 1e-4
-"""Norm of the log6 error at which the inverse kinematics stops."""
+"""Norm of the log6 error at which inverse kinematics stops."""
 
 DAMPING = 1e-6
-"""Added to the diagonal of `J J^T`."""
+"""Damping that is added to the diagonal of `J J^T`."""
 
 STEP = 0.5
 """Share of the damped Newton step that is taken."""
 
 SEED = np.array([0.0, -1.0, -1.6, -0.5, 1.5, 0.0])
-"""Joint angles [rad] from which the iteration begins where no earlier solution is at hand."""
+"""Initial joint angles of the iteration if no earlier solution is known [rad]."""
 
 
 def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
-    """Pinocchio model of a UR arm from its DH lengths, and the index of its grasp frame.
+    """Return Pinocchio's model of a UR arm, and the index of its grasp frame.
 
-    Parameters
-    ----------
-    lengths
-        d1, a2, a3, d4, d5, d6 [m].
-    tool_length
-        Flange to grasp along the flange normal [m].
+    `lengths` are d1, a2, a3, d4, d5, d6 of the DH convention [m]; `tool_length` is the distance
+    from flange to grasp [m].
     """
     d1, a2, a3, d4, d5, d6 = lengths
     model, here, joint = pin.Model(), pin.SE3.Identity(), 0
@@ -82,12 +77,12 @@ def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
 
 
 class ReferencePlanner:
-    """A* over the stances of a two-limb robot, each candidate tried when it is met and remembered.
+    """A* over the stances of a two-limb robot; each candidate is evaluated when met, and cached.
 
     Attributes
     ----------
     stances
-        Base position of each stance tried, None where it cannot be held.
+        Base position of each evaluated stance, None if it cannot be held.
     """
 
     def __init__(
@@ -98,21 +93,10 @@ class ReferencePlanner:
         first_pose: bool = False,
         limit: int = 200,
     ) -> None:
-        """Plan on a map.
+        """Create a planner for a map and a robot with two limbs; steps are not checked.
 
-        Parameters
-        ----------
-        grasp_map
-            The map.
-        robot
-            A robot with two limbs.
-        settings
-            Thresholds; steps are not checked.
-        first_pose
-            Take the first base pose that meets the thresholds, not the one with the
-            largest margin.
-        limit
-            Most iterations of one call of the inverse kinematics.
+        With `first_pose`, the first base pose that meets the thresholds is taken instead of the one
+        with the largest margin. `limit` is the maximum number of iterations of inverse kinematics.
         """
         self.grasp_map, self.robot, self.first_pose, self.limit = (
             grasp_map,
@@ -132,14 +116,9 @@ class ReferencePlanner:
         self.stances: dict[Stance, Array | None] = {}
 
     def inverse_kinematics(self, target: pin.SE3, q: Array) -> Array | None:
-        """Joint angles that bring the grasp frame to a pose, or None.
+        """Return joint angles that bring the grasp frame to a pose in the limb frame, or None.
 
-        Parameters
-        ----------
-        target
-            Pose of the grasp frame in the limb base frame.
-        q
-            Joint angles from which the iteration begins, shape (6,) [rad].
+        The iteration starts at `q`, shape (6,) [rad].
         """
         if float(np.linalg.norm(target.translation)) > self.reach:
             return None
@@ -157,7 +136,7 @@ class ReferencePlanner:
         return None
 
     def base_poses(self, stance: Stance) -> list[tuple[Array, Array]]:
-        """Base positions [m] and rotations of the posture family, one for each roll and height."""
+        """Return base positions [m] and rotations of the posture family, by roll and height."""
         rows = list(stance)
         grasps, rotations = self.grasp_map.positions[rows], self.grasp_map.rotations[rows]
         centroid = grasps.mean(axis=0)
@@ -178,7 +157,7 @@ class ReferencePlanner:
         ]
 
     def limb_jacobian(self, limb: int, q: Array) -> Array:
-        """Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
+        """Return the Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
         local = pin.computeFrameJacobian(
             self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
@@ -186,7 +165,7 @@ class ReferencePlanner:
         return jacobian
 
     def evaluate(self, stance: Stance) -> Array | None:
-        """Base position of a stance [m], or None if no base pose meets the thresholds."""
+        """Return the base position of a stance [m], None if no base pose meets the thresholds."""
         best, chosen = 0.0, None
         seeds = [SEED, SEED]
         for position, rotation in self.base_poses(stance):
@@ -218,7 +197,7 @@ class ReferencePlanner:
         return chosen
 
     def candidates(self, stance: Stance) -> list[Stance]:
-        """Neighbouring stances that respect span and separation, limb by limb."""
+        """Return neighbouring stances that respect span and separation, limb by limb."""
         positions, robot = self.grasp_map.positions, self.robot
         out: list[Stance] = []
         for limb in range(2):
@@ -238,26 +217,12 @@ class ReferencePlanner:
         seconds: float,
         evaluate: Callable[[Stance], Array | None] | None = None,
     ) -> dict[str, Any]:
-        """Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
+        """Run Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
 
-        Parameters
-        ----------
-        start
-            Point indices of the start.
-        goal
-            Goal position of the base [m].
-        tolerance
-            Radius of the goal region [m].
-        seconds
-            Time limit, looked at after each candidate [s].
-        evaluate
-            Takes the place of `self.evaluate` (to count candidates).
-
-        Returns
-        -------
-        dict[str, Any]
-            `finished` (before the limit), `cost` [m] (None without a plan), `expanded`,
-            `candidates` (distinct stances tried) and `seconds`.
+        `goal` and `tolerance` are in [m]; the time limit `seconds` is checked after each candidate.
+        `evaluate` replaces `self.evaluate`, to count candidates. The result holds `finished`
+        (before the limit), `cost` [m] (None without a plan), `expanded`, `candidates` (distinct
+        evaluated stances) and `seconds`.
         """
         evaluate = evaluate or self.evaluate
         began = time.perf_counter()
@@ -291,21 +256,7 @@ class ReferencePlanner:
         closed: set[Stance],
         position: Callable[[Stance], Array | None],
     ) -> float | None:
-        """A*: the least cost [m], or None without a plan.
-
-        Parameters
-        ----------
-        start
-            Point indices of the start.
-        goal
-            Goal position of the base, shape (3,) [m].
-        tolerance
-            Radius of the goal region [m].
-        closed
-            Filled with the stances expanded.
-        position
-            Base position of a stance, shape (3,) [m], or None if it cannot be held.
-        """
+        """Return the minimum cost [m], or None without a plan; add expanded stances to `closed`."""
         origin = position(start)
         if origin is None:
             return None
@@ -331,14 +282,14 @@ class ReferencePlanner:
 
     @staticmethod
     def _estimate(position: Array, goal: Array, tolerance: float) -> float:
-        """Least distance to the goal region [m]."""
+        """Return the distance to the goal region [m]."""
         return max(0.0, float(np.linalg.norm(position - goal)) - tolerance)
 
 
 def map_to_plan(
     grasp_map: GraspMap, start: tuple[str, ...], goal: Array, limit: float
 ) -> dict[str, Any]:
-    """From map to plan without step checks: ours and both modes of the plain reference."""
+    """Measure map to plan without step checks, in the package and both modes of the reference."""
 
     def ours() -> tuple[PairGraph, Any]:
         fresh = pair_graph(grasp_map, **NODES_ONLY)

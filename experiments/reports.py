@@ -1,4 +1,4 @@
-"""What the experiments share: their command line, tables in Markdown, files of results, Case 3."""
+"""Shared parts of the experiments: command line, tables, result files, timing and Case 3."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 ROOT = Path(__file__).parent.parent
-"""The repository."""
+"""Root folder of the repository."""
 
 NOTHING = "\N{EN DASH}"
-"""What a cell without a figure shows."""
+"""Content of a table cell without a value."""
 
 
-def command_line(description: str | None) -> argparse.ArgumentParser:
-    """A parser with the option `--out`; `told` is the docstring of the script."""
+def command_line(description: str | None, out: str = "results") -> argparse.ArgumentParser:
+    """Return a parser with the option `--out`; `description` is the docstring of the script."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    parser.add_argument("--out", type=Path, default=Path(out), help="folder (default: %(default)s)")
     return parser
 
 
 def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
-    """A table in Markdown; the names in `head` are separated by ` | `."""
+    """Return a table in Markdown; the titles in `head` are separated by ` | `."""
     names = head.split(" | ")
     lines = [f"| {' | '.join(map(str, row))} |" for row in (names, *rows)]
     return "\n".join([lines[0], "|---" * len(names) + "|", *lines[1:]]) + "\n"
 
 
 def counted(counts: dict[str, int]) -> str:
-    """Counts in words, by name."""
+    """Return counts as text, sorted by name."""
     return ", ".join(f"{name} {count}" for name, count in sorted(counts.items()))
 
 
 def read(out: Path, name: str) -> dict[str, Any]:
-    """What was measured so far; nothing if there is no file."""
+    """Return the stored results of an experiment, or an empty dictionary if no file exists."""
     path = out / f"{name}.json"
     data: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.exists() else {}
     return data
 
 
 def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
-    """Write what was measured so far."""
+    """Write the results of an experiment as JSON."""
     out.mkdir(parents=True, exist_ok=True)
     write_whole(out / f"{name}.json", json.dumps(data, indent=indent) + "\n")
 
@@ -62,33 +62,33 @@ def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
 def publish(
     out: Path, name: str, data: Any, markdown: Callable[[Any], str], indent: int | None = 1
 ) -> None:
-    """Write what was measured, and its page."""
+    """Write the results of an experiment as JSON, and the page that `markdown` makes of them."""
     keep(out, name, data, indent)
     write_whole(out / f"{name}.md", markdown(data))
 
 
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Seconds that a call takes, and what it returns."""
+    """Return the duration of a call [s] and its value."""
     start = time.perf_counter()
     value = call()
     return time.perf_counter() - start, value
 
 
 def spread(seconds: Sequence[float]) -> dict[str, float]:
-    """Median and 95th percentile [ms], and how many."""
+    """Return the median and the 95th percentile of durations [ms], and their number."""
     median, p95 = 1e3 * np.percentile(seconds, (50, 95))
     return {"median": float(median), "p95": float(p95), "count": len(seconds)}
 
 
 def pair_graph(grasp_map: GraspMap | None = None, **settings: Any) -> PairGraph:
-    """The stance graph of two limbs, in the JEM if no map is given."""
+    """Return the stance graph of two limbs, by default on the map of the JEM."""
     graph = stance_graph(grasp_map or jem_map(), settings=Settings(**settings))
     assert isinstance(graph, PairGraph)
     return graph
 
 
 def case_3() -> tuple[StanceGraph, Plan]:
-    """Case 3 of the paper's Table I, collisions checked: its graph and its plan."""
+    """Return graph and plan of Case 3 of the paper's Table I, with collisions checked."""
     setup = default_setup()
     graph, face = case_graph(3, setup, "collisions"), setup["goal_face"]
     found = Planner(graph).plan(setup["start"], setup["goal"], CASES[3].cost, goal_face=face)

@@ -1,8 +1,9 @@
-"""Figures of the simulation that pages tell: they are those of the code."""
+"""Write the limits, gains and tolerances of the simulation as texts for the docs."""
 
 from __future__ import annotations
 
 import numpy as np
+from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
 from mlivr_gym.simulation.controller import PAPER, Controller
@@ -18,20 +19,20 @@ LIMITS = {
     "surface_speed": "speed of a gripper on departure and approach [m/s]",
     "rise_time": "time in which the acceleration rises and falls [s]",
 }
-"""Limits in words."""
+"""Meaning and unit of each limit."""
 
 
 def limits() -> str:
-    """The limits of each pace."""
-    lines = [f"| limit | {' | '.join(f'`{name}`' for name in PACES)} |", "|---|---|---|"]
-    for field, told in LIMITS.items():
-        values = " | ".join(f"{getattr(pace, field):g}" for pace in PACES.values())
-        lines.append(f"| {told} | {values} |")
-    return "\n".join(lines) + "\n"
+    """Return the table of the limits of each pace."""
+    rows = [
+        [words, *(f"{getattr(pace, field):g}" for pace in PACES.values())]
+        for field, words in LIMITS.items()
+    ]
+    return table(" | ".join(["limit", *(f"`{name}`" for name in PACES)]), rows)
 
 
 def controller() -> str:
-    """What motors, controllers and grasps are."""
+    """Return the paragraphs on motors, controllers and grasps."""
     full, physics = Controller(), Physics()
     rotor = arm_dynamics("ur5e").rotor_inertias[0]
     return (
