@@ -156,10 +156,10 @@ def markdown(rows: dict[str, Any]) -> str:
     head = " | ".join(["variant", *kinds, "all", "first plan, median [s]"])
     text = f"""# Ablation
 
-Made by `experiments/ablation.py`. What each device of the search of three and four limbs is \
-worth: random tasks, {len(next(iter(rows[kinds[0]].values())))} of each kind, collisions checked, \
-cost of steps, {rows["seconds"]:g} s each. A task is solved if there is a plan or the proof that \
-there is none; in brackets the plans that are proved to have the fewest steps.
+Made by `experiments/ablation.py`. Each part of the search for three and four limbs is \
+switched off in turn: random tasks, {len(next(iter(rows[kinds[0]].values())))} of each kind, \
+collisions checked, step cost, {rows["seconds"]:g} s each. A task is solved if the search finds a \
+plan or proves that none exists; in brackets the plans that are proved to have the fewest steps.
 
 {table(head, cells)}"""
     return "\n".join([text, *rows.get("remarks", [])]).strip() + "\n"

@@ -15,7 +15,7 @@ import platform
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -38,18 +38,6 @@ SINGLE: tuple[dict[str, Any], ...] = (
 
 REPETITIONS = 10
 """Number of repetitions, of which the best counts."""
-
-
-class Measured(NamedTuple):
-    """Steps per second of an environment."""
-
-    what: str
-    settings: str
-    """Settings in words, see `settings_of`; empty for environments of other packages."""
-    wall: float
-    """Steps per second of the best repetition."""
-    median: float
-    """Median of the repetitions."""
 
 
 def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int) -> float:
@@ -94,15 +82,13 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
     `native` is the vector environment, which needs the table of all steps.
     """
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
-    found = [
-        f"{NUMBERS[limbs]} limbs",
-        "collisions on" if arguments.get("collisions", True) else "collisions off",
-    ]
+    collisions = arguments.get("collisions", True)
+    found = [f"{NUMBERS[limbs]} limbs", "collisions on" if collisions else "collisions off"]
     if "clearance" in arguments:
         found.append(f"`clearance={arguments['clearance']}`, steps checked when met")
     elif native or limbs == 2:
         found.append("table that ships")
-    elif limbs > 2 and arguments.get("collisions", True):
+    elif collisions:
         found.append("table of nodes")
     else:
         found.append("steps checked when met")
@@ -111,18 +97,17 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
     return ", ".join(found)
 
 
-def best(what: str, settings: str, run: Callable[[int], float]) -> Measured:
+def best(what: str, settings: str, run: Callable[[int], float]) -> dict[str, Any]:
     """Return the best and the median of the repetitions, each with its own seed."""
     speeds = [run(seed) for seed in range(REPETITIONS)]
-    measured = Measured(what, settings, max(speeds), float(np.median(speeds)))
-    print(f"{what}, {settings}: {measured.wall:.0f} steps/s", flush=True)
-    return measured
+    print(f"{what}, {settings}: {max(speeds):.0f} steps/s", flush=True)
+    median = float(np.median(speeds))
+    return {"what": what, "settings": settings, "wall": max(speeds), "median": median}
 
 
-def measure(seconds: float) -> list[Measured]:
+def measure(seconds: float) -> list[dict[str, Any]]:
     """Measure every environment; each repetition takes `seconds` [s]."""
-    rows: list[Measured] = []
-    plain: dict[str, Any] = {"disable_env_checker": True}
+    rows, plain = [], dict[str, Any](disable_env_checker=True)
     for arguments in SINGLE:
         env = gymnasium.make(ID, **plain, **arguments)
         run = partial(single, env, seconds, True)
@@ -149,8 +134,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = measure(args.seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
-    measured = [row._asdict() for row in rows]
-    data = {"machine": machine, "seconds": args.seconds, "rows": measured}
+    data = {"machine": machine, "seconds": args.seconds, "rows": rows}
     publish(args.out, "benchmark_env", data, markdown)
 
 
@@ -160,13 +144,13 @@ def markdown(data: dict[str, Any]) -> str:
         (row["what"], row["settings"], f"{row['wall']:,.0f}", f"{row['median']:,.0f}")
         for row in data["rows"]
     ]
-    return f"""# Steps a second
+    return f"""# Steps per second
 
 Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each, best of {REPETITIONS} \
-repetitions of {data["seconds"]:g} s. Actions are random possible ones; Taxi's are masked too. \
-Each environment as `gymnasium.make` returns it, without its checker, the first with all its \
-defaults. Steps checked when met and those of many limbs are mostly new ones: each repetition \
-draws other episodes.
+repetitions of {data["seconds"]:g} s. Actions are drawn at random among the possible ones, in Taxi \
+too. Each environment is as `gymnasium.make` returns it, without its checker; the first one has \
+all its defaults. Each repetition draws other episodes, so steps that are checked when met, and \
+those of many limbs, are mostly new.
 
 {table("environment | settings | steps/s | steps/s, median", rows)}"""
 

@@ -52,9 +52,7 @@ NAMES = {
 
 AIMS = {
     "same": (0.99, 1.05),
-    "half": (0.95, np.inf),
-    "dense": (0.95, np.inf),
-    "occupied": (0.95, np.inf),
+    **dict.fromkeys(("half", "dense", "occupied"), (0.95, np.inf)),
 }
 """Minimum success and maximum ratio of steps that were aimed at for the best learned policy."""
 
@@ -168,16 +166,16 @@ def markdown(data: dict[str, Any]) -> str:
     return f"""# Planners and learned policies
 
 Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for \
-learned policies the mean over training seeds. Ratios are over the episodes that reach their goal; \
-optimal is the exact table for the steps, or A* where there is none, and A* for the translation. \
-*Refined*: the translation over the same optimum once the base poses on the walk's footholds are \
-optimised; *carried out*: the share of walks that MuJoCo carries out as fast as the limits allow; \
-both for the first tasks alone. *First action*: from the reset to the first action, world \
-included; *action*: the policy alone; medians. On the dense map methods use what others have found \
-out of its steps before; a fair first action is that with no step known. A policy stops an episode \
-that asks for a step that is not possible; all stop after 60 steps.
+learned policies over the mean of the training seeds. Ratios are over the episodes that reach \
+their goal; the optimum is that of the exact table for the steps, or of A* if no table exists, and \
+of A* for the translation. *Refined*: base translation over the same optimum after the base poses \
+at the walk's footholds are optimised; *carried out*: share of walks that succeed in MuJoCo at the \
+fastest pace; both only for the first tasks. *First action*: median time from the reset to the \
+first action, including checks of the world; *action*: median time of the policy alone. On the \
+dense map, methods use the results of step checks of earlier methods; the fair first action is the \
+one with no step known. An episode ends when a policy takes an impossible step, and after 60 steps.
 
-## What was aimed at
+## Aims
 
 {aims_table(data)}
 {chr(10).join(sections)}"""

@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from processes import Processes
+from reports import Processes
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import HeldOutWorld, load_test_set

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from concept_figures import GOAL, OUT, START
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from reports import pair_graph
 
 from mlivr_gym.arrays import Array
@@ -100,19 +101,13 @@ def draw_label(axes: Any, mask: int, held: int) -> None:
     """Draw a branch mask among the branches on which a limb can hold."""
     for bit in range(16):
         colour = ON if mask >> bit & 1 else HOLDS if held >> bit & 1 else NONE
-        axes.add_patch(_cell(bit % 8, bit // 8, colour))
+        place = bit % 8, bit // 8
+        axes.add_patch(Rectangle(place, 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4))
     axes.set_xlim(0, 8)
     axes.set_ylim(2, 0)
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_linewidth(0.6)
-
-
-def _cell(column: int, row: int, colour: str) -> Any:
-    """Return the cell of one branch."""
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((column, row), 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4)
 
 
 def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:

@@ -185,18 +185,18 @@ def markdown(data: dict[str, Any]) -> str:
     return f"""# Where three and four limbs can walk
 
 Made by `experiments/connectivity.py`: the JEM, collisions checked, explored from one random \
-stance. What was not reached may be reachable too.
+stance. Stances that were not reached may still be reachable.
 
 ![Base positions that were reached](connectivity.png)
 
 {table(REACHED, reached)}
-## What limits it
+## What limits the robots
 
 Neighbours of {SAMPLE} of these stances, by moves of limbs that can be released: the share that \
 meets each condition and those before it. Manipulability is that of the posture with the largest \
-margin, of those that may touch something. The last column is the base manipulability of \
-neighbours whose limbs are above theirs, over its threshold `0.001 (2/N)^3`: 5 %, 25 % and 50 % \
-lie below.
+margin, collisions ignored. The last column shows the ratio of base manipulability to its \
+threshold `0.001 (2/N)^3` among neighbours whose limbs meet theirs: the 5th, 25th and 50th \
+percentile.
 
 {table(LIMITING, limiting)}"""
 

@@ -136,16 +136,16 @@ def markdown(data: dict[str, Any]) -> str:
     sections = "\n".join(section(data, name) for name in CONTROLLERS)
     return f"""# A robot and a module that the controller does not know
 
-Made by `experiments/disturbances.py`: random tasks, each carried out once with figures of its \
-own, drawn evenly within the sizes told
+Made by `experiments/disturbances.py`: random tasks, each executed once with its own disturbances, \
+drawn uniformly within the stated sizes
 (`simulation/disturbances.py`). *Guided*: a sensor on the gripper that approaches (noise 1 mm and \
 0.5 deg) guides the limb to the point;
-a grasp that misses is tried once more. A walk counts if every step ends with a grasp, nothing is \
-touched and no torque stays at its limit
-for 0.1 s. Intervals are Wilson's at 95 %.
+a missed grasp is tried once more. A walk counts as carried out if every step ends with a grasp, \
+without contact and with no torque at its limit
+for 0.1 s. Intervals are 95 % Wilson intervals.
 
 {sections}
-Forces, captures and errors: median, 95th percentile, largest of the walks.
+Forces, captures and errors: median, 95th percentile and maximum over the walks.
 """
 
 
@@ -164,16 +164,16 @@ def readme_text(data: dict[str, Any]) -> str:
             if row["share"] < 1.0
         ]
         alone_text = (
-            f"By themselves make walks fail: {', '.join(failing)}."
+            f"Alone, these disturbances make walks fail: {', '.join(failing)}."
             if failing
-            else f"By itself none of {len(alone)} makes a walk fail."
+            else f"Alone, none of the {len(alone)} disturbances makes a walk fail."
         )
         lines.append(
             f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
             f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %; "
             f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
-            f"with a second try, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % below "
-            f"{whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
+            f"with a second attempt, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % "
+            f"below {whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
         )
     return "".join(lines)
 

@@ -212,15 +212,12 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
 def shortest_fixed(graph: StanceGraph, plan: Plan) -> dict[str, float]:
     """Return the shortest equal duration of all steps of a walk, for two ways to divide it."""
     needed, paper = [], []
-    for index in range(len(plan.steps)):
-        try:
-            step_trajectory(graph, plan, index, Limits(step_duration=0.1))
-        except TimingError as error:
-            needed.append(error.shortest)
-        try:
-            step_trajectory(graph, plan, index, Durations.of_step(1.0))
-        except TimingError as error:
-            paper.append(error.shortest)
+    for timing, shortest in ((Limits(step_duration=0.1), needed), (Durations.of_step(1.0), paper)):
+        for index in range(len(plan.steps)):
+            try:
+                step_trajectory(graph, plan, index, timing)
+            except TimingError as error:
+                shortest.append(error.shortest)
     return {"as_limits_need_s": max(needed), "as_the_paper_s": max(paper)}
 
 

@@ -19,11 +19,7 @@ OUT = ROOT / "docs" / "inside.png"
 STAGES = (
     ("stance", "points of the limbs", "stances/pair_graph.py"),
     ("posture", "base pose, branches\nand their w_m, w_b", "postures/selection.py"),
-    (
-        "certificate",
-        "branches on which limbs\nthat hold can follow it",
-        "kinematics/holding.py",
-    ),
+    ("certificate", "branches on which limbs\nthat hold can follow it", "kinematics/holding.py"),
     ("release", "branches on which limbs\ncan be released, folds", "transitions/release.py"),
     ("step", "motions of the limb that\nmoves, limbs that hold", "transitions/steps.py"),
     ("edge", "branches kept, path, swing", "stances/pair_table.py"),

@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 from many_limbs_methods import METHODS, NO_PLAN, section, walk_of
 from matplotlib.figure import Figure
-from processes import Processes
-from reports import command_line, publish, table
+from reports import Processes, command_line, publish, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
@@ -158,28 +157,27 @@ def markdown(data: dict[str, Any]) -> str:
     }
     return f"""# Three and four limbs
 
-Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data["seconds"]:g} s a task and \
-cost on a graph that knows nothing but the table of all nodes, which ships and is unpacked once \
-([how long that takes](start_up.md)); times are those of a machine with two cores, tasks at once: \
-{data.get("workers", 1)}.
+Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data["seconds"]:g} s per task \
+and cost. Only the table of all nodes is known beforehand; it ships and is unpacked once ([time of \
+this](start_up.md)). Measured on two cores, tasks in parallel: {data.get("workers", 1)}.
 
 ![Share of tasks with a plan over time](many_limbs.png)
 
 ## Steps next to a random stance
 
-*Without steps*: share of the stances that no step leaves. *Tabled*: the steps of a new stance \
-where all nodes are in a table.
+*Without steps*: share of the stances that no step leaves. *Tabled*: time for the steps of a new \
+stance when all nodes are in a table.
 
 {table(FAN, (fan_row(robot, data["fan"][robot]) for robot in ROBOTS))}
 ## Random tasks
 
-*First plan*: median over the tasks that have one; *within* 0.5 and 2 s: share of all tasks but \
-those that have no plan. *First over last*: cost of the first plan by that of the last, median. \
-*Bound*: factor of the least cost within which the last plan is proved, median; *the least* and \
-*within 1.5*: share of all tasks but those that have no plan whose plan is proved to cost the \
-least, or within 1.5 times that. *Undecided*: neither a plan nor the proof that there is none. \
-*Replanned*: time of a first plan by the same planner once a point is occupied that the plan \
-grasps half-way, median and 95 %.
+*None exists*: tasks that are proved to have no plan; shares leave them out. *Undecided*: neither \
+a plan nor such a proof. *First plan*: median time over the tasks with a plan; *within* 0.5 and 2 \
+s: share of tasks. *First over last*: cost of the first plan over that of the last one, median. \
+*Bound*: proved optimality bound of the last plan, median; *the least* and *within 1.5*: share of \
+tasks whose plan is proved optimal, or within 1.5 times the minimum cost. *Replanned*: time of a \
+first plan by the same planner once a point is occupied that the plan grasps half-way, median and \
+95 %.
 
 {table(TASKS, tasks)}{section(measured, data["seconds"])}"""
 

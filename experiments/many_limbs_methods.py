@@ -111,9 +111,9 @@ def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> str:
     return f"""
 ## Other methods
 
-Some of the tasks that may have a plan, {seconds:g} s for each, at most {MOST_STEPS} steps; no \
-step is known at the beginning. *Steps* and *time* (median) are those of the walks that were \
-found, which are not the same tasks for all.
+Some of the tasks without a proof that no plan exists, {seconds:g} s each, at most {MOST_STEPS} \
+steps; no step is known at the start. *Steps* (mean) and *time* (median) are those of the walks \
+that a method finds, so methods differ in the tasks that count.
 
 {table("robot | method | solved | steps | time [s]", rows)}"""
 

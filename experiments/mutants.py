@@ -237,8 +237,8 @@ def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[s
     return f"""# Faults that the tests notice
 
 {rows[-1][1]} faults drawn with seed {SEED} by `experiments/mutants.py` (`make mutants`), the same \
-number from each stratum. Equivalent ones, which change nothing that can be seen, are argued below \
-and do not count.
+number from each stratum. Equivalent faults, which change no observable behaviour, are justified \
+below and do not count.
 
 {table("stratum | drawn | run | equivalent | caught | share", rows)}
 ## Survivors

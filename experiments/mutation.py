@@ -41,17 +41,12 @@ class Mutant(NamedTuple):
     function: str
     """Qualified name of the enclosing function or class, or empty."""
     operator: str
-    """Kind of the fault."""
     line: int
-    """Line in the source."""
     start: int
-    """First byte of the replaced text."""
     stop: int
-    """End of the replaced text [bytes]."""
+    """Bytes from `start` to `stop` of the source are replaced: `before` by `after`."""
     before: str
-    """Replaced text."""
     after: str
-    """New text."""
     compiled: bool
     """Whether the fault lies in a kernel."""
     number: int

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from reports import NOTHING, table
 
@@ -30,15 +30,8 @@ COSTS = {"steps": "the fewest steps", "base": "least translation"}
 """Costs, and what their plans minimise."""
 
 
-class Figure(NamedTuple):
-    """A row of the table of speeds with default settings."""
-
-    what: str
-    measured: str
-    target: str
-    """Target of median and 95th percentile."""
-    before: str
-    """Value of version 0.1.0."""
+Figure = tuple[str, str, str, str]
+"""Name, target, measured value and value of version 0.1.0, as a row of the table of speeds."""
 
 
 def figures(data: dict[str, Any]) -> Iterator[Figure]:
@@ -51,7 +44,7 @@ def figures(data: dict[str, Any]) -> Iterator[Figure]:
             times = [found["median"] / 1e3] if unit == "s" else [found["median"], found["p95"]]
             measured = ", ".join(f"{float(f'{time:.3g}'):,g}" for time in times)
         words = f"{what} [s]" if unit == "s" else f"{what}, median and 95 % [ms]"
-        return Figure(words, measured, target, BEFORE.get(key, NOTHING))
+        return words, target, measured, BEFORE.get(key, NOTHING)
 
     found = {cost: data["collisions on"].get(cost, {}) for cost in COSTS}
     for name, target in (("new goal", "3, 30"), ("known goal", "0.5")):
@@ -78,7 +71,7 @@ def library_times(data: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def targets(data: dict[str, Any]) -> str:
     """Return the table of targets, measured values and values of version 0.1.0."""
-    rows = [(row.what, row.target, row.measured, row.before) for row in figures(data)]
+    rows = list(figures(data))
     rows += [(words, NOTHING, measured, NOTHING) for words, measured in library_times(data)]
     return table("default settings | target | measured | version 0.1.0", rows)
 
@@ -144,15 +137,15 @@ def markdown(data: dict[str, Any]) -> str:
 
 Two limbs, collisions on, the table that ships: {known["stances"]} stances and {known["steps"]} \
 legal steps, {known["memory"]:.0f} MB in memory. Two figures are \
-median and 95th percentile. Values of version 0.1.0 were measured on two cores of an AMD EPYC, Python \
-3.11.7, Numba 0.68.1, its queries with collisions off; a dash marks what it did not measure.
+median and 95th percentile. Values of version 0.1.0 were measured on two cores of an AMD EPYC, \
+Python 3.11.7, Numba 0.68.1, its queries with collisions off; a dash marks what it did not measure.
 
 {targets(data)}
 ## Queries
 
-Each goal is new to the planner unless the series is called *known goal*; unreachable goals are drawn
-in the cabin. *Search* is the part of the median without start and motion. Replanning after changes
-of the world has a prepared goal. Times in ms.
+Each goal is new to the planner unless the series is called *known goal*; unreachable goals are
+drawn in the cabin. *Search* is the part of the median without start and motion. Replanning after
+changes of the world has a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
 One configuration, both limbs against the cabin, the body, themselves and each other, takes \

@@ -74,13 +74,12 @@ def study(data: dict[str, Any]) -> str:
         priced["base_translation"] / free["base_translation"] - 1.0,
     )
     return (
-        f"What the paper lacks: of {counts['pairs']} random tasks, {counts['blocked']} node-only "
-        f"plans of the base cost and {counts['blocked_steps']} of the step cost could not have\n"
-        f"been carried out; with steps checked {counts['solved']} of {counts['pairs']} get a plan "
-        f"that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
-        f"{PRICE:g} m\n"
-        f"a regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more "
-        "translation ([report](reports/table1_study.md)):\n"
+        f"The paper checks only nodes: of {counts['pairs']} random tasks, {counts['blocked']} such "
+        f"plans of the base cost and {counts['blocked_steps']} of the step cost cannot be\n"
+        f"executed. With steps checked, {counts['solved']} of {counts['pairs']} tasks get an "
+        f"executable plan, {100 * counts['extra_translation']:.2f} % longer on average. A price\n"
+        f"of {PRICE:g} m per regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % "
+        "more translation ([report](reports/table1_study.md)):\n"
     )
 
 
@@ -89,19 +88,18 @@ def truth(data: dict[str, Any]) -> str:
     walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
     stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
     return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} legal \
-steps were put together. Of {optimal["queries"]} random queries on half the points, collisions on,
-{optimal["outcomes"].get("existence differs", 0)} differ in existence from SciPy's Dijkstra over \
-`successors`, and the costs of {optimal["found"]} plans by at most \
-{optimal["largest_difference"]:.0e}.
-MuJoCo's collision pipeline finds {stances["free_penetrating"]} penetrations in {stances["free"]} \
-random stances called free, {steps["penetrating"]} along {steps["free"]}
-random steps and {plans["penetrating"]} along {plans["plans"]} random plans \
-({plans["configurations"]} configurations); coal's least distance over those stances is
-{1000 * stances["free_least_distance"]:.1f} mm. All {stances["left_out_nearer_than_clearance"]} of \
-{stances["left_out"]} stances that only collisions keep out come nearer than the clearance in \
-their best posture.
-{100 * steps["share_blocked"]:.0f} % of the steps between free stances that are possible in the \
-paper's world are called blocked.
+steps have a complete motion. Of {optimal["queries"]} random queries on half the points, with
+collisions checked, {optimal["outcomes"].get("existence differs", 0)} differ from SciPy's Dijkstra \
+over `successors` in whether a plan exists, and the costs of {optimal["found"]} plans by at most
+{optimal["largest_difference"]:.0e}. MuJoCo's collision pipeline finds \
+{stances["free_penetrating"]} penetrations in {stances["free"]} random stances called free, \
+{steps["penetrating"]} along {steps["free"]} random steps
+and {plans["penetrating"]} along {plans["plans"]} random plans ({plans["configurations"]} \
+configurations); coal's minimum distance over those stances is
+{1000 * stances["free_least_distance"]:.1f} mm. Of {stances["left_out"]} stances that only \
+collisions rule out, {stances["left_out_nearer_than_clearance"]} violate the clearance in their \
+best posture. {100 * steps["share_blocked"]:.0f} % of the
+steps between free stances that are possible without collision checks are blocked.
 """
 
 
@@ -157,7 +155,7 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]
         (what, f"{first[how]['wall']:.3g}", before.get(how, NOTHING)) for how, what in FIRST.items()
     ]
     figures = list(planning_report.figures(planning))
-    rows += [(figures[k].what, figures[k].measured, figures[k].before) for k in IN_README]
+    rows += [(figures[k][0], *figures[k][2:]) for k in IN_README]
     measured = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
     for name, (what, arguments) in STEPS.items():
         wall = measured[what, benchmark_env.settings_of(**arguments)]

@@ -206,10 +206,10 @@ def markdown(data: dict[str, Any]) -> str:
             rows.append([name, len(runs), *tests, f"{steps:,.0f}", f"{minutes:.0f}"])
     return f"""# Reference curves on `MLIVR-JEM-Far-v0`
 
-Made by `experiments/reference_curves.py` by the protocol of \
-[`docs/benchmark.md`](../docs/benchmark.md). {len(TESTED)} fixed tasks of {fewest["mean"]:.2f} \
-fewest steps on average, at most {fewest["most"]}; means over training seeds, least and largest in \
-brackets.
+Made by `experiments/reference_curves.py` with the protocol of \
+[`docs/benchmark.md`](../docs/benchmark.md). {len(TESTED)} fixed tasks; the fewest steps are \
+{fewest["mean"]:.2f} on average and at most {fewest["most"]}. Means over training seeds, minimum \
+and maximum in brackets.
 
 {table(HEAD, rows)}
 ![Curves](reference_curves.png)

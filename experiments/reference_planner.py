@@ -60,16 +60,9 @@ def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
     """
     d1, a2, a3, d4, d5, d6 = lengths
     model, here, joint = pin.Model(), pin.SE3.Identity(), 0
-    quarter = np.pi / 2
-    rows = (
-        (d1, 0.0, quarter),
-        (0.0, a2, 0.0),
-        (0.0, a3, 0.0),
-        (d4, 0.0, quarter),
-        (d5, 0.0, -quarter),
-        (d6, 0.0, 0.0),
-    )
-    for k, (d, a, alpha) in enumerate(rows):
+    offsets, arms = (d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0)
+    twists = np.pi / 2 * np.array([1.0, 0.0, 0.0, 1.0, -1.0, 0.0])
+    for k, (d, a, alpha) in enumerate(zip(offsets, arms, twists.tolist(), strict=True)):
         joint = model.addJoint(joint, pin.JointModelRZ(), here, f"joint{k}")
         here = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, d]))
     here = here * pin.SE3(np.eye(3), np.array([0.0, 0.0, tool_length]))
@@ -86,24 +79,16 @@ class ReferencePlanner:
     """
 
     def __init__(
-        self,
-        grasp_map: GraspMap,
-        robot: RobotSpec,
-        settings: Settings,
-        first_pose: bool = False,
-        limit: int = 200,
-    ) -> None:
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings,
+        first_pose: bool = False, limit: int = 200,
+    ) -> None:  # fmt: skip
         """Create a planner for a map and a robot with two limbs; steps are not checked.
 
         With `first_pose`, the first base pose that meets the thresholds is taken instead of the one
         with the largest margin. `limit` is the maximum number of iterations of inverse kinematics.
         """
-        self.grasp_map, self.robot, self.first_pose, self.limit = (
-            grasp_map,
-            robot,
-            first_pose,
-            limit,
-        )
+        self.grasp_map, self.robot = grasp_map, robot
+        self.first_pose, self.limit = first_pose, limit
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
@@ -210,13 +195,9 @@ class ReferencePlanner:
         return out
 
     def plan(
-        self,
-        start: Stance,
-        goal: Array,
-        tolerance: float,
-        seconds: float,
+        self, start: Stance, goal: Array, tolerance: float, seconds: float,
         evaluate: Callable[[Stance], Array | None] | None = None,
-    ) -> dict[str, Any]:
+    ) -> dict[str, Any]:  # fmt: skip
         """Run Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
 
         `goal` and `tolerance` are in [m]; the time limit `seconds` is checked after each candidate.
@@ -224,10 +205,8 @@ class ReferencePlanner:
         (before the limit), `cost` [m] (None without a plan), `expanded`, `candidates` (distinct
         evaluated stances) and `seconds`.
         """
-        evaluate = evaluate or self.evaluate
-        began = time.perf_counter()
-        self.stances = {}
-        closed: set[Stance] = set()
+        evaluate, began = evaluate or self.evaluate, time.perf_counter()
+        self.stances, closed = {}, set[Stance]()
 
         def position(stance: Stance) -> Array | None:
             if stance not in self.stances:
@@ -236,54 +215,40 @@ class ReferencePlanner:
                 self.stances[stance] = evaluate(stance)
             return self.stances[stance]
 
+        def estimate(place: Array) -> float:
+            return max(0.0, float(np.linalg.norm(place - goal)) - tolerance)
+
+        def search() -> float | None:
+            origin = position(start)
+            if origin is None:
+                return None
+            best = {start: 0.0}
+            queue = [(estimate(origin), 0.0, start, origin)]
+            while queue:
+                _, minus_cost, stance, here = heapq.heappop(queue)
+                if stance in closed:
+                    continue
+                closed.add(stance)
+                if np.linalg.norm(here - goal) <= tolerance:
+                    return -minus_cost
+                for after in self.candidates(stance):
+                    there = None if after in closed else position(after)
+                    if there is None:
+                        continue
+                    total = best[stance] + float(np.linalg.norm(there - here))
+                    if total < best.get(after, np.inf):
+                        best[after] = total
+                        heapq.heappush(queue, (total + estimate(there), -total, after, there))
+            return None
+
         try:
-            cost, finished = self._search(start, goal, tolerance, closed, position), True
+            cost, finished = search(), True
         except TimeoutError:
             cost, finished = None, False
         return {
-            "finished": finished,
-            "cost": cost,
-            "expanded": len(closed),
-            "candidates": len(self.stances),
-            "seconds": time.perf_counter() - began,
-        }
-
-    def _search(
-        self,
-        start: Stance,
-        goal: Array,
-        tolerance: float,
-        closed: set[Stance],
-        position: Callable[[Stance], Array | None],
-    ) -> float | None:
-        """Return the minimum cost [m], or None without a plan; add expanded stances to `closed`."""
-        origin = position(start)
-        if origin is None:
-            return None
-        best = {start: 0.0}
-        queue = [(self._estimate(origin, goal, tolerance), 0.0, start, origin)]
-        while queue:
-            _, minus_cost, stance, here = heapq.heappop(queue)
-            if stance in closed:
-                continue
-            closed.add(stance)
-            if np.linalg.norm(here - goal) <= tolerance:
-                return -minus_cost
-            for after in self.candidates(stance):
-                there = None if after in closed else position(after)
-                if there is None:
-                    continue
-                total = best[stance] + float(np.linalg.norm(there - here))
-                if total < best.get(after, np.inf):
-                    best[after] = total
-                    estimate = total + self._estimate(there, goal, tolerance)
-                    heapq.heappush(queue, (estimate, -total, after, there))
-        return None
-
-    @staticmethod
-    def _estimate(position: Array, goal: Array, tolerance: float) -> float:
-        """Return the distance to the goal region [m]."""
-        return max(0.0, float(np.linalg.norm(position - goal)) - tolerance)
+            "finished": finished, "cost": cost, "expanded": len(closed),
+            "candidates": len(self.stances), "seconds": time.perf_counter() - began,
+        }  # fmt: skip
 
 
 def map_to_plan(

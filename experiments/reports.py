@@ -1,15 +1,18 @@
-"""Shared parts of the experiments: command line, tables, result files, timing and Case 3."""
+"""Shared parts of the experiments: command line, tables, result files, timing, workers, graphs."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 from mlivr_gym.files import write_whole
@@ -78,6 +81,41 @@ def spread(seconds: Sequence[float]) -> dict[str, float]:
     """Return the median and the 95th percentile of durations [ms], and their number."""
     median, p95 = 1e3 * np.percentile(seconds, (50, 95))
     return {"median": float(median), "p95": float(p95), "count": len(seconds)}
+
+
+class Processes(NamedTuple):
+    """A number of worker processes, and a folder in which their results are stored."""
+
+    workers: int
+    """Number of processes."""
+    keep: Path | None = None
+    """Folder with one file of results for each study; they are valid for the code that made
+    them."""
+
+    def answers(self, work: Callable[[int], Any], seeds: range, what: str) -> Iterator[Any]:
+        """Yield the results for all seeds in order, as plain data.
+
+        Stored results are not computed again. `work` is called with a seed and may use global data
+        that exist before the processes are forked. `what` is the name of the study and of its file.
+        """
+        path = None if self.keep is None else self.keep / f"{what.replace(' ', '_')}.jsonl"
+        known: dict[int, Any] = {}
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for line in path.read_text().splitlines() if path.exists() else ():
+                seed, answer = json.loads(line)
+                known[seed] = answer
+        todo = [seed for seed in seeds if seed not in known]
+        with ProcessPoolExecutor(self.workers, mp_context=get_context("fork")) as pool:
+            done = pool.map(work, todo, chunksize=1)
+            for seed in tqdm(seeds, desc=what, mininterval=5.0):
+                if seed not in known:
+                    line = json.dumps([seed, next(done)])
+                    known[seed] = json.loads(line)[1]
+                    if path is not None:
+                        with path.open("a", encoding="utf-8") as file:
+                            file.write(line + "\n")
+                yield known[seed]
 
 
 def pair_graph(grasp_map: GraspMap | None = None, **settings: Any) -> PairGraph:

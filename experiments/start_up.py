@@ -155,29 +155,26 @@ def measured(path: str, compiled: bool) -> dict[str, dict[str, float]]:
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
-    lines = [
-        "# First use of an installation",
-        "",
-        "Made by `experiments/start_up.py`. Functions that are compiled, and seconds of waiting",
-        "and of processor time: with empty caches and the ready-made machine code, once more, and,",
-        "where that was measured, with empty caches and all compiled on the machine.",
-        "",
-        f"Measured on {data['machine']}; other work ran beside at a load of "
-        f"{max(data['load'], 0.0):.1f}.",
-        "",
-    ]
-    rows = []
+    rows, commands = [], []
     for path, found in data["paths"].items():
         times = {how: f"{one['wall']:.1f}, {one['processor']:.1f}" for how, one in found.items()}
         ready, compiled = found["ready-made"]["functions"], found.get("compiled", {})
         cells = [path, ready, times["ready-made"], times["again"]]
         rows.append([*cells, compiled.get("functions", NOTHING), times.get("compiled", NOTHING)])
-    lines.append(table("path | functions | first [s] | again [s] | all compiled | [s]", rows))
-    lines += ["What they run:", ""]
-    for path in data["paths"]:
         if PATHS[path].startswith("mlivr-gym"):
-            lines.append(f"* {path}: `{PATHS[path]}`")
-    return "\n".join([*lines, ""])
+            commands.append(f"* {path}: `{PATHS[path]}`\n")
+    return f"""# First use of an installation
+
+Made by `experiments/start_up.py`. Number of functions that are compiled, and wall-clock and
+processor time: with empty caches and the ready-made machine code, once more, and, where measured,
+with empty caches and everything compiled on the machine.
+
+Measured on {data["machine"]}, while other programs ran at a load of {max(data["load"], 0.0):.1f}.
+
+{table("path | functions | first [s] | again [s] | all compiled | [s]", rows)}
+The commands are:
+
+{"".join(commands)}"""
 
 
 def main() -> None:

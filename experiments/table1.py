@@ -138,10 +138,10 @@ def study_markdown(study: dict[str, Any]) -> str:
     ]
     return f"""# Beyond Table I
 
-**Can the plan be carried out?** Of {pairs} random start and goal pairs, {base} node-only plans of \
-the base cost and {steps} of the step cost could not have been carried out: on at least one step a \
-holding limb would have had to let go or to pass a singularity. With steps checked, \
-{counts["solved"]} of {pairs} pairs get a plan that can be; its base translation is \
+**Can the plan be executed?** Of {pairs} random start and goal pairs, {base} plans of the \
+base cost and {steps} of the step cost that check only nodes cannot be executed: in at least one \
+step a support limb would have to let go or pass a singularity. With steps checked, \
+{counts["solved"]} of {pairs} pairs get an executable plan; its base translation is \
 {100 * counts["extra_translation"]:.2f} % longer on average.
 
 **Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):

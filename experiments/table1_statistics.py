@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from processes import Processes
-from reports import command_line, publish, table
+from reports import Processes, command_line, publish, table
 
 from mlivr_gym.cli.table1 import Start
 from mlivr_gym.errors import StanceError
@@ -30,7 +29,14 @@ LEAST = 3.0
 HEURISTICS = {"faithful": "paper", "steps": "cost_to_go", "collisions": "cost_to_go"}
 """Heuristic in each mode; those other than the paper's keep plans optimal."""
 
-FIGURES = ("steps", "base_translation", "expanded", "backward", "time")
+FORMS = (
+    ("steps", ".0f", 1.0),
+    ("base_translation", ".2f", 1.0),
+    ("expanded", ".0f", 1.0),
+    ("backward", ".0f", 1.0),
+    ("time", ".1f", 1e3),
+)
+"""Columns with their number formats and factors of unit."""
 
 _planners: dict[tuple[Any, ...], Planner] = {}
 _SETUP = {"start": ["D1b:4", "D2a:3"], "goal": [6.3, 0.5, 0.35], "goal_face": "overhead"}
@@ -116,7 +122,7 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
         out["modes"][mode] = {}
         for case in map(str, CASES):
             rows = [a[mode][case] for a in answers if a[mode][case]]
-            figures = {name: spread([row[name] for row in rows]) for name in FIGURES}
+            figures = {name: spread([row[name] for row in rows]) for name, *_ in FORMS}
             out["modes"][mode][case] = {"plans": len(rows)} | figures
         whole = [a[mode] for a in answers if all(a[mode].values())]
         by_pair = [relations({int(k): row for k, row in rows.items()}) for rows in whole]
@@ -144,15 +150,6 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
 
 ROWS = "case | mode | plans | steps | base translation [m] | explored | backward | query [ms]"
 
-FORMS = (
-    ("steps", ".0f", 1.0),
-    ("base_translation", ".2f", 1.0),
-    ("expanded", ".0f", 1.0),
-    ("backward", ".0f", 1.0),
-    ("time", ".1f", 1e3),
-)
-"""Columns with their number formats and factors of unit."""
-
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
@@ -176,17 +173,17 @@ def markdown(data: dict[str, Any]) -> str:
     return f"""# Table I for random starts and goals
 
 Made by `experiments/table1_statistics.py`. {found["pairs"]} random walks from the deck to the \
-overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Figures \
-are the median, in brackets the 10th and 90th percentile. Heuristics: the paper's in the \
-paper-faithful mode, `cost_to_go` in the others, whose work backward is counted.
+overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Values \
+are medians, with the 10th and 90th percentile in brackets. Heuristics: the paper's in the \
+paper-faithful mode, `cost_to_go` in the others, whose backward search is counted separately.
 
 {table(ROWS, rows)}
-How often relations hold, of the pairs with plans in all cases ({whole}):
+Share of the pairs with plans in all cases for which a relation holds ({whole}):
 
 {table(f"relation | why it may hold | {titles}", shares)}
-One start pose serves all modes, that with collisions checked. Where a graph would give the \
-stance another, it is a given pose, to which thresholds do not apply: so a plan may begin below \
-them.
+All modes start from the same base pose, the one with collisions checked. In a graph that has \
+another posture for the stance it is a given pose, to which thresholds do not apply; a plan may \
+therefore start below them.
 
 **What the paper's heuristic costs.** In the paper-faithful Case 2 its plan is longer than the \
 optimum for {loss["longer"]} of {loss["pairs"]} pairs \

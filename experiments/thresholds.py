@@ -144,17 +144,17 @@ def markdown(data: Measure) -> str:
     return f"""# Do the thresholds predict how well a walk is carried out?
 
 Made by `experiments/thresholds.py`: {data["pairs"]} random pairs from the deck to the overhead, \
-base cost, steps and collisions checked; thresholds as a share of the paper's, which are {limb:g} \
-and {base:g}. *Base error*: largest distance of the base from its trajectory, mean over the steps \
-that ended with a grasp; *capture*: distance of the gripper from its point just before it grasps, \
-mean.
+base cost, steps and collisions checked; thresholds as a multiple of the paper's, which are \
+{limb:g} and {base:g}. *Base error*: largest distance of the base from its trajectory in a step; \
+*capture*: distance of the gripper from its point just before it grasps; both are means over the \
+steps that ended with a grasp.
 
 ![Base error against manipulability](thresholds.png)
 
 {table(ROWS, rows)}
-Spearman's rank correlation over the steps of all shares, of what was measured in a step with the \
-least manipulability of the two stances between which it leads. A threshold predicts an error if \
-its correlation is clearly below 0.
+Spearman's rank correlation between an error of a step and the minimum manipulability of its two \
+stances, over the steps of all rows. A threshold predicts an error if the correlation is clearly \
+negative.
 
 {table(CORRELATIONS, correlations)}"""
 

@@ -59,11 +59,11 @@ def markdown(data: dict[str, Any]) -> str:
         cells.append([name, f"{seconds:.1f}", f"{steps:.2f}", f"{translation:.2f}", wins])
     return f"""# Time as a cost
 
-Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, clocks at the \
-default limits. Means over the tasks; *fastest* is
-the fastest of a task's plans, and *wins* counts the tasks in which a cost's plan is as fast as \
-that. There is no bound on what plans that were
-not considered would take.
+Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, time-optimal \
+time scaling at the default limits. Values are
+means over the tasks; *fastest* is the fastest plan of each task, and *wins* counts the tasks in \
+which the plan of a cost is as fast. Other plans
+could be faster: the times have no lower bound.
 
 {table("optimal for | time [s] | steps | base translation [m] | wins", cells)}"""
 

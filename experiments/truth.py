@@ -21,8 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from processes import Processes
-from reports import command_line, counted, keep, publish, read, table
+from reports import Processes, command_line, counted, keep, publish, read, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
@@ -33,9 +32,9 @@ Part = dict[str, Any]
 
 def walks_text(part: Part) -> str:
     """Return the paragraph on random walks."""
-    return f"""**Legal means executable.** {part["walks"]} random walks of {part["steps"]} legal \
-steps on the JEM with collisions: {part["went_on"]} went on to their last step, \
-{part["put_together"]} were put together. Swings: {counted(part["swings"])}.
+    return f"""**Legal steps are executable.** {part["walks"]} random walks of {part["steps"]} \
+legal steps on the JEM with collisions: {part["went_on"]} reach their last step, \
+{part["put_together"]} have a complete motion. Swings: {counted(part["swings"])}.
 """
 
 
@@ -45,7 +44,7 @@ def execution_text(part: Part) -> str:
         [f"random {name}", part[name]["number"], part[name]["steps"], counted(part[name]["ends"])]
         for name in ("walks", "steps")
     ]
-    return f"**Carried out in MuJoCo**, {part['pace']}:\n\n" + table(
+    return f"**Execution in MuJoCo**, {part['pace']}:\n\n" + table(
         "what | number | steps | ends", rows
     )
 
@@ -54,8 +53,8 @@ def optimality_text(part: Part) -> str:
     """Return the paragraph on optimality for two limbs."""
     return f"""**Plans are optimal.** Two limbs, the JEM with {part["points"]} points, collisions \
 on: {part["queries"]} random queries against SciPy's Dijkstra over all {part["states"]} states and \
-{part["edges"]} steps that `successors` tells. {part["outcomes"].get("existence differs", 0)} \
-differ in existence; of {part["found"]} plans found the cost differs by at most \
+{part["edges"]} steps that `successors` yields. {part["outcomes"].get("existence differs", 0)} \
+differ in existence; the costs of {part["found"]} plans differ by at most \
 {part["largest_difference"]:.1e}. Outcomes: {counted(part["outcomes"])}.
 """
 
@@ -63,7 +62,7 @@ differ in existence; of {part["found"]} plans found the cost differs by at most 
 def limbs_text(part: Part) -> str:
     """Return the paragraph on optimality for three and four limbs."""
     return f"""Three and four limbs, {part["maps"]} small maps, collisions on and off, against a \
-Dijkstra in plain Python over all states: largest difference of cost \
+Dijkstra in plain Python over all states: largest cost difference \
 {part["largest_difference"]:.1e} ({counted(part["outcomes"])}).
 """
 
@@ -74,10 +73,10 @@ def clearance_text(part: Part) -> str:
         [name, row["steps"], row["made"], row["configurations"], f"{1000 * row['least']:.2f}"]
         for name, row in part["obstacles"].items()
     ]
-    head = "obstacle | steps | still possible | configurations | least distance [mm]"
-    return f"""**Clear means clear.** Random steps with an obstacle put up to 50 mm beside a shape \
-on the way, checked anew, and the motion sampled; least distances by coal, the clearance is \
-{1000 * part["clearance"]:g} mm:
+    head = "obstacle | steps | still possible | configurations | minimum distance [mm]"
+    return f"""**The clearance is kept.** Random steps with an obstacle up to 50 mm from a shape \
+on their motion are checked again, and the motion is sampled; minimum distances by coal, the \
+clearance is {1000 * part["clearance"]:g} mm:
 
 {table(head, rows)}"""
 
@@ -98,17 +97,18 @@ def collisions_text(part: Part) -> str:
 Clearance {part["clearance"]:g} m.
 
 {table("what | checked | penetrating in MuJoCo", checked)}
-Least distance of limbs, body and mounts to boxes and of limbs to each other over the free \
+Minimum distance of limbs, body and mounts to boxes and between limbs over the free \
 stances by coal: {1000 * stances["free_least_distance"]:.2f} mm. Swings of the plans: \
 {counted(plans["swings"])}.
 
-**What is called blocked.** {stances["left_out"]} stances meet the thresholds but are left out; \
-the best posture of {stances["left_out_nearer_than_clearance"]} of them lies nearer than the \
-clearance to something, that of {stances["left_out_penetrating"]} penetrates by MuJoCo's \
-judgement. Of steps between free stances that are possible without collisions, \
-{100 * steps["share_blocked"]:.1f} % are called blocked.
+**Blocked stances and steps.** {stances["left_out"]} stances meet the thresholds but are ruled out \
+by collisions: the best posture of {stances["left_out_nearer_than_clearance"]} of them violates \
+the clearance, and that of {stances["left_out_penetrating"]} penetrates in MuJoCo. Of the steps \
+between free stances that are possible without collisions, {100 * steps["share_blocked"]:.1f} % \
+are blocked.
 
-**What is not compared** (`mlivr_gym/collisions/allowed_collisions.py`); everything else is.
+**Allowed collisions**, which are not checked (`mlivr_gym/collisions/allowed_collisions.py`); all \
+other pairs are.
 
 {table("shape | with | of | because", [row[:4] for row in ALLOWED_COLLISIONS])}"""
 
@@ -140,7 +140,7 @@ SIZES = {
 def markdown(known: dict[str, Part]) -> str:
     """Return the report of the finished parts."""
     parts = [describe(known[name]) for name, describe in PARTS.items() if name in known]
-    head = "# Promises against outside truth\n\nMade by `experiments/truth.py`.\n"
+    head = "# Checks against independent programs\n\nMade by `experiments/truth.py`.\n"
     return "\n".join([head, *parts])
 
 

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 from collision_judge import HeldPoints, Judge
-from processes import Processes
-from reports import pair_graph
+from reports import Processes, pair_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_walks import random_walk, whole_graph

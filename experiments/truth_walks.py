@@ -9,8 +9,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from processes import Processes
-from reports import pair_graph
+from reports import Processes, pair_graph
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
