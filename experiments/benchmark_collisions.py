@@ -72,10 +72,9 @@ def check_all(
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
-    """Return random stances whose joints are perturbed slightly.
+    """Return base positions, rotations and joint angles of random stances with perturbed joints.
 
-    These are base positions, shape (count, 3) [m], base rotations, shape (count, 3, 3), and joint
-    angles, shape (count, 2, 6) [rad].
+    The shapes are (count, 3) [m], (count, 3, 3) and (count, 2, 6) [rad].
     """
     rng = np.random.default_rng(0)
     chosen = rng.integers(len(graph), size=count)
@@ -89,10 +88,7 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
-    """Return the time per configuration in the compiled kernel and in MuJoCo [us].
-
-    The kernel runs in one thread; MuJoCo's time is that of kinematics and collision pipeline.
-    """
+    """Return time per configuration [us] in the kernel on one thread, and in MuJoCo's pipeline."""
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
@@ -123,10 +119,7 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
 
 
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
-    """Return the time from a change of the world to the new plan [ms].
-
-    The change is ten newly occupied points, or a box across the module.
-    """
+    """Return the time from ten newly occupied points, or a new box, to the new plan [ms]."""
     rng, out = np.random.default_rng(0), {}
     graph = planner.graph
     free = planner.plan(start, goal).unwrap()

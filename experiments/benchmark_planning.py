@@ -71,10 +71,7 @@ def machine() -> dict[str, Any]:
 def query_times(
     planner: Planner, tasks: Iterable[Task], cost: str, **options: Any
 ) -> dict[str, Any]:
-    """Return times of `Planner.plan` and of its search alone over a series of queries.
-
-    Expanded states and queries without a plan are counted, too.
-    """
+    """Time `Planner.plan` and its search over a series of queries; count expansions and failures."""
     whole, results = [], []
     for start, goal in tasks:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))

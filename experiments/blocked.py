@@ -19,6 +19,7 @@ from mlivr_gym.stances.pair_graph import PairGraph
 def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
     """Return the stance with the fewest contacts among those that only collisions rule out."""
     best: Panel | None = None
+    faces, ids = free.grasp_map.faces, free.grasp_map.ids
     grasps, clearance = checked.solver.grasps, checked.settings.clearance
     for stance, masks in zip(free.points, free.mask, strict=True):
         if checked.find(stance.tolist()) >= 0 or checked.solver.point_cause[stance].any():
@@ -29,16 +30,12 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
         at = [(i, grasps["point"][p], grasps["normal"][p]) for i, p in enumerate(stance)]
         found = contacts(checked.robot, checked.grasp_map.boxes, here, clearance, at)
         if found and (best is None or len(found) < len(best.contacts)):
-            held = ", ".join(f"limb {i} holds {_place(free, p)}" for i, p in enumerate(stance))
+            places = [f"{faces[p]} point {ids[p]}" for p in stance]
+            held = ", ".join(f"limb {i} holds {place}" for i, place in enumerate(places))
             best = Panel(f"A stance that is no node:\n{held}", here, found)
     if best is None:
         raise SystemExit("no stance is blocked")
     return best
-
-
-def _place(graph: PairGraph, point: int) -> str:
-    """Return the face and the id of a point."""
-    return f"{graph.grasp_map.faces[point]} point {graph.grasp_map.ids[point]}"
 
 
 def main() -> None:

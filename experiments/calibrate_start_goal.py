@@ -63,8 +63,7 @@ def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Pl
 
 def planners_of(mode: str) -> dict[int, Planner]:
     """Return the planners of Cases 1 to 3 in a mode."""
-    any_setup: dict[str, Any] = {}
-    first, second = (Planner(case_graph(case, any_setup, mode)) for case in (1, 2))
+    first, second = (Planner(case_graph(case, {}, mode)) for case in (1, 2))
     return {1: first, 2: second, 3: second}
 
 

@@ -40,10 +40,7 @@ class Judge:
     def penetrations(
         self, configuration: Configuration, points: HeldPoints
     ) -> list[tuple[str, str, float]]:
-        """Return the pairs in contact with their distances [m].
-
-        A gripper and the track that it holds are left out.
-        """
+        """Return pairs in contact with distances [m], except a gripper with the track it holds."""
         set_configuration(self.model, self.data, *configuration)
         ids = self.graph.grasp_map.ids
         held = {(f"limb{i}/gripper/0", scene_name(BOX, ids[p].split(":")[0])) for i, p in points}

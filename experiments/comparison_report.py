@@ -182,10 +182,7 @@ one with no step known. An episode ends when a policy takes an impossible step, 
 
 
 def aims_table(data: dict[str, Any]) -> str:
-    """Return the aims and what the best learned policies reach, alone and with a beam search.
-
-    Cells give success and steps over optimal.
-    """
+    """Return aims and results (success, steps over optimal) of the best learned policies."""
     rows = []
     for split, (least, most) in AIMS.items():
         found = {name: Runs(runs) for name, runs in data.get(split, {}).items()}
@@ -232,10 +229,7 @@ def readme_table(data: dict[str, Any]) -> str:
 
 
 def figure(data: dict[str, Any], path: Path) -> None:
-    """Plot success and steps over optimal of each method in each split, with all mean values.
-
-    The axis of the steps is logarithmic and holds all of them.
-    """
+    """Plot success and (logarithmic) steps over optimal of each method in each split, with values."""
     splits = [s for s in SPLITS if s in data]
     names = [
         n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")

@@ -103,12 +103,6 @@ def study(
     return summary(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
 
 
-def row_of(data: dict[str, Any], name: str, field: str) -> dict[str, Any] | None:
-    """Return the study of a controller with one disturbance, `none` or `all`; None if not run."""
-    row: dict[str, Any] | None = data["studies"].get(f"{name}: {field}")
-    return row
-
-
 def cells(field: str, row: dict[str, Any]) -> list[Any]:
     """Return the table row of a study."""
     low, high = row["interval"]
@@ -125,7 +119,7 @@ def cells(field: str, row: dict[str, Any]) -> list[Any]:
 
 def section(data: dict[str, Any], name: str) -> str:
     """Return the section of the page on a controller."""
-    rows = [(field, row_of(data, name, field)) for field in ("none", *NAMES, "all")]
+    rows = [(field, data["studies"].get(f"{name}: {field}")) for field in ("none", *NAMES, "all")]
     return f"""## {name[0].upper()}{name[1:]}
 
 {table(HEAD, (cells(field, row) for field, row in rows if row is not None))}"""
@@ -153,8 +147,9 @@ def readme_text(data: dict[str, Any]) -> str:
     """Return the paragraphs of the docs on the studies."""
     lines = []
     for name in CONTROLLERS:
-        whole, none = (row_of(data, name, field) for field in ("all", "none"))
-        alone = {field: row for field in NAMES if (row := row_of(data, name, field)) is not None}
+        rows = {field: data["studies"].get(f"{name}: {field}") for field in ("all", "none", *NAMES)}
+        whole, none = rows.pop("all"), rows.pop("none")
+        alone = {field: row for field, row in rows.items() if row is not None}
         if whole is None or none is None:
             continue
         low, high = whole["interval"]
@@ -187,7 +182,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         axes, zip(CONTROLLERS, ("#1f5fd0", "#17a2a2", "#d62728"), strict=True), strict=True
     ):
         for place, field in enumerate(reversed(order)):
-            row = row_of(data, name, field)
+            row = data["studies"].get(f"{name}: {field}")
             if row is None:
                 axis.text(2.0, place, "not measured", va="center", fontsize=8, color="0.5")
                 continue

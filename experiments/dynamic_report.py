@@ -83,13 +83,6 @@ def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
     ]
 
 
-def clock_row(name: str, row: dict[str, Any]) -> list[str]:
-    """Return the table row of a time scaling: mean duration of a step, and binding limits."""
-    return [
-        CLOCKS[name], f"{row['seconds_a_step']:.2f}", counted(row["deciding"]).replace("_", " ")
-    ]  # fmt: skip
-
-
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
     fixed, pace, speed = data["shortest_fixed"], data["pace"], data["overhead"]
@@ -97,7 +90,11 @@ def markdown(data: dict[str, Any]) -> str:
         [words, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
         for name, words in LIMITS.items()
     ]
-    clocks = [clock_row(name, pace[name]) for name in CLOCKS]
+    clocks = [
+        [title, f"{pace[name]['seconds_a_step']:.2f}",
+         counted(pace[name]["deciding"]).replace("_", " ")]
+        for name, title in CLOCKS.items()
+    ]  # fmt: skip
     return f"""# Dynamic simulation
 
 Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions checked, zero \

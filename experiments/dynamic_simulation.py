@@ -238,10 +238,7 @@ def time_steps(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
 
 
 def impulse_error(graph: StanceGraph, plan: Plan, setup: Setup) -> float:
-    """Return the largest difference of momentum and grasp impulse in the first step.
-
-    It is a share of the largest momentum.
-    """
+    """Return the largest difference of momentum and grasp impulse in the first step, relative."""
     simulation = setup.simulation(graph.grasp_map, plan.world.robot, plan.world.obstacles)
     simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
     trajectory = step_trajectory(graph, plan, 0, setup.timing, setup.physics.timestep)

@@ -213,13 +213,7 @@ def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
 
 
 def planted(source: bytes, mutant: Mutant) -> bytes:
-    """Return the source of a file with a fault planted.
-
-    Raises
-    ------
-    SyntaxError
-        If the result is not valid Python.
-    """
+    """Return the source of a file with a fault planted; raise `SyntaxError` if it is no Python."""
     changed = source[: mutant.start] + mutant.after.encode() + source[mutant.stop :]
     compile(changed, mutant.path, "exec")
     return changed

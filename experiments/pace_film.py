@@ -9,7 +9,6 @@ states the factor. Writes `pace.gif`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from reports import case_3, command_line
 
 from mlivr_gym.motion.clocks import Durations
@@ -30,12 +29,6 @@ PACES = {
 """The two executions that are compared."""
 
 
-def headed(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
-    """Return a picture with a caption above it."""
-    line = with_caption(picture[:1], words, SIZE[1])[1:]
-    return np.vstack([line, picture])
-
-
 def main() -> None:
     """Simulate the walk twice and write `pace.gif`."""
     out = command_line(__doc__).parse_args().out
@@ -53,7 +46,10 @@ def main() -> None:
         pictures = film_pictures(
             graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE, speed=speed
         )
-        sides.append([headed(picture, words) for picture in pictures])
+        # A caption of one line goes above each picture.
+        sides.append(
+            [np.vstack([with_caption(one[:1], words, SIZE[1])[1:], one]) for one in pictures]
+        )
     frames = [np.hstack(pair) for pair in zip(*sides, strict=True)]
     save_film(frames, out / "pace.gif")
 

@@ -104,11 +104,7 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
     """Run a path of `PATHS`; return the number of compiled functions and its times [s].
 
     `cache` is the folder of machine code and tables; `variables` are further environment variables.
-
-    Raises
-    ------
-    RuntimeError
-        If the path fails.
+    A path that fails raises `RuntimeError`.
     """
     given = PATHS[path]
     words = given.removeprefix("mlivr-gym").split()

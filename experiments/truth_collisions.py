@@ -197,10 +197,8 @@ def obstacle_beside(judge: Judge, here: Configuration, kind: str, rng: np.random
 def step_past_obstacle(seed: int) -> tuple[str, str, int, float]:
     """Place an obstacle next to a random step and check the step again.
 
-    Returns
-    -------
-    tuple[str, str, int, float]
-        Kind of the obstacle, `blocked` or `made`, number of configurations, minimum distance [m].
+    Return the kind of the obstacle, `blocked` or `made`, the number of sampled configurations, and
+    their minimum distance [m].
     """
     graph, rng = whole_graph(), np.random.default_rng([8, seed])
     judge = Judge(graph)
