@@ -77,7 +77,7 @@ def vector(env: Any, seconds: float, seed: int) -> float:
 
 
 def settings_of(native: bool = False, **arguments: Any) -> str:
-    """Return arguments of an environment in words; `native` is the vector environment with a table."""
+    """Return arguments of an environment in words; `native` is the vector environment."""
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
     collisions = arguments.get("collisions", True)
     found = [f"{NUMBERS[limbs]} limbs", "collisions on" if collisions else "collisions off"]

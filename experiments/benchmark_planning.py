@@ -71,7 +71,7 @@ def machine() -> dict[str, Any]:
 def query_times(
     planner: Planner, tasks: Iterable[Task], cost: str, **options: Any
 ) -> dict[str, Any]:
-    """Time `Planner.plan` and its search over a series of queries; count expansions and failures."""
+    """Time `Planner.plan` and its search over queries; count expansions and missing plans."""
     whole, results = [], []
     for start, goal in tasks:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))

@@ -229,7 +229,7 @@ def readme_table(data: dict[str, Any]) -> str:
 
 
 def figure(data: dict[str, Any], path: Path) -> None:
-    """Plot success and (logarithmic) steps over optimal of each method in each split, with values."""
+    """Plot success and (logarithmic) steps over optimal of each method in each split."""
     splits = [s for s in SPLITS if s in data]
     names = [
         n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")

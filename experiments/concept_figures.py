@@ -20,7 +20,6 @@ from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.ur import jacobian
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
@@ -96,8 +95,10 @@ def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
 
 def manipulability(graph: PairGraph, q: Array) -> float:
     """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
-    robot = graph.robot
-    return limb_manipulability(jacobian(q, robot.limb.lengths), robot.characteristic_length)
+    frames = forward_kinematics(q, graph.robot.limb.lengths)
+    axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
+    jacobian = np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])
+    return limb_manipulability(jacobian, graph.robot.characteristic_length)
 
 
 def angles(graph: PairGraph, limb: int, position: Array, turn: Array) -> Array:

@@ -31,7 +31,7 @@ NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 
 
 def label_figure(graph: PairGraph) -> None:
-    """Draw label, cost and bound after each step of a plan of the base cost, and a dominated label."""
+    """Draw label, cost and bound after each step of a base-cost plan, and a dominated label."""
     plan = Planner(graph).plan(START, GOAL, "base").unwrap()
     states = states_along(graph, plan)
     figure = Figure(figsize=(12.4, 5.6), dpi=110)
