@@ -4,7 +4,8 @@
 
 Random tasks on the JEM with collisions checked and the step cost: without obstacles, with a box on
 the straight line to the goal, and with such a box and ten occupied points. All variants get the
-same tasks. A call measures one variant in at most ten minutes, adds it to `ablation.json` and
+same tasks. A call measures one variant, with at
+most ten minutes of planning, adds it to `ablation.json` and
 writes `ablation.md`.
 """
 

@@ -141,7 +141,7 @@ def measure(count: int, limit: float) -> dict[str, Any]:
     """Run all measurements in order."""
     setup, rng = default_setup(), np.random.default_rng(2026)
     start, goal = tuple(setup["start"]), np.array(setup["goal"])
-    Planner(pair_graph()).plan(start, goal).unwrap()  # what is compiled is at hand from now on
+    Planner(pair_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
     data: dict[str, Any] = {"machine": machine(), "reference_seconds": limit}
     graph = pair_graph()
     steps = graph.steps.edges

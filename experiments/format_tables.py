@@ -42,23 +42,23 @@ MEANINGS = {
     "points": "Graspable points, see below.",
     "segments": "Straight rails that carry points, see below.",
     "spacing": "Distance of points along a segment.",
-    "handrails": "Handrails, which are kept clear of and take points away, see below.",
+    "handrails": "Handrails: obstacles that also remove graspable points, see below.",
     "clearance": "Distance of points from the footprints of handrails.",
-    "cabin": "Where the base may be, lower and upper corner; by default the box of all points, "
-    "1.5 m larger.",
+    "cabin": "Lower and upper corner of the box in which the base may be; by default the "
+    "bounding box of all points, enlarged by 1.5 m.",
     "boxes": "Boxes that must not be touched, see *Obstacles*.",
     "mesh": "Mesh whose surface must not be touched: its file, relative to that of the map, the "
     "edge of the cubes that cover it (`resolution` [m], 0.05), and metres per unit (`scale`, 1).",
-    "occupied": "Ids of points that no limb may take hold of.",
-    "id": "Name, of which no other has the same.",
-    "face": "Name of the face that it lies on.",
-    "position": "Where it is.",
+    "occupied": "Ids of points that no limb may hold.",
+    "id": "Unique name.",
+    "face": "Name of the face on which it lies.",
+    "position": "Position.",
     "normal": "Outward surface normal, of length 1.",
     "rail": "Direction of the rail, at right angles to the normal.",
     "start": "One end, in the middle of the rail's surface.",
     "end": "The other end.",
     "width": "Width of the rail.",
-    "thickness": "How far the rail stands out of its face.",
+    "thickness": "Height of the rail above its face.",
     "axis": "Axis along which the bar runs.",
     "bar_min": "Lower corner of the bar alone, without its posts.",
     "bar_max": "Upper corner of the bar alone.",
@@ -66,13 +66,13 @@ MEANINGS = {
     "min": "Lower corner.",
     "max": "Upper corner.",
     "format": f"Version of the format, {FORMAT}.",
-    "rules": "Number of the rules of the stance graph.",
-    "query": "What was asked for, see below.",
-    "world": "Where the plan was made, see below.",
+    "rules": "Version of the rules of the stance graph.",
+    "query": "Query of the plan, see below.",
+    "world": "World in which the plan was made, see below.",
     "motion": "Stances, steps and configurations, see below.",
-    "statistics": "What the search found and spent, see below.",
-    "checksum": "SHA-256 of the other fields (`files.checksum`), which may be left out.",
-} | dict.fromkeys(REMARKS, "For readers; not used.")
+    "statistics": "Results and effort of the search, see below.",
+    "checksum": "SHA-256 of the other fields (`files.checksum`); optional.",
+} | dict.fromkeys(REMARKS, "Remark for readers; not used by the program.")
 """Meanings of the fields that no class documents."""
 
 
@@ -137,12 +137,12 @@ def attributes(made: type) -> dict[str, str]:
     """Return the descriptions of a class's attributes from its docstrings."""
     text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
     found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
-    said = {name: " ".join(meaning.split()) for name, meaning in found}
+    meanings = {name: " ".join(meaning.split()) for name, meaning in found}
     for name, meaning in re.findall(
         r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE
     ):
-        said.setdefault(name, " ".join(meaning.split()))
-    return said
+        meanings.setdefault(name, " ".join(meaning.split()))
+    return meanings
 
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:

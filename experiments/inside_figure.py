@@ -35,12 +35,12 @@ def main() -> None:
     figure = Figure(figsize=(13.6, 2.8), dpi=110)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.005, 0.01, 0.99, 0.98))
-    for k, ((name, said, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
+    for k, ((name, result, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
         axes.add_patch(
             Rectangle((2.6 * k, 0.0), 2.2, 1.5, facecolor="#e8f0f8", edgecolor="#1f77b4")
         )
         axes.text(2.6 * k + 1.1, 1.22, name, ha="center", fontsize=12, weight="bold")
-        axes.text(2.6 * k + 1.1, 0.72, said, ha="center", va="center", fontsize=7.5)
+        axes.text(2.6 * k + 1.1, 0.72, result, ha="center", va="center", fontsize=7.5)
         axes.text(2.6 * k + 1.1, 0.14, place, ha="center", fontsize=7, family="monospace")
         axes.text(2.6 * k + 1.1, -0.25, record, ha="center", fontsize=8, color="#555555")
         if k:

@@ -60,7 +60,7 @@ def fan(robot: str) -> dict[str, Any]:
     states: list[State] = []
     while len(states) < STANCES:
         states += filter(None, [random_stance(graph, rng)])
-    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # know nothing
+    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # without cached results
     assert isinstance(tabled, LazyGraph)
     node_table(tabled)
     tabled.successors(states[0])

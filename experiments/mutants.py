@@ -161,15 +161,15 @@ class Tree:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
-            said = process.communicate(timeout=limit)[0]
+            output = process.communicate(timeout=limit)[0]
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, 9)
             process.communicate()
             return None, "takes too long"
-        if "file or directory not found" in said:
-            raise SystemExit(f"{said.strip()[-200:]}: the tests have changed during the run")
-        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", said, re.MULTILINE)
-        last = said[-200:].strip() if process.returncode else ""
+        if "file or directory not found" in output:
+            raise SystemExit(f"{output.strip()[-200:]}: the tests have changed during the run")
+        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", output, re.MULTILINE)
+        last = output[-200:].strip() if process.returncode else ""
         return process.returncode, failed[1] if failed else last
 
     def run(self, mutant: Mutant, tests: list[str]) -> dict[str, Any]:
@@ -251,7 +251,7 @@ def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--strata", nargs="*", default=list(STRATA), choices=list(STRATA))
-    parser.add_argument("--again", action="store_true", help="run survivors anew")
+    parser.add_argument("--again", action="store_true", help="run survivors again")
     parser.add_argument("--count", type=int, default=COUNT)
     parser.add_argument(
         "--folder", type=Path, default=Path(tempfile.gettempdir()) / "mlivr-gym-mutants"

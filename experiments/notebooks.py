@@ -28,7 +28,7 @@ LONGEST_CELL = 300
 def executed(path: Path) -> Any:
     """Return a notebook with the outputs of a run in an empty folder; cells must not fail."""
     notebook = nbformat.read(path, as_version=4)
-    # The kernel of this environment, whatever kernels are registered on the machine.
+    # The kernel imports from this environment, whichever kernels the machine has registered.
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     with tempfile.TemporaryDirectory() as folder:
         client = NotebookClient(

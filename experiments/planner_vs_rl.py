@@ -182,10 +182,10 @@ def meant_for(name: str, split: str) -> bool:
     if name.startswith("risky"):
         return False
     if split == "dense":
-        # Without every step checked beforehand: these look at so many that a task takes minutes.
+        # Steps are not checked beforehand; these methods need so many that a task takes minutes.
         slow = ("table", "dijkstra", "mcts", "no-manipulability", NO_THRESHOLDS)
         return name not in slow and not name.endswith(("mlp", "-beam"))
-    return split != "half" or not name.endswith("mlp")  # made for one number of points
+    return split != "half" or not name.endswith("mlp")  # trained for one number of points
 
 
 def executed(args: argparse.Namespace, results: Results) -> None:

@@ -77,12 +77,12 @@ def faults(path: Path) -> list[str]:
 def main() -> int:
     """Build the archive or check all archives; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="tell what is no longer right")
+    parser.add_argument("--check", action="store_true", help="list archives that are out of date")
     if parser.parse_args().check:
         found = {path.name: faults(path) for path in sorted(ASSETS.glob("kernels-*.zip"))}
-        for name, said in found.items():
-            for fault in said:
-                print(f"{name}: {fault}; `python experiments/ready_made.py` makes it anew")
+        for name, reasons in found.items():
+            for fault in reasons:
+                print(f"{name}: {fault}; `python experiments/ready_made.py` builds it again")
         return 1 if any(found.values()) else 0
     began = time.perf_counter()
     content = build()

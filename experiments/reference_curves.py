@@ -240,7 +240,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
             label, curve = name if k == 0 else None, run["curve"]
             steps = [1e-3 * point["steps"] for point in curve]
             success.plot(steps, [100.0 * p["success"] for p in curve], label=label, **style)
-            # What never succeeds has no steps.
+            # A policy that never succeeds has no ratio.
             known = [np.nan if p["over_fewest"] is None else p["over_fewest"] for p in curve]
             over.plot(steps, known, label=label, **style)
     success.set(ylabel=f"success on {len(VALIDATED)} validation tasks [%]", ylim=(0.0, 102.0))

@@ -92,7 +92,7 @@ class ReferencePlanner:
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
-        # A flange that grasps: x along the rail, z into the surface.
+        # Axes of a flange that grasps: x along the rail, z into the surface.
         self.flange_axes_in_world = grasp_map.rotations * np.array([1.0, -1.0, -1.0])
         self.mounts = [
             pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)

@@ -31,7 +31,7 @@ def main() -> None:
     """Compute and write the tables."""
     for old in asset_path("").glob("pairs-*.npz"):
         old.unlink()
-    os.environ["MLIVR_GYM_CACHE"] = ""  # nothing is read from there
+    os.environ["MLIVR_GYM_CACHE"] = ""  # no table is read from the cache
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)

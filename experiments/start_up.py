@@ -92,10 +92,10 @@ import atexit, os
 from numba.core import event
 compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
-def tell():
+def write_count():
     with open(os.environ["COUNTED"], "a") as file:
         file.write(f"{len(compiled.buffer) // 2}\\n")
-atexit.register(tell)
+atexit.register(write_count)
 """
 """Code that each process runs at its start; at its end it writes how many functions it compiled."""
 

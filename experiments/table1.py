@@ -153,7 +153,7 @@ def main() -> None:
     """Run everything and write the results."""
     parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study")
-    parser.add_argument("--picture", action="store_true", help="draw `pareto.png` anew, no more")
+    parser.add_argument("--picture", action="store_true", help="only redraw `pareto.png`")
     args = parser.parse_args()
     study, failed = read(args.out, "table1_study"), []
     if not args.picture:

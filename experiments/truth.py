@@ -124,7 +124,7 @@ PARTS: dict[str, Callable[[Part], str]] = {
 """Names of the parts, and the functions that describe them."""
 
 SIZES = {
-    "walks": (10_000, "walks put together"),
+    "walks": (10_000, "random walks whose motion is computed"),
     "executed": (300, "walks carried out"),
     "steps": (2000, "steps carried out"),
     "queries": (1000, "queries of two limbs"),

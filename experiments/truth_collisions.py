@@ -67,7 +67,7 @@ def study_stances(
     chosen = rng.choice(len(graph), count, replace=False)
     for s in tqdm(chosen, desc="free stances", mininterval=2.0):
         a, b = graph.points[s].tolist()
-        # A random one of the branches that each limb may hold on.
+        # A random branch among those on which each limb may hold.
         branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.mask[s]]
         here = graph.configuration(State((a, b), tuple(1 << int(branch) for branch in branches)))
         touching += bool(judge.penetrations(here, [(0, a), (1, b)]))

@@ -152,7 +152,7 @@ class StateGraph:
     def costs(self, start: State, cost: Cost) -> Array:
         """Return the minimum cost from a state to every other one."""
         n = len(self.index)
-        # SciPy takes a zero for no edge.
+        # SciPy interprets a zero as a missing edge.
         weights = np.maximum(cost.base_weight * self.moved + cost.step_weight, 1e-300)
         steps = csr_array((weights, (self.rows, self.cols)), shape=(n, n))
         return np.asarray(dijkstra(steps, indices=self.index[start]))
@@ -168,11 +168,11 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     out, worst, reached = Counter[str](), 0.0, 0
     for n in tqdm(range(starts), desc="queries", mininterval=5.0):
         name, price = COSTS[n % len(COSTS)]
-        # After a step a limb that held is on some of its branches only.
+        # After a step, the label of a support limb holds only some of its branches.
         start = random_walk(graph, rng, int(rng.integers(3)))[-1]
         costs = states.costs(start, Cost.named(name, price))
         for _ in range(queries // starts):
-            # Most places of the cabin have no stance near them.
+            # Most positions in the cabin are far from any stance.
             goal = graph.base_in_world[rng.integers(len(graph))] + rng.normal(size=3) * 0.05
             goal = np.clip(goal, *sparse.cabin)
             radius = float(rng.choice([0.05, 0.2]))
@@ -241,7 +241,7 @@ def small_query(seed: int) -> tuple[str, float]:
     states = [graph.state(s) for s in starts if graph.is_node(graph.posture(s))[0]]
     if not states:
         return "no stance", 0.0
-    # Most states that a step leaves are better to compare than those that none leaves.
+    # States that some step leaves are preferred, since the others test little.
     start = next((state for state in states[:40] if graph.successors(state)), states[0])
     cost = Cost.named(name, price)
     truth = plain_dijkstra(graph, start, cost)

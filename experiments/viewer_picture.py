@@ -58,7 +58,7 @@ def picture(address: str) -> bytes:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.goto(address)
-        page.locator(".mantine-Notification-closeButton").click()  # that there is no GPU
+        page.locator(".mantine-Notification-closeButton").click()  # a warning about the missing GPU
         page.wait_for_timeout(DRAWN)
         taken: bytes = page.screenshot()
         browser.close()
