@@ -1,11 +1,11 @@
-"""Build the wheel and the sdist of a release, whose README works on a package index.
+"""Build the wheel and the source distribution of a release.
 
     make release REPOSITORY=https://github.com/OWNER/mlivr-gym
 
-In the repository the README's links and pictures are relative, so that they work on every branch
-and in every fork. A package index knows no other files; so the build takes a copy of the tracked
-files, in which they are made absolute at the tag of the version, and puts `[project.urls]` into its
-`pyproject.toml`. The repository's address is given here and stands nowhere else.
+Links and pictures of the README are relative, so that they work on every branch and in every fork.
+On a package index they would lead nowhere. The build therefore copies the tracked files, makes the
+README's links absolute at the tag of the version, and adds `[project.urls]` to the copy of
+`pyproject.toml`. The address of the repository is an argument and is stored nowhere.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ LINK = re.compile(r"(!?)\[([^]]*)\]\((?!https?://|#)([^)\s]+)\)")
 
 
 def version() -> str:
-    """The version, which stands in `mlivr_gym/_version.py` alone."""
+    """Return the version of the package, which only `mlivr_gym/_version.py` states."""
     text = (ROOT / "mlivr_gym" / "_version.py").read_text(encoding="utf-8")
     return re.findall(r'^__version__ = "(.+)"$', text, re.MULTILINE)[0]
 
 
 def absolute(text: str, repository: str, tag: str) -> str:
-    """A page with links into a repository at a tag in place of relative ones."""
+    """Return a page whose relative links point into a repository at a tag."""
 
     def link(match: re.Match[str]) -> str:
         picture, name, path = match.groups()
@@ -42,7 +42,7 @@ def absolute(text: str, repository: str, tag: str) -> str:
 
 
 def urls(repository: str, tag: str) -> str:
-    """The table `[project.urls]` of a release."""
+    """Return the table `[project.urls]` of a release."""
     pages = {
         "Repository": repository,
         "Documentation": f"{repository}/blob/{tag}/docs/index.md",
@@ -53,7 +53,7 @@ def urls(repository: str, tag: str) -> str:
 
 
 def problems(number: str) -> list[str]:
-    """What has to be done before this version can be released."""
+    """Return what must be done before this version can be released, one sentence each."""
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     status = subprocess.run(
@@ -69,7 +69,7 @@ def problems(number: str) -> list[str]:
 
 
 def build(repository: str, number: str, out: Path) -> None:
-    """Build wheel and sdist of the tracked files, with absolute links."""
+    """Build wheel and source distribution from a copy of the tracked files with absolute links."""
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
     )
@@ -88,7 +88,7 @@ def build(repository: str, number: str, out: Path) -> None:
 
 
 def main() -> int:
-    """Build, or say what has to be done before; returns the exit code."""
+    """Build the release, or print what must be done before; return the exit code."""
     parser = argparse.ArgumentParser(description="Build wheel and sdist of a release.")
     parser.add_argument("--repository", required=True, help="address of the public repository")
     parser.add_argument("--out", default="dist", type=Path, help="folder (default: %(default)s)")

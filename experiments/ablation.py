@@ -1,29 +1,28 @@
-"""What each device of the search of three and four limbs is worth: each is switched off in turn.
+"""Switch off each part of the search for three and four limbs in turn, and measure its worth.
 
-    python experiments/ablation.py [--out results] [--tasks 50] [--seconds 2]
+    python experiments/ablation.py --variant NAME [--out results] [--tasks 50] [--seconds 2]
 
-Random tasks on the JEM with collisions checked, without obstacles, with a box on the straight line
-to the goal, and with such a box and ten occupied points. All variants get the same tasks, cost of
-steps. Writes `ablation.json` and `ablation.md`.
+Random tasks on the JEM with collisions checked and the step cost: without obstacles, with a box on
+the straight line to the goal, and with such a box and ten occupied points. All variants get the
+same tasks. A call measures one variant, with at
+most ten minutes of planning, adds it to `ablation.json` and
+writes `ablation.md`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from many_limbs import random_task
+from reports import command_line, publish, read, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
-from mlivr_gym.files import write_whole
 from mlivr_gym.planners import Planner, lazy_search, searches, table_search
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
@@ -32,7 +31,7 @@ from mlivr_gym.world.boxes import Box
 ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
 NONE = ("search exhausted", "goal outside the reachable set")
-"""Reasons that prove that there is no plan."""
+"""Reasons which prove that no plan exists."""
 
 
 def _no_table() -> None:
@@ -84,10 +83,11 @@ VARIANTS: dict[str, Callable[[], None]] = {
     "no table, entries by promise and bound alone": _no_inflation,
     "no table, entries by bound alone": _by_bound,
 }
+"""Variants, and the functions that switch parts of the search off."""
 
 
 def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[Box], list[int]]]:
-    """Start, goal, boxes and occupied points of random tasks whose start can be held."""
+    """Return start, goal, boxes and occupied points of random tasks whose start can be held."""
     graph, found = stance_graph(robot=robot), []
     seed = 0
     while len(found) < count:
@@ -116,7 +116,7 @@ def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[B
 
 
 def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str, Any]]:
-    """What the search makes of the tasks."""
+    """Plan the tasks and return time, cost and bound of each result."""
     out = []
     for start, goal, boxes, taken in tasks(robot, world, count):
         graph = stance_graph(robot=robot)
@@ -136,51 +136,51 @@ def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str,
     return out
 
 
-def table(rows: dict[str, Any]) -> str:
-    """The page: of each variant how many tasks of each kind are solved."""
+def markdown(rows: dict[str, Any]) -> str:
+    """Return the page: the number of solved tasks of each kind, by variant."""
     kinds = [
         f"{robot}, {world}" for robot in ROBOTS for world in WORLDS if f"{robot}, {world}" in rows
     ]
-    variants = dict.fromkeys(name for kind in kinds for name in rows[kind])
-    count = len(next(iter(rows[kinds[0]].values())))
-    lines = [
-        "# Ablation",
-        "",
-        "Made by `experiments/ablation.py`. What each device of the search of three and four limbs "
-        f"is worth: random tasks, {count} of each kind, collisions checked, cost of steps, "
-        f"{rows['seconds']:g} s each. A task is solved if there is a plan or the proof that there "
-        "is none; in brackets the plans that are proved to have the fewest steps.",
-        "",
-        "| variant | " + " | ".join(kinds) + " | all | first plan, median [s] |",
-        "|---" * (len(kinds) + 3) + "|",
-    ]
-    for name in variants:
-        cells, every = [], []
-        for kind in kinds:
-            found = rows[kind].get(name, [])
-            every += found
-            solved = sum(one["steps"] is not None or one["reason"] in NONE for one in found)
-            proved = sum(one["bound"] == 1.0 for one in found)
-            cells.append(f"{solved} ({proved})" if found else "none")
-        solved = sum(one["steps"] is not None or one["reason"] in NONE for one in every)
+    cells = []
+    for name in dict.fromkeys(name for kind in kinds for name in rows[kind]):
+        by_kind = [rows[kind].get(name, []) for kind in kinds]
+        every = [one for found in by_kind for one in found]
         firsts = [one["first"] for one in every if one["first"] is not None]
-        first = f"{statistics.median(firsts):.2f}" if firsts else "none"
-        lines.append(f"| {name} | {' | '.join(cells)} | {solved} of {len(every)} | {first} |")
-    return "\n".join([*lines, "", *rows.get("remarks", [])]).strip() + "\n"
+        proved = [sum(one["bound"] == 1.0 for one in found) for found in by_kind]
+        cells.append([
+            name,
+            *(f"{decided(found)} ({best})" if found else "none"
+              for found, best in zip(by_kind, proved, strict=True)),
+            f"{decided(every)} of {len(every)}",
+            f"{statistics.median(firsts):.2f}" if firsts else "none",
+        ])  # fmt: skip
+    head = " | ".join(["variant", *kinds, "all", "first plan, median [s]"])
+    text = f"""# Ablation
+
+Made by `experiments/ablation.py`. Each part of the search for three and four limbs is \
+switched off in turn: random tasks, {len(next(iter(rows[kinds[0]].values())))} of each kind, \
+collisions checked, step cost, {rows["seconds"]:g} s each. A task is solved if the search finds a \
+plan or proves that none exists; in brackets the plans that are proved to have the fewest steps.
+
+{table(head, cells)}"""
+    return "\n".join([text, *rows.get("remarks", [])]).strip() + "\n"
+
+
+def decided(found: list[dict[str, Any]]) -> int:
+    """Return how many tasks have a plan or the proof that none exists."""
+    return sum(one["steps"] is not None or one["reason"] in NONE for one in found)
 
 
 def main() -> None:
-    """Ask all tasks of one variant, or of all."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    """Measure one variant."""
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=50)
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--variant", choices=list(VARIANTS))
     parser.add_argument("--name")
     parser.add_argument("--remark", help="what is to be known of how this variant was measured")
     given = parser.parse_args()
-    path = given.out / "ablation.json"
-    rows: dict[str, Any] = json.loads(path.read_text()) if path.is_file() else {}
+    rows = read(given.out, "ablation")
     name, rows["seconds"] = given.name or given.variant, given.seconds
     if given.remark:
         rows.setdefault("remarks", []).append(f"* {name}: {given.remark}")
@@ -190,8 +190,7 @@ def main() -> None:
         for world in WORLDS:
             found = solved(robot, world, given.tasks, given.seconds)
             rows.setdefault(f"{robot}, {world}", {})[name] = found
-            write_whole(path, json.dumps(rows))
-            write_whole(given.out / "ablation.md", table(rows))
+            publish(given.out, "ablation", rows, markdown, indent=None)
             print(robot, world, name, sum(o["first"] is not None for o in found), flush=True)
 
 

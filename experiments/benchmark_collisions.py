@@ -1,4 +1,4 @@
-"""How long collision checks and replanning take; part of `benchmark_planning.py`."""
+"""Measure collision checks and replanning; part of `benchmark_planning.py`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 from numba import njit
+from reports import spread
 from scipy.spatial.transform import Rotation
-from stopwatch import spread
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
@@ -42,26 +42,12 @@ def check_all(
     scratch_rows: tuple[Any, Any],
     out: IntArray,
 ) -> None:
-    """Whether each of many configurations of a two-limb robot touches something.
+    """Write the kind of contact of each configuration of a two-limb robot to `out`, 0 if none.
 
-    Grippers are compared with all boxes.
-
-    Parameters
-    ----------
-    bases
-        Bases in the world, rows of `Pose`, shape (k,).
-    joints
-        Joint angles, shape (k, 2, 6) [rad].
-    robots
-        A row of `Robot`, shape (1,).
-    grid
-        The boxes.
-    clearance
-        Least distance [m].
-    scratch_rows
-        Rows of `Placed`, shape (2,), and of `Behind`, shape (1,), of zeros.
-    out
-        Filled with the kind of contact of each, 0 where there is none, shape (k,).
+    `bases` holds records of `Pose`, shape (k,); `joints` has shape (k, 2, 6) [rad]; `robots` is a
+    record of `Robot`, shape (1,). `scratch_rows` holds zeroed records of `Placed`, shape (2,), and
+    of `Behind`, shape (1,). Grippers are compared with all boxes; distances below `clearance` [m]
+    count as contact.
     """
     robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
     for k in range(len(bases)):
@@ -86,13 +72,9 @@ def check_all(
 
 
 def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
-    """Random stances with every joint turned a little.
+    """Return base positions, rotations and joint angles of random stances with perturbed joints.
 
-    Returns
-    -------
-    tuple[Array, Array, Array]
-        Base positions, shape (count, 3) [m], base rotations, shape (count, 3, 3), and joint angles,
-        shape (count, 2, 6) [rad].
+    The shapes are (count, 3) [m], (count, 3, 3) and (count, 2, 6) [rad].
     """
     rng = np.random.default_rng(0)
     chosen = rng.integers(len(graph), size=count)
@@ -101,18 +83,12 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
         a, b = graph.points[s].tolist()
         masks = tuple(1 << int(branch) for branch in graph.branch[s])
         joints[k] = graph.configuration(State((a, b), masks))[2]
-    return (
-        graph.base_in_world[chosen],
-        graph.base_axes_in_world[chosen],
-        joints + rng.normal(0.0, 0.1, joints.shape),
-    )
+    joints += rng.normal(0.0, 0.1, joints.shape)
+    return graph.base_in_world[chosen], graph.base_axes_in_world[chosen], joints
 
 
 def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
-    """Time of one configuration in the compiled kernel and in MuJoCo [us].
-
-    The kernel runs in one thread; MuJoCo's figure is that of kinematics and collision pipeline.
-    """
+    """Return time per configuration [us] in the kernel on one thread, and in MuJoCo's pipeline."""
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
@@ -143,10 +119,7 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
 
 
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
-    """Time from a change to the new plan [ms].
-
-    The change is ten points newly occupied, or a box across the module.
-    """
+    """Return the time from ten newly occupied points, or a new box, to the new plan [ms]."""
     rng, out = np.random.default_rng(0), {}
     graph = planner.graph
     free = planner.plan(start, goal).unwrap()

@@ -1,31 +1,27 @@
-"""Steps a second of the environment, beside two well-known ones in the same run.
+"""Measure environment steps per second, compared with well-known environments in the same run.
 
     python experiments/benchmark_env.py [--out results] [--seconds 1]
 
-writes `benchmark_env.json` and `benchmark_env.md`. Actions are drawn at random among those that are
-possible; drawing them is not timed, starting new episodes is. Every figure is the best of ten short
-repetitions on one core, each of other episodes, since other work on the machine only slows a
-repetition down.
+Actions are drawn at random among the possible ones; drawing them is not timed, starting new
+episodes is. Each value is the best of ten repetitions of `--seconds` on one core, each with other
+episodes, because other work on the machine only slows a repetition down. Writes
+`benchmark_env.json` and `benchmark_env.md`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
-from planning_report import table
+from reports import command_line, publish, table
 
 from mlivr_gym import robot_spec
-from mlivr_gym.files import write_whole
 
 ID = "MLIVR-JEM-v0"
 NUMBERS = {2: "two", 3: "three", 4: "four"}
@@ -38,26 +34,14 @@ SINGLE: tuple[dict[str, Any], ...] = (
     {"robot": "mlivr4", "collisions": False},
     {"dynamics": "mujoco"},
 )
-"""Arguments of the environments that are measured one by one; the default ones come first."""
+"""Arguments of the environments that are measured singly, the default ones first."""
 
 REPETITIONS = 10
-"""Of which the best counts."""
-
-
-class Measured(NamedTuple):
-    """Steps a second."""
-
-    what: str
-    settings: str
-    """With which settings, see `settings_of`; empty for other packages'."""
-    wall: float
-    """Of the best repetition."""
-    median: float
-    """Of the median repetition."""
+"""Number of repetitions, of which the best counts."""
 
 
 def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int) -> float:
-    """Steps a second of one environment."""
+    """Return the steps per second of a single environment."""
     rng = np.random.default_rng(seed)
     spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
@@ -78,7 +62,7 @@ def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int
 
 
 def vector(env: Any, seconds: float, seed: int) -> float:
-    """Steps a second of all copies of a vector environment together."""
+    """Return the steps per second of all copies of a vector environment."""
     rng = np.random.default_rng(seed)
     spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
@@ -93,25 +77,15 @@ def vector(env: Any, seconds: float, seed: int) -> float:
 
 
 def settings_of(native: bool = False, **arguments: Any) -> str:
-    """Arguments of an environment in words, the default ones too.
-
-    Parameters
-    ----------
-    native
-        Whether it is the vector environment, which needs every step.
-    arguments
-        Arguments of `MlivrEnv`.
-    """
+    """Return arguments of an environment in words; `native` is the vector environment."""
     limbs = robot_spec(arguments.get("robot", "mlivr2")).limbs
-    found = [
-        f"{NUMBERS[limbs]} limbs",
-        "collisions on" if arguments.get("collisions", True) else "collisions off",
-    ]
+    collisions = arguments.get("collisions", True)
+    found = [f"{NUMBERS[limbs]} limbs", "collisions on" if collisions else "collisions off"]
     if "clearance" in arguments:
         found.append(f"`clearance={arguments['clearance']}`, steps checked when met")
     elif native or limbs == 2:
         found.append("table that ships")
-    elif limbs > 2 and arguments.get("collisions", True):
+    elif collisions:
         found.append("table of nodes")
     else:
         found.append("steps checked when met")
@@ -120,18 +94,17 @@ def settings_of(native: bool = False, **arguments: Any) -> str:
     return ", ".join(found)
 
 
-def best(what: str, settings: str, run: Callable[[int], float]) -> Measured:
-    """The best of some repetitions, each with a seed of its own."""
+def best(what: str, settings: str, run: Callable[[int], float]) -> dict[str, Any]:
+    """Return the best and the median of the repetitions, each with its own seed."""
     speeds = [run(seed) for seed in range(REPETITIONS)]
-    measured = Measured(what, settings, max(speeds), float(np.median(speeds)))
-    print(f"{what}, {settings}: {measured.wall:.0f} steps/s", flush=True)
-    return measured
+    print(f"{what}, {settings}: {max(speeds):.0f} steps/s", flush=True)
+    median = float(np.median(speeds))
+    return {"what": what, "settings": settings, "wall": max(speeds), "median": median}
 
 
-def measure(seconds: float) -> list[Measured]:
-    """Steps a second of every environment, each repetition as long as is asked for [s]."""
-    rows: list[Measured] = []
-    plain: dict[str, Any] = {"disable_env_checker": True}
+def measure(seconds: float) -> list[dict[str, Any]]:
+    """Measure every environment; each repetition takes `seconds` [s]."""
+    rows, plain = [], dict[str, Any](disable_env_checker=True)
     for arguments in SINGLE:
         env = gymnasium.make(ID, **plain, **arguments)
         run = partial(single, env, seconds, True)
@@ -150,36 +123,31 @@ def measure(seconds: float) -> list[Measured]:
 
 
 def main() -> None:
-    """Measure and write."""
-    parser = argparse.ArgumentParser(description="Steps a second.")
-    parser.add_argument("--out", default="results", help="folder (default: %(default)s)")
+    """Measure and write results and page."""
+    parser = command_line(__doc__)
     parser.add_argument(
         "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
     )
     args = parser.parse_args()
     rows = measure(args.seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
-    told = [row._asdict() for row in rows]
-    data = {"machine": machine, "seconds": args.seconds, "rows": told}
-    out = Path(args.out)
-    out.mkdir(parents=True, exist_ok=True)
-    write_whole(out / "benchmark_env.json", json.dumps(data, indent=1) + "\n")
-    write_whole(out / "benchmark_env.md", report(data))
+    data = {"machine": machine, "seconds": args.seconds, "rows": rows}
+    publish(args.out, "benchmark_env", data, markdown)
 
 
-def report(data: dict[str, Any]) -> str:
-    """The report, in Markdown."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     rows = [
         (row["what"], row["settings"], f"{row['wall']:,.0f}", f"{row['median']:,.0f}")
         for row in data["rows"]
     ]
-    return f"""# Steps a second
+    return f"""# Steps per second
 
 Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each, best of {REPETITIONS} \
-repetitions of {data["seconds"]:g} s. Actions are random possible ones; Taxi's are masked too. \
-Each environment as `gymnasium.make` returns it, without its checker, the first with all its \
-defaults. Steps checked when met and those of many limbs are mostly new ones: each repetition \
-draws other episodes.
+repetitions of {data["seconds"]:g} s. Actions are drawn at random among the possible ones, in Taxi \
+too. Each environment is as `gymnasium.make` returns it, without its checker; the first one has \
+all its defaults. Each repetition draws other episodes, so steps that are checked when met, and \
+those of many limbs, are mostly new.
 
 {table("environment | settings | steps/s | steps/s, median", rows)}"""
 

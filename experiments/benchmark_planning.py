@@ -1,17 +1,17 @@
-"""How long planning takes: the default settings first, then beside networkx and rustworkx.
+"""Measure how long planning takes, and compare it with networkx, rustworkx and a plain reference.
 
     python experiments/benchmark_planning.py [--out results] [--queries 200]
         [--reference-seconds 15]
 
-writes `benchmark_planning.md` and `benchmark_planning.json` in about four minutes. All is measured
-in one process, on the table of stances and steps that ships. A longer limit lets the plain
-reference get farther; see `reference_planner.py` for what it does.
+All series run in one process on the table of nodes and edges that ships: plans to new, known and
+unreachable goals, replanning after changes of the world, single collision checks, the same table in
+graph libraries, and the paper's algorithm in plain Python (`reference_planner.py`; a longer limit
+lets it get farther). Writes `benchmark_planning.json` and `benchmark_planning.md` in about four
+minutes.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import platform
 from collections.abc import Iterable, Iterator, Sequence
@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
-from planning_report import report
+from planning_report import markdown
 from reference_planner import TOLERANCE, map_to_plan
-from stopwatch import spread, timed
+from reports import command_line, pair_graph, publish, spread, timed
 
-from mlivr_gym import Settings, State, stance_graph
+from mlivr_gym import State
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.files import write_whole
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
@@ -39,10 +38,10 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 COSTS = ("steps", "base")
 GOALS, STARTS = 16, 5
-"""Goals that are known beforehand, as many as a planner keeps, and starts for each."""
+"""Number of known goals, as many as a planner keeps prepared, and of starts for each."""
 
 CHANGES = 50
-"""Changes of the world after which a plan is made anew, of each kind."""
+"""Number of changes of the world of each kind, after each of which a plan is made."""
 
 LIBRARY_QUERIES = 10
 CONFIGURATIONS = 1000
@@ -50,21 +49,14 @@ CONFIGURATIONS = 1000
 Task = tuple[State, Array]
 
 
-def pair_graph(**settings: Any) -> PairGraph:
-    """The stance graph of the JEM and two limbs."""
-    graph = stance_graph(settings=Settings(**settings))
-    assert isinstance(graph, PairGraph)
-    return graph
-
-
 def resident() -> float:
-    """Resident memory of this process [MB]."""
+    """Return the resident memory of this process [MB]."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores and versions."""
+    """Return processor, cores and versions of the packages."""
     info = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     models = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
     packages = ("numpy", "scipy", "numba", "pin", "networkx", "rustworkx")
@@ -76,8 +68,10 @@ def machine() -> dict[str, Any]:
     }
 
 
-def asked(planner: Planner, tasks: Iterable[Task], cost: str, **options: Any) -> dict[str, Any]:
-    """Times of `Planner.plan` and of its search alone, and what else a series of queries tells."""
+def query_times(
+    planner: Planner, tasks: Iterable[Task], cost: str, **options: Any
+) -> dict[str, Any]:
+    """Time `Planner.plan` and its search over queries; count expansions and missing plans."""
     whole, results = [], []
     for start, goal in tasks:
         seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
@@ -91,7 +85,7 @@ def asked(planner: Planner, tasks: Iterable[Task], cost: str, **options: Any) ->
 
 
 def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
-    """Random stances and places in the cabin to which no walk leads from them."""
+    """Yield random starts with goals in the cabin that no walk from them reaches."""
     low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
     while True:
         start, goal = sample_task(graph, rng, TOLERANCE).start, rng.uniform(low, high)
@@ -100,27 +94,27 @@ def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
 
 
 def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
-    """New goals, goals that are known and goals that cannot be reached."""
+    """Measure new goals, prepared goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
     preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
     known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
     exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
-        "new goal": asked(Planner(graph), tasks, cost),
-        "known goal": asked(knowing, known, cost),
-        "unreachable goal": asked(Planner(graph), cut_off, cost),
+        "new goal": query_times(Planner(graph), tasks, cost),
+        "known goal": query_times(knowing, known, cost),
+        "unreachable goal": query_times(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
         "prepare": spread(preparing),
     }
 
 
 def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
-    """Queries of the base cost on the table in two graph libraries, and here."""
+    """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
     series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
     series["Dijkstra"] = {"method": "dijkstra"}
-    ours = {name: asked(Planner(graph), tasks, "base", **how) for name, how in series.items()}
+    ours = {name: query_times(Planner(graph), tasks, "base", **how) for name, how in series.items()}
     out: dict[str, Any] = {"this planner": ours}
     for name, library in LIBRARIES.items():
         before = resident()
@@ -144,10 +138,10 @@ def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
 
 
 def measure(count: int, limit: float) -> dict[str, Any]:
-    """Everything, in order."""
+    """Run all measurements in order."""
     setup, rng = default_setup(), np.random.default_rng(2026)
     start, goal = tuple(setup["start"]), np.array(setup["goal"])
-    Planner(pair_graph()).plan(start, goal).unwrap()  # what is compiled is at hand from now on
+    Planner(pair_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
     data: dict[str, Any] = {"machine": machine(), "reference_seconds": limit}
     graph = pair_graph()
     steps = graph.steps.edges
@@ -176,21 +170,16 @@ def measure(count: int, limit: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure and write both files."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"), help="folder for the results")
+    """Measure and write results and page."""
+    parser = command_line(__doc__)
     parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
     parser.add_argument(
         "--reference-seconds", type=float, default=15.0, help="limit of each run of the reference"
     )
     args = parser.parse_args()
     data = measure(max(args.queries, STARTS), args.reference_seconds)
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_whole(args.out / "benchmark_planning.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "benchmark_planning.md", report(data))
-    print(report(data))
+    publish(args.out, "benchmark_planning", data, markdown)
+    print(markdown(data))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""What collision checks rule out, as a picture of one stance.
+"""Draw a stance that meets all thresholds but collides with the cabin.
 
     python experiments/blocked.py [--out results]
 
-writes `blocked.png`, and an SVG beside it: a stance that meets the thresholds, but not without
-touching the cabin, and below a close-up of the worst contact.
+Of all stances that only the collision check rules out, the one with the fewest contacts is shown,
+with a close-up of its deepest contact. Writes `blocked.png` and `blocked.svg`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 
 def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
-    """The stance with the fewest contacts of those that only collisions rule out."""
+    """Return the stance with the fewest contacts among those that only collisions rule out."""
     best: Panel | None = None
+    faces, ids = free.grasp_map.faces, free.grasp_map.ids
     grasps, clearance = checked.solver.grasps, checked.settings.clearance
     for stance, masks in zip(free.points, free.mask, strict=True):
         if checked.find(stance.tolist()) >= 0 or checked.solver.point_cause[stance].any():
@@ -29,20 +30,16 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
         at = [(i, grasps["point"][p], grasps["normal"][p]) for i, p in enumerate(stance)]
         found = contacts(checked.robot, checked.grasp_map.boxes, here, clearance, at)
         if found and (best is None or len(found) < len(best.contacts)):
-            held = ", ".join(f"limb {i} holds {_place(free, p)}" for i, p in enumerate(stance))
+            places = [f"{faces[p]} point {ids[p]}" for p in stance]
+            held = ", ".join(f"limb {i} holds {place}" for i, place in enumerate(places))
             best = Panel(f"A stance that is no node:\n{held}", here, found)
     if best is None:
         raise SystemExit("no stance is blocked")
     return best
 
 
-def _place(graph: PairGraph, point: int) -> str:
-    """A point in words, its face first."""
-    return f"{graph.grasp_map.faces[point]} point {graph.grasp_map.ids[point]}"
-
-
 def main() -> None:
-    """Draw it."""
+    """Draw the figure and print the contacts."""
     out = command_line(__doc__).parse_args().out
     checked, free = pair_graph(), pair_graph(collisions=False)
     panel = blocked_stance(checked, free)

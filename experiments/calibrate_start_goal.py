@@ -1,16 +1,15 @@
-"""Find a start and a goal for which the four cases come closest to the paper's Table I.
-
-The paper's map, start and goal are not public. Its figures speak of a walk from the deck to the
-overhead whose base goes about 4.4 m. Starts are stances on the deck with the base within 0.6 m of
-(1.84, 0, -0.35); goals are base positions of stances on the overhead within 0.6 m of (6.0, 0,
-0.42), rounded to 0.05 m, at which both limbs are to hold the overhead. Each pair is planned for
-Cases 1 to 3 in the paper-faithful mode, and the seed of Case 4's sparse map is chosen last. The
-mismatch adds relative errors of base translation, steps and the least manipulabilities; no relation
-between the cases is asked for. There must be plans for all cases in the other modes too.
+"""Find a start and a goal for which the four cases agree best with the paper's Table I.
 
     python experiments/calibrate_start_goal.py [--pairs 3000]
 
-writes `envs_assets/table1_setup.json`.
+The paper's map, start and goal are not public; its figures imply a walk from the deck to the
+overhead with a base translation of about 4.4 m. Candidate starts are stances on the deck with the
+base within 0.6 m of (1.84, 0, -0.35). Candidate goals are base positions of stances on the overhead
+within 0.6 m of (6.0, 0, 0.42), rounded to 0.05 m; both limbs must hold the overhead there. Random
+pairs are planned for Cases 1 to 3 in the paper-faithful mode, and the seed of the sparse map of
+Case 4 is chosen last. The mismatch adds relative errors of base translation, steps and minimum
+manipulabilities; relations between the cases are not part of it. Plans must exist for all cases in
+the other modes, too. Writes `envs_assets/table1_setup.json`.
 """
 
 from __future__ import annotations
@@ -31,20 +30,20 @@ from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.pair_graph import PairGraph
 
 START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
-"""Starts and goals that are tried lie within `RADIUS` of these base positions [m]."""
+"""Candidate starts and goals lie within `RADIUS` of these base positions [m]."""
 
 FACE = "overhead"
 """Face on which walks end."""
 
 SEEDS = range(60)
-"""Seeds of the sparse map that are tried."""
+"""Candidate seeds of the sparse map."""
 
 FINALISTS = 200
-"""Pairs of least mismatch that are asked for plans in all modes."""
+"""Number of pairs with the smallest mismatch that are planned in all modes."""
 
 
 def mismatch(case: int, plan: Plan) -> float:
-    """Sum of relative errors of one case against the paper's row."""
+    """Return the weighted sum of relative errors of one case against the paper's row."""
     row = PAPER[case]
     return (
         abs(plan.base_translation / row["base_translation"] - 1.0) * 2.0
@@ -55,7 +54,7 @@ def mismatch(case: int, plan: Plan) -> float:
 
 
 def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Plan | None:
-    """The plan of a case, if there is one."""
+    """Return the plan of a case, or None if no plan exists."""
     heuristic = MODES[mode].heuristic if mode == "faithful" else "cost_to_go"
     return planner.plan(
         setup["start"], setup["goal"], CASES[case].cost, heuristic=heuristic, goal_face=FACE
@@ -63,14 +62,13 @@ def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Pl
 
 
 def planners_of(mode: str) -> dict[int, Planner]:
-    """Planners of Cases 1 to 3 in a mode."""
-    any_setup: dict[str, Any] = {}
-    first, second = (Planner(case_graph(case, any_setup, mode)) for case in (1, 2))
+    """Return the planners of Cases 1 to 3 in a mode."""
+    first, second = (Planner(case_graph(case, {}, mode)) for case in (1, 2))
     return {1: first, 2: second, 3: second}
 
 
 def candidates(graph: PairGraph) -> tuple[list[tuple[str, ...]], Array]:
-    """Stances from which the walk may start, and goals, shape (g, 3) [m]."""
+    """Return the candidate starts, and the candidate goals of shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
     close = np.linalg.norm(graph.base_in_world - START, axis=1) < RADIUS
     starts = []
@@ -88,7 +86,7 @@ def candidates(graph: PairGraph) -> tuple[list[tuple[str, ...]], Array]:
 
 
 def best_pair(pairs: int) -> tuple[float, dict[str, Any]]:
-    """Mismatch and setup of the best of random pairs."""
+    """Return mismatch and setup of the best of `pairs` random pairs."""
     planners = {mode: planners_of(mode) for mode in MODES}
     graph = planners["collisions"][2].graph
     assert isinstance(graph, PairGraph)
@@ -116,7 +114,7 @@ def best_pair(pairs: int) -> tuple[float, dict[str, Any]]:
 
 
 def best_seed(pair: dict[str, Any]) -> tuple[float, dict[str, Any]]:
-    """Mismatch of Case 4 and the setup with the best seed of the sparse map."""
+    """Return the mismatch of Case 4 and the setup with the best seed of the sparse map."""
     found = []
     for seed in tqdm(SEEDS, desc="seeds of the sparse map", mininterval=2.0):
         setup = pair | {"sparse_seed": seed}
@@ -134,7 +132,7 @@ def best_seed(pair: dict[str, Any]) -> tuple[float, dict[str, Any]]:
 
 
 def main() -> None:
-    """Search over pairs and seeds, and write the best."""
+    """Search over pairs and seeds, and write the best setup."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
     pairs = parser.parse_args().pairs

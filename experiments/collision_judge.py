@@ -1,4 +1,4 @@
-"""MuJoCo's and coal's opinion of what the planner's collision checks compare."""
+"""Independent verdicts of MuJoCo and coal on the collision pairs that the planner checks."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 TOUCH = 1e-6
-"""Overlaps below this are rounding [m]."""
+"""Penetrations below this depth are rounding errors [m]."""
 
-At = list[tuple[int, int]]
-"""Limbs, and the points that they are at."""
+HeldPoints = list[tuple[int, int]]
+"""Pairs of a limb and the point at which its gripper is."""
 
 
 class Judge:
-    """MuJoCo's and coal's opinion of a configuration."""
+    """Collision checks of configurations by MuJoCo and coal."""
 
     def __init__(self, graph: PairGraph) -> None:
-        """Build the scene, and the shapes once more for coal."""
+        """Build the MuJoCo scene and the coal shapes of a graph's robot and map."""
         self.graph, self.robot = graph, graph.robot
         self.model = scene_spec(graph.grasp_map, graph.robot).compile()
         self.data = mujoco.MjData(self.model)
         self.names = [self.model.geom(i).name for i in range(self.model.ngeom)]
         self.shapes = LimbShapes(graph.robot)
-        self._boxes = [solid(box) for box in graph.grasp_map.boxes]
+        self._boxes = [box_shape(box) for box in graph.grasp_map.boxes]
 
     def penetrations(
-        self, configuration: Configuration, points: At
+        self, configuration: Configuration, points: HeldPoints
     ) -> list[tuple[str, str, float]]:
-        """Pairs in contact with their distances [m], but for grippers with the track they hold."""
+        """Return pairs in contact with distances [m], except a gripper with the track it holds."""
         set_configuration(self.model, self.data, *configuration)
         ids = self.graph.grasp_map.ids
         held = {(f"limb{i}/gripper/0", scene_name(BOX, ids[p].split(":")[0])) for i, p in points}
@@ -53,41 +53,42 @@ class Judge:
         return found
 
     def least_distance(
-        self, configuration: Configuration, points: At, obstacles: Sequence[Box] = ()
+        self, configuration: Configuration, points: HeldPoints, obstacles: Sequence[Box] = ()
     ) -> float:
-        """Coal's least distance of the robot to boxes and between limbs [m].
+        """Return coal's minimum distance between robot and boxes and between limbs [m].
 
-        Grippers at a point are compared with no box; `obstacles` stand beside those of the map.
+        Grippers at a point are not compared with boxes. `obstacles` are added to the boxes of the
+        map.
         """
         position, quaternion, _ = configuration
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         mounts, gripper = self.shapes.mounts, int(self.shapes.limb["gripper"])
         limbs = [
-            [capsule(axis, r) for axis, r in zip(limb, self.shapes.radii, strict=True)]
+            [capsule_shape(axis, r) for axis, r in zip(limb, self.shapes.radii, strict=True)]
             for limb in capsule_ends(self.robot, self.shapes, configuration)
         ]
         body = [
-            capsule(position + axis @ base.T, r)
+            capsule_shape(position + axis @ base.T, r)
             for axis, r in zip(mounts["ends"], mounts["radius"], strict=True)
         ]
         body.append(_placed(coal.Box(*(2.0 * self.shapes.robot["half"])), base, position))
         at_grasp = {i for i, _ in points}
         for i, limb in enumerate(limbs):
             body += limb[:gripper] if i in at_grasp else limb
-        boxes = [*self._boxes, *map(solid, obstacles)]
-        least = min((_least(a, b) for a, b in combinations(limbs, 2)), default=np.inf)
-        return min(least, _least(body, boxes))
+        boxes = [*self._boxes, *map(box_shape, obstacles)]
+        least = min((_min_distance(a, b) for a, b in combinations(limbs, 2)), default=np.inf)
+        return min(least, _min_distance(body, boxes))
 
 
 def _placed(shape: Any, turn: Array, centre: Array) -> Any:
-    """A shape of coal somewhere, with its box along the axes."""
+    """Return a coal shape at a pose, with its bounding box."""
     placed = coal.CollisionObject(shape, coal.Transform3s(turn, centre))
     placed.computeAABB()
     return placed
 
 
-def capsule(ends: Array, radius: float) -> Any:
-    """A capsule; `ends` has shape (2, 3) [m]."""
+def capsule_shape(ends: Array, radius: float) -> Any:
+    """Return a coal capsule; `ends` has shape (2, 3) [m]."""
     along, middle = ends[1] - ends[0], 0.5 * (ends[0] + ends[1])
     length = float(np.linalg.norm(along))
     if length < 1e-9:
@@ -96,23 +97,27 @@ def capsule(ends: Array, radius: float) -> Any:
     return _placed(coal.Capsule(float(radius), length), turn, middle)
 
 
-def solid(box: Box) -> Any:
-    """A box of the map, or an obstacle."""
+def box_shape(box: Box) -> Any:
+    """Return the coal shape of a box or an obstacle."""
     shape = coal.Box(*(2.0 * np.array(box.half)))
     return _placed(shape, np.array(box.rotation), np.array(box.centre))
 
 
-def _least(first: Sequence[Any], second: Sequence[Any]) -> float:
-    """Least distance of two groups of shapes [m]; pairs whose boxes are nearest come first."""
+def _min_distance(first: Sequence[Any], second: Sequence[Any]) -> float:
+    """Return the minimum distance between two groups of shapes [m].
+
+    Pairs are visited in the order of the gaps between their bounding boxes, until no other pair can
+    be closer.
+    """
     low, high = (
         [np.array([side(placed.getAABB()) for placed in group]) for group in (first, second)]
         for side in (lambda box: box.min_, lambda box: box.max_)
     )
     gaps = np.maximum(low[0][:, None] - high[1], low[1] - high[0][:, None])
-    apart, least = np.linalg.norm(np.maximum(gaps, 0.0), axis=2), np.inf
-    for flat in np.argsort(apart, axis=None):
+    gap, least = np.linalg.norm(np.maximum(gaps, 0.0), axis=2), np.inf
+    for flat in np.argsort(gap, axis=None):
         i, j = divmod(int(flat), len(second))
-        if apart[i, j] > max(least, 0.0):
+        if gap[i, j] > max(least, 0.0):
             break
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         least = min(least, float(coal.distance(first[i], second[j], request, result)))

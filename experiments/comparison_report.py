@@ -1,4 +1,4 @@
-"""Tables and plots of `planner_vs_rl.py`."""
+"""Tables and figure of `planner_vs_rl.py`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.pictures.figures import save_figure
 
 NOT_MEASURED, NEVER_REACHED = "not measured", "goal never reached"
-"""What stands in the plot where there is no figure."""
+"""Words in the figure in place of missing values."""
 
 SPLITS = {
     "same": "same map",
@@ -52,24 +52,22 @@ NAMES = {
 
 AIMS = {
     "same": (0.99, 1.05),
-    "half": (0.95, np.inf),
-    "dense": (0.95, np.inf),
-    "occupied": (0.95, np.inf),
+    **dict.fromkeys(("half", "dense", "occupied"), (0.95, np.inf)),
 }
-"""Least success and most steps over optimal that were aimed at for the best learned policy."""
+"""Minimum success and maximum ratio of steps that were aimed at for the best learned policy."""
 
 
 FIGURES = (
     "success", "steps", "base_translation", "first_decision", "decision", "carried_out", "refined"
 )  # fmt: skip
-"""What is kept of each episode."""
+"""Values of each episode."""
 
 
 class Runs:
     """All runs of one method in one family: seeds by episodes."""
 
     def __init__(self, data: dict[str, Any]) -> None:
-        """Line the parts up."""
+        """Align the parts by episode."""
         seeds = [data[seed] for seed in sorted(data)]
         self.keys = sorted(
             {(part, t) for seed in seeds for part in seed for t in seed[part]["tasks"]}
@@ -84,15 +82,15 @@ class Runs:
                         self.values[name][row, index[part, task]] = known
 
     def successful(self, name: str) -> Array:
-        """A figure where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
+        """Return a value where the goal was reached, NaN elsewhere, shape (seeds, episodes)."""
         return np.where(self.values["success"] == 1.0, self.values[name], np.nan)
 
 
 def ratio(runs: Runs, name: str, best: Runs, reference: str | None = None) -> Array:
-    """A figure over that of the best method, by episode, mean over seeds.
+    """Return a value over that of the best method, by episode, mean over seeds.
 
-    Episodes that the method never solved are not in it. `reference` is the figure of the best
-    method if it has another name.
+    Episodes that the method never solved are left out. `reference` is the name of the best method's
+    value if it differs.
     """
     known = dict(zip(best.keys, best.successful(reference or name)[0], strict=True))
     share = runs.successful(name) / np.array([known.get(key, np.nan) for key in runs.keys])
@@ -101,7 +99,7 @@ def ratio(runs: Runs, name: str, best: Runs, reference: str | None = None) -> Ar
 
 
 def interval(values: Array, digits: int, percent: bool = False) -> str:
-    """A mean with its 95 % bootstrap interval."""
+    """Return a mean with its 95 % bootstrap interval."""
     if not len(values):
         return NOTHING
     scale, unit = (100.0, " %") if percent else (1.0, "")
@@ -110,20 +108,20 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
 
 
 def relative(runs: Runs, name: str, best: Runs | None, unit: str) -> str:
-    """A figure over that of the best method; where there is none, its mean."""
+    """Return a value over that of the best method, or its mean if `best` is None."""
     if best is not None:
         return interval(ratio(runs, name, best), 3)
     return f"{np.nanmean(runs.successful(name)):.2f} {unit}"
 
 
 def best_steps(runs: dict[str, Runs], family: str) -> Runs | None:
-    """What is optimal for the steps in a family."""
+    """Return the runs with the optimal number of steps in a family."""
     names = ("table-expected",) if family == "unreliable" else ("table", "astar-steps")
     return next((runs[name] for name in names if name in runs), None)
 
 
 def table_rows(data: dict[str, Any], family: str) -> list[tuple[str, list[str]]]:
-    """Method and cells of each row of one family, the cells in the order of `HEAD`."""
+    """Return method and cells of each row of one family; the cells are in the order of `HEAD`."""
     runs = {name: Runs(found) for name, found in data[family].items()}
     steps, base, rows = best_steps(runs, family), runs.get("astar-base"), []
     for name in [n for n in NAMES if n in runs]:
@@ -153,8 +151,8 @@ HEAD = (
 )
 
 
-def full_report(data: dict[str, Any]) -> str:
-    """The whole report."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     titles = SPLITS | {
         "cold": "First action on the dense map with no step known",
         "unreliable": "Unreliable grasps, same map (optimal: expected cost)",
@@ -168,26 +166,23 @@ def full_report(data: dict[str, Any]) -> str:
     return f"""# Planners and learned policies
 
 Made by `experiments/planner_vs_rl.py`. Means with 95 % bootstrap intervals over tasks; for \
-learned policies the mean over training seeds. Ratios are over the episodes that reach their goal; \
-optimal is the exact table for the steps, or A* where there is none, and A* for the translation. \
-*Refined*: the translation over the same optimum once the base poses on the walk's footholds are \
-optimised; *carried out*: the share of walks that MuJoCo carries out as fast as the limits allow; \
-both for the first tasks alone. *First action*: from the reset to the first action, world \
-included; *action*: the policy alone; medians. On the dense map methods use what others have found \
-out of its steps before; a fair first action is that with no step known. A policy stops an episode \
-that asks for a step that is not possible; all stop after 60 steps.
+learned policies over the mean of the training seeds. Ratios are over the episodes that reach \
+their goal; the optimum is that of the exact table for the steps, or of A* if no table exists, and \
+of A* for the translation. *Refined*: base translation over the same optimum after the base poses \
+at the walk's footholds are optimised; *carried out*: share of walks that succeed in MuJoCo at the \
+fastest pace; both only for the first tasks. *First action*: median time from the reset to the \
+first action, including checks of the world; *action*: median time of the policy alone. On the \
+dense map, methods use the results of step checks of earlier methods; the fair first action is the \
+one with no step known. An episode ends when a policy takes an impossible step, and after 60 steps.
 
-## What was aimed at
+## Aims
 
 {aims_table(data)}
 {chr(10).join(sections)}"""
 
 
 def aims_table(data: dict[str, Any]) -> str:
-    """What was aimed at, and what the best learned policies reach, alone and with a beam.
-
-    Cells give success and steps over optimal.
-    """
+    """Return aims and results (success, steps over optimal) of the best learned policies."""
     rows = []
     for split, (least, most) in AIMS.items():
         found = {name: Runs(runs) for name, runs in data.get(split, {}).items()}
@@ -213,7 +208,7 @@ def aims_table(data: dict[str, Any]) -> str:
 
 
 def readme_table(data: dict[str, Any]) -> str:
-    """Success and steps over optimal by split, and the time of the first action."""
+    """Return success and steps over optimal by split, and the time of the first action."""
     found = {split: dict(table_rows(data, split)) for split in SPLITS if split in data}
 
     def cell(cells: list[str] | None) -> str:
@@ -233,17 +228,14 @@ def readme_table(data: dict[str, Any]) -> str:
     return table(head, rows) + "\n" + aims_table(data)
 
 
-def draw(data: dict[str, Any], path: Path) -> None:
-    """Success and steps over optimal of each method in each split, every mean with its figure.
-
-    The axis of the steps is logarithmic and holds all of them.
-    """
+def figure(data: dict[str, Any], path: Path) -> None:
+    """Plot success and (logarithmic) steps over optimal of each method in each split."""
     splits = [s for s in SPLITS if s in data]
     names = [
         n for n in NAMES if any(n in data[s] for s in splits) and n not in ("dijkstra", "table")
     ]
-    figure = Figure(figsize=(12.0, 1.6 + 0.7 * len(names)), dpi=110, layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
+    fig = Figure(figsize=(12.0, 1.6 + 0.7 * len(names)), dpi=110, layout="constrained")
+    axes = fig.subplots(1, 2, sharey=True)
     for k, split in enumerate(splits):
         found = {name: Runs(runs) for name, runs in data[split].items()}
         best = best_steps(found, split)
@@ -268,12 +260,12 @@ def draw(data: dict[str, Any], path: Path) -> None:
         for between in range(1, len(names)):
             axis.axhline(between - 0.5, color="0.85", linewidth=0.6)
     handles = axes[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper center", ncols=len(splits), fontsize=9)
-    save_figure(figure, path)
+    fig.legend(*handles, loc="outside upper center", ncols=len(splits), fontsize=9)
+    save_figure(fig, path)
 
 
 def _ratio_axis(axis: Any) -> None:
-    """Make an axis of ratios to the optimum logarithmic, with room for what stands beside it."""
+    """Make an axis of ratios logarithmic, with space for words next to the points."""
     axis.set_xscale("log")
     low, high = min(0.95, axis.get_xlim()[0]), max(1.2, axis.get_xlim()[1])
     axis.set_xlim(low, 1.35 * high)
@@ -284,15 +276,15 @@ def _ratio_axis(axis: Any) -> None:
 
 
 def _mean(axis: Any, y: float, values: Array | None, colour: str, form: str) -> None:
-    """A dot at a mean with its 95 % bootstrap interval and its figure, or why there is none."""
-    told: dict[str, Any] = {"fontsize": 6.5, "va": "center"}
+    """Draw a mean with its 95 % bootstrap interval and its value, or why it is missing."""
+    style: dict[str, Any] = {"fontsize": 6.5, "va": "center"}
     if values is None or not len(values):
         words = NOT_MEASURED if values is None else NEVER_REACHED
         axis.annotate(words, (0.02, y), xycoords=axis.get_yaxis_transform(), style="italic",
-                      color="0.45", **told)  # fmt: skip
+                      color="0.45", **style)  # fmt: skip
         return
     (low, high), mean = bootstrap(values), float(values.mean())
     axis.plot([low, high], [y, y], color=colour, linewidth=1.2)
     axis.plot([mean], [y], "o", color=colour, markersize=4.5)
     axis.annotate(form.format(mean), (max(mean, high), y), (5, 0), textcoords="offset points",
-                  color="0.25", **told)  # fmt: skip
+                  color="0.25", **style)  # fmt: skip

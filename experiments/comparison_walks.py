@@ -1,7 +1,7 @@
-"""Walks of the comparison: kept while methods are measured, carried out in MuJoCo, and refined.
+"""Walks of `planner_vs_rl.py`: stored while methods are evaluated, then simulated and refined.
 
-Planners and policies are treated alike: what is kept of a walk are its states, and a walk that
-several methods take is carried out once.
+Planners and policies are treated alike: only the states of a walk are stored, and a walk that
+several methods take is simulated once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from processes import Processes
+from reports import Processes
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import HeldOutWorld, load_test_set
@@ -25,55 +25,47 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.transitions.state import State
 
 Walk = list[list[int]]
-"""Points and then branches of the limbs in each state, as a file keeps them."""
+"""Points, then branch masks of the limbs in each state, as stored in the results."""
 
 
 KEPT = 10
-"""Walks after which what is known is kept."""
+"""Number of simulated walks after which results are stored."""
 
-ASKED: list[tuple[int, Walk]] = []
-"""Tasks and walks with which processes are forked."""
+REQUESTED: list[tuple[int, Walk]] = []
+"""Tasks and walks of the present call of `carry_out`; worker processes inherit them when forked."""
 
 
 class Walks:
-    """Keeps the states of the episodes that reach their goal, while they are measured."""
+    """Recorder of the states of the episodes that reach their goal."""
 
-    def __init__(self, told: Callable[[], Any]) -> None:
-        """Call `told` after each episode."""
-        self._told, self._episode = told, 0
+    def __init__(self, after_episode: Callable[[], Any]) -> None:
+        """Create an empty recorder; `after_episode` is called after each episode."""
+        self._after_episode, self._episode = after_episode, 0
         self._found: dict[int, Walk] = {}
 
     def count(self, done: int) -> None:
-        """An episode has ended."""
+        """Note that an episode has ended; `done` is the number of episodes so far."""
         self._episode = done
-        self._told()
+        self._after_episode()
 
     def keep(self, env: MlivrEnv, states: tuple[State, ...]) -> None:
-        """The states of the present episode; it tells nothing of an execution."""
+        """Store the states of the present episode."""
         self._found[self._episode] = [[*state.stance, *state.masks] for state in states]
 
-    def of(self, result: Evaluation) -> list[Walk | None]:
-        """The walk of each episode, None where the goal was not reached."""
+    def by_episode(self, result: Evaluation) -> list[Walk | None]:
+        """Return the walk of each episode, None where the goal was not reached."""
         return [self._found.get(k) for k in range(len(result.steps))]
 
 
 @cache
 def same_map() -> tuple[MlivrEnv, HeldOutWorld]:
-    """The environment and the tasks of the same map."""
+    """Return the environment and the tasks of the split `same`."""
     world = next(w for w in load_test_set() if w.split == "same")
     return MlivrEnv(map=world.map(), precompute=True), world
 
 
 def outcome(task: int, walk: Walk) -> dict[str, Any]:
-    """What becomes of a walk: whether MuJoCo carries it out, and its translation when refined.
-
-    Parameters
-    ----------
-    task
-        Number of the task on the same map.
-    walk
-        The states.
-    """
+    """Simulate and refine a walk; return its success and its refined base translation [m]."""
     env, world = same_map()
     limbs = env.graph.limbs
     states = [State(tuple(row[:limbs]), tuple(row[limbs:])) for row in walk]
@@ -89,36 +81,29 @@ def outcome(task: int, walk: Walk) -> dict[str, Any]:
 
 
 def _outcome_of(k: int) -> dict[str, Any]:
-    """What becomes of one of the walks that are asked for."""
-    return outcome(*ASKED[k])
+    """Return the outcome of one of the requested walks."""
+    return outcome(*REQUESTED[k])
 
 
-def walked(
+def carry_out(
     rows: list[dict[str, Any]], count: int, known: dict[str, Any], keep: Callable[[], None]
 ) -> None:
-    """Carry out and refine the walks of the first tasks; what came of it goes into the rows.
+    """Simulate and refine the walks of the first `count` tasks; store the outcomes in the rows.
 
-    Parameters
-    ----------
-    rows
-        Records of methods on the same map, with their walks.
-    count
-        How many tasks.
-    known
-        What is known of walks, by their task and states; it grows, the short ones first.
-    keep
-        Called now and then, to keep what is known.
+    `rows` are the records of methods on the same map. `known` maps walks to outcomes; missing ones
+    are computed, short walks first, and added. `keep` is called regularly to store them.
     """
-    asked: dict[str, tuple[int, Walk]] = {}
+    requested: dict[str, tuple[int, Walk]] = {}
     for row in rows:
         for task, walk in zip(row["tasks"][:count], row["walks"], strict=False):
             if walk is not None and len(walk) > 1:
-                asked[name_of(task, walk)] = (task, walk)
-    missing = sorted((name for name in asked if name not in known), key=lambda k: len(asked[k][1]))
+                requested[key_of(task, walk)] = (task, walk)
+    missing = [name for name in requested if name not in known]
+    missing.sort(key=lambda name: len(requested[name][1]))
     if missing:
         same_map()  # before processes are forked
         work = Processes(len(os.sched_getaffinity(0)))
-        ASKED[:] = [asked[name] for name in missing]
+        REQUESTED[:] = [requested[name] for name in missing]
         answers = work.answers(_outcome_of, range(len(missing)), "walks carried out")
         for k, (name, answer) in enumerate(zip(missing, answers, strict=True)):
             known[name] = answer
@@ -126,13 +111,13 @@ def walked(
                 keep()
     for row in rows:
         found = [
-            None if walk is None else known.get(name_of(task, walk))
+            None if walk is None else known.get(key_of(task, walk))
             for task, walk in zip(row["tasks"][:count], row["walks"], strict=False)
         ]
         row["carried_out"] = [None if one is None else one["carried_out"] for one in found]
         row["refined"] = [None if one is None else one["refined_m"] for one in found]
 
 
-def name_of(task: int, walk: Walk) -> str:
-    """Name of a walk among those that are known."""
+def key_of(task: int, walk: Walk) -> str:
+    """Return the key of a walk in the stored outcomes."""
     return f"{task}: {json.dumps(walk)}"

@@ -1,8 +1,10 @@
-"""The figure of the certificate in `docs/concepts.md`: bounds of `w_m` along a base path.
+"""Draw the certificate of `docs/concepts.md`: proved lower bounds of `w_m` along a base path.
 
     python experiments/concept_certificate.py
 
-The bounds are those of `kinematics/certificate.py`, written down once more in NumPy.
+The bounds of `kinematics/certificate.py` are computed here a second time in plain NumPy, with
+sampled instead of bounded travel in each interval. Writes `docs/figures/certificate.png` and
+`.svg`.
 """
 
 from __future__ import annotations
@@ -23,35 +25,35 @@ from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.pair_graph import PairGraph
 
 STEP = 1
-"""Step of the plan that is drawn."""
+"""Index of the step of the plan that is drawn."""
 
 DEEPEST = 8
-"""Halvings after which an interval would count as failed here."""
+"""Maximum number of bisections of an interval."""
 
 SAMPLES = 41
-"""Places at which the motion within an interval is sampled."""
+"""Samples of the motion within an interval."""
 
 
 class Interval(NamedTuple):
-    """A part of the base path with its proved bound."""
+    """An interval of the base path with its lower bound of `w_m`."""
 
     first: float
     last: float
     bound: float
-    """Lower bound of `w_m` on the whole interval; 0 where none is proved."""
+    """Lower bound of `w_m` on the whole interval; 0 if none is proved."""
 
 
 class Holding(NamedTuple):
-    """A limb that holds its point while the base follows its path."""
+    """A support limb that holds its point while the base follows its path."""
 
     graph: PairGraph
     path: RegraspPath
     limb: int
     flange: tuple[Array, Array]
-    """Position [m] and axis of the flange in the world."""
+    """Position [m] and axis of the flange in the module frame."""
 
-    def seen(self, s: Array) -> tuple[Array, Array]:
-        """Return wrist position and flange axis in the limb's base frame, each (k, 3)."""
+    def wrist_and_axis(self, s: Array) -> tuple[Array, Array]:
+        """Return wrist position and flange axis in the frame of the limb's mount, each (k, 3)."""
         robot, (position, axis) = self.graph.robot, self.flange
         places, rotations = base_poses(self.path.regrasp.base_path, s)
         mount = robot.mount_rotations[self.limb]
@@ -60,15 +62,15 @@ class Holding(NamedTuple):
         return (wrist - robot.mount_positions[self.limb]) @ mount, direction @ mount
 
     def w_m(self, s: Array) -> Array:
-        """Return the limb manipulability by its definition at places of the path, shape (k,)."""
+        """Return the limb manipulability by its definition at path parameters, shape (k,)."""
         joints = self.path.supports(s)[:, self.limb]
         return np.array([manipulability(self.graph, q) for q in joints])
 
     def bound(self, first: float, last: float, shoulder: int) -> float:
-        """Return the lower bound of `w_m` between two places of the path."""
+        """Return the lower bound of `w_m` between two path parameters."""
         arm, scale = self.graph.robot.limb, self.graph.robot.characteristic_length**3
         middle = 0.5 * (first + last)
-        wrist, axis = self.seen(np.append(np.linspace(first, last, SAMPLES), middle))
+        wrist, axis = self.wrist_and_axis(np.append(np.linspace(first, last, SAMPLES), middle))
         d = np.linalg.norm(wrist - wrist[-1], axis=1).max()
         a = np.arccos(np.clip(axis @ axis[-1], -1.0, 1.0)).max()
         x, y = wrist[-1, :2]
@@ -97,16 +99,16 @@ class Holding(NamedTuple):
         return ends + arm.a3 * np.array([np.cos(lower), np.sin(lower)])
 
     def intervals(self, shoulder: int, floor: float) -> list[Interval]:
-        """Return the intervals into which the path is halved until each bound is decided."""
-        waiting, decided = [(0.0, 1.0, 0)], []
-        while waiting:
-            first, last, depth = waiting.pop()
+        """Return the intervals into which the path is bisected until each bound is decided."""
+        undecided, decided = [(0.0, 1.0, 0)], []
+        while undecided:
+            first, last, depth = undecided.pop()
             bound = self.bound(first, last, shoulder)
             if bound >= floor or depth == DEEPEST:
                 decided.append(Interval(first, last, bound))
             else:
                 middle = 0.5 * (first + last)
-                waiting += [(middle, last, depth + 1), (first, middle, depth + 1)]
+                undecided += [(middle, last, depth + 1), (first, middle, depth + 1)]
         return decided
 
 

@@ -1,19 +1,18 @@
-"""The figures of `docs/concepts.md`, drawn with the package's own code.
+"""Draw the figures of `docs/concepts.md` with the package's own code.
 
     python experiments/concept_figures.py
 
-One plan is the example of all of them: from `D2a:4 D2b:4` to (6.0, 0.0, 0.42) m at the least number
-of steps.
+All show one plan: from `D2a:4 D2b:4` to (6.0, 0.0, 0.42) m with the fewest steps. Writes `stance`,
+`step`, `branch`, `manipulability` and `swing` to `docs/figures/` as PNG and SVG.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import pair_graph
+from reports import ROOT, pair_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
@@ -38,23 +37,23 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.pair_graph import PairGraph
 
-OUT = Path(__file__).parent.parent / "docs" / "figures"
-"""Where the figures go."""
+OUT = ROOT / "docs" / "figures"
+"""Folder of the figures."""
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""The task whose plan is the example."""
+"""Start and goal of the plan."""
 
 SIDE = list(FROM_THE_SIDE)
 
 BESIDE: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8, "zorder": 8}
-"""Words beside a place."""
+"""Style of words next to a place."""
 
 Span = tuple[float, float, float, float]
-"""Left, right, lower and upper end of what is shown [m]."""
+"""Left, right, lower and upper limit of a view [m]."""
 
 
 def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) -> None:
-    """Draw shapes of a robot flat, the farther ones first."""
+    """Draw shapes of a robot in a flat view, the farther ones first."""
     toward = np.array(VIEW_DIRECTIONS[view])
     for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
         edge = outline(part.faces, np.eye(3)[list(view)])
@@ -63,7 +62,7 @@ def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) 
 
 
 def shown(figure: Figure, place: Span, graph: PairGraph, view: View, span: Span) -> Any:
-    """Axes of a flat view of the points of a part of the map."""
+    """Return axes with a flat view of a part of the map."""
     axes = figure.add_axes(place, aspect="equal")
     axes.scatter(
         *graph.grasp_map.positions[:, view].T, s=3, color=point_colours(graph.grasp_map), zorder=1
@@ -78,12 +77,12 @@ def shown(figure: Figure, place: Span, graph: PairGraph, view: View, span: Span)
 
 
 def at(motion: StepMotion, k: int) -> tuple[Array, Array, Array]:
-    """The configuration at a place along a step."""
+    """Return the configuration at sample `k` of a step."""
     return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
 
 def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
-    """Where the tip of a limb's gripper is along a step, shape (k, 3) [m]."""
+    """Return the positions of a gripper's tip along a step, shape (k, 3) [m]."""
     robot, places = graph.robot, []
     for k in range(len(motion.phase)):
         position, turn, joints = at(motion, k)
@@ -95,7 +94,7 @@ def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
 
 
 def manipulability(graph: PairGraph, q: Array) -> float:
-    """`w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
+    """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
     frames = forward_kinematics(q, graph.robot.limb.lengths)
     axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
     jacobian = np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])
@@ -103,7 +102,7 @@ def manipulability(graph: PairGraph, q: Array) -> float:
 
 
 def angles(graph: PairGraph, limb: int, position: Array, turn: Array) -> Array:
-    """Joint angles of all branches with which a limb holds its point of `START`, (8, 6) [rad]."""
+    """Return joint angles of all branches on which a limb holds its start point, (8, 6) [rad]."""
     base = pose(position, Rotation.from_quat(turn, scalar_first=True).as_matrix())
     flange, out = graph.solver.grasps[graph.indices(START)[limb]]["flange"], Angles.rows(8)
     all_angles_at(graph.solver.shapes.rows, limb, base, flange, out)
@@ -111,13 +110,13 @@ def angles(graph: PairGraph, limb: int, position: Array, turn: Array) -> Array:
 
 
 def finish(figure: Figure, title: str, name: str) -> None:
-    """Write a figure under its title."""
+    """Write a figure with its title."""
     figure.suptitle(title, x=0.05, ha="left", fontsize=11)
     write_figure(figure, OUT / f"{name}.png")
 
 
 def stance_figure(graph: PairGraph, plan: Plan) -> None:
-    """The robot in a stance, the points it holds, and those that one step can reach."""
+    """Draw the robot in a stance, the points it holds, and those within one step."""
     figure, positions = Figure(figsize=(10.4, 3.6), dpi=110), graph.grasp_map.positions
     steps, base = graph.successors(graph.state(START)), plan.motion.base_positions[0]
     for edge, view in ((0.07, FROM_THE_SIDE), (0.57, FROM_ABOVE)):
@@ -141,7 +140,7 @@ def stance_figure(graph: PairGraph, plan: Plan) -> None:
 
 
 def step_figure(graph: PairGraph, plan: Plan) -> None:
-    """One step in four moments: it departs, swings while the base moves, and approaches."""
+    """Draw four moments of a step, from departure to approach."""
     motion, step = step_motion(graph, plan, 0), plan.steps[0]
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
     moments = {
@@ -167,7 +166,7 @@ def step_figure(graph: PairGraph, plan: Plan) -> None:
 
 
 def branch_figure(graph: PairGraph, plan: Plan) -> None:
-    """The branches on which a limb can hold one point while the base stays."""
+    """Draw the branches on which a limb can hold one point with the base at rest."""
     position, turn, joints = plan.configuration(0)
     figure = Figure(figsize=(11.6, 4.6), dpi=110)
     for branch, q in enumerate(angles(graph, 0, position, turn)):
@@ -188,7 +187,7 @@ def branch_figure(graph: PairGraph, plan: Plan) -> None:
 
 
 def manipulability_figure(graph: PairGraph, plan: Plan) -> None:
-    """`w_m` of both limbs and their margin, over places of the base above a stance."""
+    """Plot `w_m` of both limbs and its minimum over base positions at one stance."""
     position, turn, _ = plan.configuration(0)
     x, z = position[0] + np.linspace(-0.9, 0.9, 73), np.linspace(-0.95, 0.35, 53)
     best = np.zeros((3, len(z), len(x)))
@@ -217,7 +216,7 @@ def manipulability_figure(graph: PairGraph, plan: Plan) -> None:
 
 
 def swing_figure(graph: PairGraph, plan: Plan) -> None:
-    """The swing of a step: where the gripper goes, and its knots in joint space."""
+    """Draw the path of the gripper during a swing, and its knots in joint space."""
     step, motion = plan.steps[0], step_motion(graph, plan, 0)
     knots, tips = np.array(step.knots), gripper_places(graph, motion, step.limb)
     figure = Figure(figsize=(11.2, 4.0), dpi=110)
@@ -239,7 +238,7 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
     run, share = RoundedLines(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
     curve, numbers = run.at(share), range(len(knots))
     for joint in range(1, 7):
-        (line,) = right.plot(np.interp(share, run.ends, numbers), curve[:, joint],
+        (line,) = right.plot(np.interp(share, run.knot_shares, numbers), curve[:, joint],
                              label=f"joint {joint}")  # fmt: skip
         right.plot(numbers, knots[:, joint], "o:", color=line.get_color(), ms=4, lw=0.8)
     right.set_xticks(numbers, [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))])

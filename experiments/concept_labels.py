@@ -1,4 +1,9 @@
-"""Labels along a walk, its lower bounds and dominance, drawn for `docs/mathematics.md`."""
+"""Draw labels along a walk, their lower bounds and a dominated label for `docs/mathematics.md`.
+
+    python experiments/concept_labels.py
+
+Writes `docs/figures/labels.png` and `.svg`.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +12,7 @@ from typing import Any
 import numpy as np
 from concept_figures import GOAL, OUT, START
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from reports import pair_graph
 
 from mlivr_gym.arrays import Array
@@ -21,14 +27,11 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.transitions.state import State
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
-"""Colours of a branch on which a limb cannot hold, may hold, and may be after the walk."""
+"""Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""
 
 
 def label_figure(graph: PairGraph) -> None:
-    """The label after each step of a plan, cost and lower bound there, and two labels of a stance.
-
-    The plan is that of the least base displacement.
-    """
+    """Draw label, cost and bound after each step of a base-cost plan, and a dominated label."""
     plan = Planner(graph).plan(START, GOAL, "base").unwrap()
     states = states_along(graph, plan)
     figure = Figure(figsize=(12.4, 5.6), dpi=110)
@@ -64,7 +67,7 @@ def label_figure(graph: PairGraph) -> None:
 
 
 def states_along(graph: PairGraph, plan: Plan) -> list[State]:
-    """The states of a plan from its start."""
+    """Return the states of a plan from its start."""
     states = [graph.state(plan.stances[0])]
     for stance in plan.stances[1:]:
         after = graph.step_to(states[-1], graph.indices(stance))
@@ -74,9 +77,9 @@ def states_along(graph: PairGraph, plan: Plan) -> list[State]:
 
 
 def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Array]:
-    """Cost so far at each state, and two lower bounds of the rest, shape (k,) each [m].
+    """Return cost so far and two lower bounds of the remaining cost at each state, (k,) [m].
 
-    The first bound is the one over the table, the second the distance to the goal region.
+    The first bound is computed over the node table, the second is the distance to the goal region.
     """
     rows = np.array([graph.find(state.stance) for state in states])
     goal = Goal.checked(graph, GOAL, "base", None, GOAL_TOLERANCE)
@@ -92,10 +95,11 @@ def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Ar
 
 
 def draw_label(axes: Any, mask: int, held: int) -> None:
-    """Draw a mask among those branches on which a limb may hold."""
+    """Draw a branch mask among the branches on which a limb can hold."""
     for bit in range(16):
         colour = ON if mask >> bit & 1 else HOLDS if held >> bit & 1 else NONE
-        axes.add_patch(_cell(bit % 8, bit // 8, colour))
+        place = bit % 8, bit // 8
+        axes.add_patch(Rectangle(place, 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4))
     axes.set_xlim(0, 8)
     axes.set_ylim(2, 0)
     axes.set_xticks([])
@@ -103,14 +107,8 @@ def draw_label(axes: Any, mask: int, held: int) -> None:
     axes.spines[:].set_linewidth(0.6)
 
 
-def _cell(column: int, row: int, colour: str) -> Any:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((column, row), 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4)
-
-
 def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
-    """Draw cost so far and lower bounds at each state, one on the other."""
+    """Draw cost so far and lower bounds at each state, stacked."""
     spent, bound, straight = costs
     places = np.arange(len(spent))
     axes.bar(places, spent, 0.62, color="#2b8a3e", label="$g$, the cost so far")
@@ -129,9 +127,9 @@ def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
 
 
 def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
-    """Two states of a stance after two steps, with their costs [m], the first of which dominates.
+    """Return two states of a stance after two steps with their costs [m]; the first dominates.
 
-    Those whose labels differ most, and of these the one of least cost.
+    Of all such pairs it has the labels that differ most, and among these the lowest cost.
     """
     start, found = graph.state(START), {}
     steps, here = graph.successors(start), graph.posture_of(start).base_position[0]
@@ -157,12 +155,12 @@ def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
 
 
 def _size(state: State) -> int:
-    """Number of branches in a label."""
+    """Return the number of branches in a label."""
     return sum(mask.bit_count() for mask in state.masks)
 
 
 def draw_dominance(figure: Any, graph: PairGraph) -> None:
-    """Draw two labels of a stance, of which the first dominates the second."""
+    """Draw two labels of a stance, the first of which dominates the second."""
     state, cost, other, more = dominated_pair(graph)
     s, names = graph.find(state.stance), graph.ids(state.stance)
     figure.text(0.635, 0.435, f"Dominance, at the stance {' '.join(names)} after two steps",

@@ -1,10 +1,11 @@
-"""Where three and four limbs can walk in the JEM, found by exploration, and what limits it.
+"""Explore where robots with three and four limbs can walk in the JEM, and what limits them.
 
     python experiments/connectivity.py [--out results] [--expansions 6000]
 
-From one random stance the stance graph is explored with collisions checked: again and again a state
-is expanded whose base lies where the fewest were expanded before. Then neighbours of some stances
-are counted by what they fail. Writes `connectivity.json`, `connectivity.md` and `connectivity.png`.
+Starting from one random state with collisions checked, the search repeatedly expands a state in the
+region of base positions with the fewest expansions so far. Then the neighbours of random stances
+are counted by the first condition that they fail. Writes `connectivity.json`, `connectivity.md` and
+`connectivity.png`.
 """
 
 from __future__ import annotations
@@ -30,19 +31,19 @@ from mlivr_gym.transitions.state import State
 ROBOTS = ("mlivr3", "mlivr4")
 
 CELL = 0.25
-"""Edge of the cubes in which expansions are counted [m]."""
+"""Edge length of the cubes in which expansions are counted [m]."""
 
 POSED, CHECKED = 64, 24
-"""Most neighbours of an expanded state whose postures, and to which steps, are worked out."""
+"""Maximum number of neighbours of a state whose postures, and whose steps, are computed."""
 
 KEPT = 0.7
-"""Probability that a state may be expanded once more."""
+"""Probability that an expanded state can be expanded again."""
 
 SAMPLE = 40
-"""Stances whose neighbours are counted."""
+"""Number of stances whose neighbours are counted."""
 
 CONDITIONS = ("reachable", "limb", "base", "node", "step")
-"""What a neighbour must meet, each with those before it."""
+"""Conditions on a neighbour; each includes those before it."""
 
 REACHED = (
     "robot | states expanded | stances reached | steps found | base along the module, x [m] | "
@@ -59,18 +60,18 @@ MIXED = "#aaaaaa"
 
 
 class Explored(NamedTuple):
-    """Stances that were reached."""
+    """Stances that the exploration reached."""
 
     states: list[State]
-    """A state of each."""
+    """A state of each stance."""
     postures: list[Postures]
-    """Their postures."""
+    """Posture of each stance."""
     steps: set[frozenset[int]]
-    """Pairs of stances that a step joins, by index."""
+    """Pairs of stances, by index, that a step joins."""
 
 
 def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Explored:
-    """Expand states, always one of those whose surroundings were seen the least."""
+    """Expand states, always in the region with the fewest expansions."""
     found, counts = Explored([], [], set()), Counter[tuple[int, ...]]()
     index: dict[tuple[int, ...], int] = {}
     cells: dict[tuple[int, ...], list[int]] = {}
@@ -107,7 +108,7 @@ def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Expl
 
 
 def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
-    """Stances one move from a state of which only the distances of the points are known, (k, N)."""
+    """Return the stances one move from a state that distances alone allow, shape (k, N)."""
     stances = [np.zeros((0, graph.limbs), dtype=np.int64)]
     for limb, held in enumerate(state.stance):
         if can_release(state.masks[limb], graph.released(state.stance, posture, limb)):
@@ -120,7 +121,7 @@ def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
 
 
 def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[str, Any]:
-    """Neighbours of some stances, counted by the first of the conditions that they fail."""
+    """Count the neighbours of random stances that meet each condition."""
     free = stance_graph(
         robot=graph.robot, settings=Settings(manipulability=False, collisions=False)
     )
@@ -145,7 +146,7 @@ def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[
 
 
 def explored(robot: str, expansions: int) -> dict[str, Any]:
-    """What is told of a robot."""
+    """Return the results for a robot."""
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     assert isinstance(graph, LazyGraph)
     found = explore(graph, expansions, rng)
@@ -168,7 +169,7 @@ def explored(robot: str, expansions: int) -> dict[str, Any]:
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The report."""
+    """Return the page."""
     reached, limiting = [], []
     for robot in ROBOTS:
         one, counts = data[robot], data[robot]["limits"]["counts"]
@@ -184,24 +185,24 @@ def markdown(data: dict[str, Any]) -> str:
     return f"""# Where three and four limbs can walk
 
 Made by `experiments/connectivity.py`: the JEM, collisions checked, explored from one random \
-stance. What was not reached may be reachable too.
+stance. Stances that were not reached may still be reachable.
 
 ![Base positions that were reached](connectivity.png)
 
 {table(REACHED, reached)}
-## What limits it
+## What limits the robots
 
 Neighbours of {SAMPLE} of these stances, by moves of limbs that can be released: the share that \
 meets each condition and those before it. Manipulability is that of the posture with the largest \
-margin, of those that may touch something. The last column is the base manipulability of \
-neighbours whose limbs are above theirs, over its threshold `0.001 (2/N)^3`: 5 %, 25 % and 50 % \
-lie below.
+margin, collisions ignored. The last column shows the ratio of base manipulability to its \
+threshold `0.001 (2/N)^3` among neighbours whose limbs meet theirs: the 5th, 25th and 50th \
+percentile.
 
 {table(LIMITING, limiting)}"""
 
 
 def picture(data: dict[str, Any], path: Path) -> None:
-    """Base positions from the side and from above, in the colour of the face that is held."""
+    """Plot base positions from the side and from above, in the colour of the face that is held."""
     figure = Figure(figsize=(11.0, 5.2), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True)
     for column, robot in enumerate(ROBOTS):
@@ -223,7 +224,7 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Explore and write."""
+    """Explore and write the results."""
     parser = command_line(__doc__)
     parser.add_argument("--expansions", type=int, default=6000)
     args = parser.parse_args()

@@ -1,10 +1,11 @@
-"""Carries plans out with a robot and a module that the controller does not know.
+"""Simulate plans with a robot and a module that differ from what the controller assumes.
 
     python experiments/disturbances.py [--out results] [--tasks 200] [--each 20] [--workers 2]
 
-All disturbances at once on held-out random tasks; each by itself for the paper's controller,
-feedforward and the guided controller (a tornado). What is measured is kept study by study in
-`disturbances.json`, and a study that is there is not made again.
+A Monte Carlo study: all disturbances at once on held-out random tasks, and each disturbance alone,
+for the paper's controller, for feedforward and for the guided controller. Writes
+`disturbances.json`, `disturbances.md` and `disturbances.png`, a tornado chart. Studies that
+`disturbances.json` already holds are not run again.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TASKS, SEED = 20270101, 77_000
-"""Seeds of the held-out tasks and of their disturbances; gains were chosen with others."""
+"""Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""
 
 CONTROLLERS: dict[str, tuple[Limits | Durations, Controller]] = {
     "guided, gentle": (GENTLE, Controller()),
     "feedforward, gentle": (GENTLE, FEEDFORWARD),
     "the paper's PD, 50 s": (Durations(), PAPER),
 }
-"""Pace and controller of each row."""
+"""Pace and controller of each group of studies."""
 
 NAMES = {
     "friction": "friction to 3 N m",
@@ -63,7 +64,7 @@ HEAD = (
 
 
 def studies() -> dict[str, tuple[str, Disturbances]]:
-    """Controller and disturbances of each study, by its name; all at once come first."""
+    """Return controller and disturbances of each study by name, those of all disturbances first."""
     found = {f"{name}: all": (name, ALL) for name in CONTROLLERS}
     for name in CONTROLLERS:
         found[f"{name}: none"] = name, NONE
@@ -72,8 +73,8 @@ def studies() -> dict[str, tuple[str, Disturbances]]:
     return found
 
 
-def told(outcomes: list[RunOutcome]) -> dict[str, Any]:
-    """What is kept of a study."""
+def summary(outcomes: list[RunOutcome]) -> dict[str, Any]:
+    """Return the results of a study as plain data."""
     steps = sum(outcome.done for outcome in outcomes)
     return success_rate(outcomes) | {
         "steps": sum(outcome.steps for outcome in outcomes),
@@ -88,28 +89,22 @@ def told(outcomes: list[RunOutcome]) -> dict[str, Any]:
 
 
 def quantiles(values: list[float]) -> list[float]:
-    """Median, 95th percentile and largest."""
+    """Return median, 95th percentile and maximum."""
     return [float(value) for value in np.quantile(values, [0.5, 0.95, 1.0])]
 
 
 def study(
     graph: StanceGraph, plans: list[Plan], name: str, disturbances: Disturbances, workers: int
 ) -> dict[str, Any]:
-    """Each plan once with a disturbance of its own."""
+    """Simulate each plan once, with its own random disturbances."""
     timing, controller = CONTROLLERS[name]
     setup = Setup(timing, controller, disturbances=disturbances)
     outcomes = execute_many(graph, plans, setup, seed=SEED, workers=workers)
-    return told(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
-
-
-def row_of(data: dict[str, Any], name: str, field: str) -> dict[str, Any] | None:
-    """The study of a controller with one disturbance, `none` or `all`, if it was made."""
-    row: dict[str, Any] | None = data["studies"].get(f"{name}: {field}")
-    return row
+    return summary(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
 
 
 def cells(field: str, row: dict[str, Any]) -> list[Any]:
-    """One study as a row of its table."""
+    """Return the table row of a study."""
     low, high = row["interval"]
     failures = ", ".join(f"{kind} {count}" for kind, count in row["failures"].items()) or "none"
     three = [
@@ -123,37 +118,38 @@ def cells(field: str, row: dict[str, Any]) -> list[Any]:
 
 
 def section(data: dict[str, Any], name: str) -> str:
-    """The studies of a controller."""
-    rows = [(field, row_of(data, name, field)) for field in ("none", *NAMES, "all")]
+    """Return the section of the page on a controller."""
+    rows = [(field, data["studies"].get(f"{name}: {field}")) for field in ("none", *NAMES, "all")]
     return f"""## {name[0].upper()}{name[1:]}
 
 {table(HEAD, (cells(field, row) for field, row in rows if row is not None))}"""
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The studies as a page."""
+    """Return the page."""
     sections = "\n".join(section(data, name) for name in CONTROLLERS)
     return f"""# A robot and a module that the controller does not know
 
-Made by `experiments/disturbances.py`: random tasks, each carried out once with figures of its \
-own, drawn evenly within the sizes told
+Made by `experiments/disturbances.py`: random tasks, each executed once with its own disturbances, \
+drawn uniformly within the stated sizes
 (`simulation/disturbances.py`). *Guided*: a sensor on the gripper that approaches (noise 1 mm and \
 0.5 deg) guides the limb to the point;
-a grasp that misses is tried once more. A walk counts if every step ends with a grasp, nothing is \
-touched and no torque stays at its limit
-for 0.1 s. Intervals are Wilson's at 95 %.
+a missed grasp is tried once more. A walk counts as carried out if every step ends with a grasp, \
+without contact and with no torque at its limit
+for 0.1 s. Intervals are 95 % Wilson intervals.
 
 {sections}
-Forces, captures and errors: median, 95th percentile, largest of the walks.
+Forces, captures and errors: median, 95th percentile and maximum over the walks.
 """
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """What the site says of the studies."""
+    """Return the paragraphs of the docs on the studies."""
     lines = []
     for name in CONTROLLERS:
-        whole, none = (row_of(data, name, field) for field in ("all", "none"))
-        alone = {field: row for field in NAMES if (row := row_of(data, name, field)) is not None}
+        rows = {field: data["studies"].get(f"{name}: {field}") for field in ("all", "none", *NAMES)}
+        whole, none = rows.pop("all"), rows.pop("none")
+        alone = {field: row for field, row in rows.items() if row is not None}
         if whole is None or none is None:
             continue
         low, high = whole["interval"]
@@ -162,23 +158,23 @@ def readme_text(data: dict[str, Any]) -> str:
             for field, row in alone.items()
             if row["share"] < 1.0
         ]
-        told = (
-            f"By themselves make walks fail: {', '.join(failing)}."
+        alone_text = (
+            f"Alone, these disturbances make walks fail: {', '.join(failing)}."
             if failing
-            else f"By itself none of {len(alone)} makes a walk fail."
+            else f"Alone, none of the {len(alone)} disturbances makes a walk fail."
         )
         lines.append(
             f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
             f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %; "
             f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
-            f"with a second try, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % below "
-            f"{whole['grasp_force_N'][1]:.0f} N). {told}\n"
+            f"with a second attempt, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % "
+            f"below {whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
         )
     return "".join(lines)
 
 
 def tornado(data: dict[str, Any], path: Path) -> None:
-    """The share of walks that each disturbance costs each controller."""
+    """Draw the share of walks that fail for each disturbance and controller."""
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     axes = figure.subplots(1, len(CONTROLLERS), sharey=True, sharex=True)
     order = ["none", *NAMES, "all"]
@@ -186,7 +182,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         axes, zip(CONTROLLERS, ("#1f5fd0", "#17a2a2", "#d62728"), strict=True), strict=True
     ):
         for place, field in enumerate(reversed(order)):
-            row = row_of(data, name, field)
+            row = data["studies"].get(f"{name}: {field}")
             if row is None:
                 axis.text(2.0, place, "not measured", va="center", fontsize=8, color="0.5")
                 continue
@@ -205,7 +201,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Make the studies that are missing and write page and picture."""
+    """Run the missing studies, and write page and chart."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=200, help="tasks with all disturbances")
     parser.add_argument("--each", type=int, default=20, help="tasks with one disturbance")

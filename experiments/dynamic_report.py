@@ -1,4 +1,4 @@
-"""Tells what `dynamic_simulation.py` measured: page, text of the site, picture of the fronts."""
+"""Page of `dynamic_simulation.py`, its texts in the docs, and the figure of the limits."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from mlivr_gym.pictures.figures import save_figure
 
 CONTROLLERS = {"full": "guided", "feedforward": "feedforward", "paper": "the paper's PD"}
 PACES = {"fast": "fast", "quintic": "fast, quintics", "gentle": "gentle", "paper": "50 s"}
-"""Names in tables."""
+"""Names of controllers and paces in tables."""
 
 CLOCKS = {"fastest": "fastest", "sharp": "fastest, stopping at corners", "quintic": "quintic"}
-"""Clocks that are compared."""
+"""Time scalings that are compared."""
 
 LIMITS = {
     "grasp_force": "grasp force [N]",
@@ -23,7 +23,7 @@ LIMITS = {
     "torque": "share of joint torque",
     "all_limits": "share of all three",
 }
-"""What is varied."""
+"""Limits that are varied."""
 
 WALKS = (
     "controller | pace | s a step | outcome | grasp force [N] | grasp torque [N m] | "
@@ -37,7 +37,7 @@ TIME_STEPS = (
 
 
 def walk_row(row: dict[str, Any]) -> list[str]:
-    """The walk of Case 3 with a controller at a pace."""
+    """Return the table row of Case 3 with a controller at a pace."""
     failure, times = row["failure"], row["step_times_s"]
     captured = f"{row['largest_capture_distance_mm']:.2f}" if row["steps_done"] else "-"
     return [
@@ -55,7 +55,7 @@ def walk_row(row: dict[str, Any]) -> list[str]:
 
 
 def plan_lines(name: str, row: dict[str, Any]) -> str:
-    """The random plans at a pace."""
+    """Return the paragraph on the random plans at a pace."""
     mean, median, most = row["seconds_a_step"]
     failures = "".join(
         f"  * plan {failure['plan']}, step {failure['step'] + 1}, {failure['phase']}: "
@@ -71,7 +71,7 @@ torque {row["peak_grasp_torque_N_m"]:.1f} N m.
 
 
 def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
-    """The walk with a time step."""
+    """Return the table row of the walk simulated with a time step."""
     captured = row["largest_capture_distance_mm"]
     return [
         step,
@@ -83,20 +83,18 @@ def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
     ]
 
 
-def clock_row(name: str, row: dict[str, Any]) -> list[str]:
-    """How long steps take by a clock, and which limits decide."""
-    return [
-        CLOCKS[name], f"{row['seconds_a_step']:.2f}", counted(row["deciding"]).replace("_", " ")
-    ]  # fmt: skip
-
-
 def markdown(data: dict[str, Any]) -> str:
-    """The results as a page."""
+    """Return the page."""
     fixed, pace, speed = data["shortest_fixed"], data["pace"], data["overhead"]
     fronts = [
-        [told, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
-        for name, told in LIMITS.items()
+        [words, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
+        for name, words in LIMITS.items()
     ]
+    clocks = [
+        [title, f"{pace[name]['seconds_a_step']:.2f}",
+         counted(pace[name]["deciding"]).replace("_", " ")]
+        for name, title in CLOCKS.items()
+    ]  # fmt: skip
     return f"""# Dynamic simulation
 
 Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions checked, zero \
@@ -104,54 +102,52 @@ gravity, control at 500 Hz, rotors of
 0.1 kg m^2. *Fast*: as the default limits allow (80 % of the joints' torque and speed, 60 N and \
 30 N m on a grasp, 0.2 m/s near a
 surface); *gentle*: 40 %, 25 N, 12 N m, 0.1 m/s; *paper*: 10, 30 and 10 s. *Guided*: the full \
-controller. Figures are peaks over
-every time step; a walk that failed is measured up to the failure.
+controller. Values are peaks over
+all time steps; a walk that fails is measured up to the failure.
 
 {table(WALKS, map(walk_row, data["walks"]))}
-If all steps are to take the same time, the slowest of them needs \
-{fixed["as_limits_need_s"]:.1f} s where the time is split as its pieces need it, and
-{fixed["as_the_paper_s"]:.1f} s where it is split as in the paper.
+If all steps take the same time, the slowest one needs \
+{fixed["as_limits_need_s"]:.1f} s if this time is divided as its path segments require, and
+{fixed["as_the_paper_s"]:.1f} s if it is divided as in the paper.
 
 ## Random plans
 
 {"".join(plan_lines(*item) for item in data["random_plans"].items())}
-## Seconds a step that limits allow
+## Shortest steps within the limits
 
-Worked out for the {pace["steps"]} steps of the random plans. In each piece of a step one limit \
-decides; *pieces* counts them at the
+Computed for the {pace["steps"]} steps of the random plans. One limit binds in each path segment; \
+*segments* counts them at the
 default limits. Of the {pace["corners"]} corners of their swings {pace["rounded"]} are rounded \
-with the clearance kept; *stopping at corners* is how long the same
-steps take with none.
+within the clearance; *stopping at corners* is the duration of the same
+steps with no rounded corner.
 
-{
-        table(
-            "clock | s a step | pieces that a limit decides",
-            (clock_row(name, pace[name]) for name in CLOCKS),
-        )
-    }
+{table("time scaling | s a step | segments by binding limit", clocks)}
 One limit varied, the others at their defaults (`pace.png`):
 
 {table("limit | s a step at each value", fronts)}
 ## Time step
 
-The walk at the default limits with feedforward, the controller asked at each time step. \
+The walk at the default limits with feedforward; the controller acts at each time step. \
 *Impulse*: largest difference of the
 grasp's impulse and the robot's momentum in the first step, as a share of the largest momentum; \
-Newton's law wants 0, and the
-error of the first-order integrator goes with the time step.
+it is 0 by Newton's law, and the
+error of the first-order integrator is proportional to the time step.
 
 {table(TIME_STEPS, (time_step_row(*item) for item in data["time_steps"].items()))}
 ## Speed
 
-{speed["steps_a_second"]:.1f} steps a second at the default pace, on one core: \
-{speed["preparation_ms"]:.0f} ms to find the clocks and the trajectory of a step,
-{speed["time_step_us"]:.0f} us a time step with control and measurements, of which `mj_step` takes \
+{speed["steps_a_second"]:.1f} steps per second at the default pace, on one core: \
+{speed["preparation_ms"]:.0f} ms to compute time scaling and trajectory of a step,
+{
+        speed[
+            "time_step_us"
+        ]:.0f} us per time step with control and measurements, of which `mj_step` takes \
 {speed["bare_step_us"]:.0f} us. {data["machine"]}.
 """
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """What the site says of the simulation."""
+    """Return the paragraph of the docs on the simulation."""
     walks = {(row["controller"], row["pace"]): row for row in data["walks"]}
     fast, gentle = (data["random_plans"][name] for name in ("fast", "gentle"))
     paper, pace = walks["paper", "paper"], data["pace"]
@@ -161,21 +157,21 @@ def readme_text(data: dict[str, Any]) -> str:
     first = max(set(deciding) - {"surface_speed"}, key=lambda name: deciding[name])
     return f"""Of {fast["plans"]} random plans ({fast["steps"]} steps) {fast["succeeded"]} are \
 carried out at {fast["seconds_a_step"][0]:.1f} s a step (the paper: 50 s), with at most
-{fast["peak_grasp_force_N"]:.0f} N and {fast["peak_grasp_torque_N_m"]:.0f} N m on a grasp, the \
-base at most {fast["largest_base_error_mm"]:.0f} mm off; at the gentle pace \
+{fast["peak_grasp_force_N"]:.0f} N and {fast["peak_grasp_torque_N_m"]:.0f} N m on a grasp and a \
+base error of at most {fast["largest_base_error_mm"]:.0f} mm; at the gentle pace \
 {gentle["succeeded"]} at {gentle["seconds_a_step"][0]:.1f} s.
-Quintics in place of the fastest clocks would take {plain:.1f} s a step; a stop at every corner \
-{sharp:.1f} s. In the swing the {first.replace("_", " ")} decides most often.
+Quintic instead of time-optimal time scaling would take {plain:.1f} s a step, a stop at every \
+corner {sharp:.1f} s. In swings the {first.replace("_", " ")} is most often the binding limit.
 Case 3 with the paper's controller at 50 s a step \
-{"is carried out" if ended == "done" else f"ends with a {ended}"}; at its worst the base is \
-{paper["largest_base_error_mm"]:.0f} mm off. \
-{data["overhead"]["steps_a_second"]:.1f} steps a second are
-simulated on one core, trajectory, control and measurements included.
+{"is carried out" if ended == "done" else f"ends with a {ended}"}; the largest base error is \
+{paper["largest_base_error_mm"]:.0f} mm. \
+{data["overhead"]["steps_a_second"]:.1f} steps per second are
+simulated on one core, including trajectory, control and measurements.
 """
 
 
-def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
-    """What README says of it, with what disturbances do."""
+def readme_sentence(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
+    """Return the sentence of the README on executed plans, without and with disturbances."""
     fast = data["random_plans"]["fast"]
     walks = disturbed["studies"]["guided, gentle: all"]
     low, high = (f"{100 * share:.0f}" for share in walks["interval"])
@@ -188,13 +184,13 @@ def in_one_line(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
 
 
 def pace_figure(data: dict[str, Any], path: Path) -> None:
-    """Seconds a step over each limit."""
+    """Plot the mean duration of a step against each limit."""
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
     axes = figure.subplots(1, len(LIMITS), sharey=True)
-    for axis, (name, told) in zip(axes, LIMITS.items(), strict=True):
+    for axis, (name, words) in zip(axes, LIMITS.items(), strict=True):
         values, means = zip(*data["pace"]["fronts"][name], strict=True)
         axis.plot(values, means, "o-", color="#1f5fd0")
-        axis.set(xlabel=told, xscale="log")
+        axis.set(xlabel=words, xscale="log")
         axis.set_xticks(values, [f"{value:g}" for value in values], fontsize=8)
         axis.set_xticks([], minor=True)
         axis.grid(alpha=0.3)

@@ -1,6 +1,12 @@
-"""Executes plans in MuJoCo: the paper's walk and faster ones, random plans, limits, time step.
+"""Simulate plans in MuJoCo: Case 3 at several paces, random plans, varied limits and time steps.
 
-python experiments/dynamic_simulation.py [--out results] [--plans 50]
+    python experiments/dynamic_simulation.py [--out results] [--plans 50]
+
+Case 3 is executed by each controller at each pace. Random plans are executed at each pace by the
+full controller. Without simulation, the duration of their steps is computed for varied limits of
+joints and grasps. Case 3 is repeated with several time steps, and the speed of the simulation is
+measured. Writes `dynamic_simulation.json` and `.md`, `dynamic_simulation.png`,
+`dynamic_simulation_fast.png` and `pace.png`.
 """
 
 from __future__ import annotations
@@ -43,24 +49,24 @@ PACES: dict[str, Limits | Durations] = {
     "quintic": Limits(profile="quintic"),
     "fast": Limits(),
 }
-"""How fast the walk of Case 3 is carried out; the paper's is 50 s a step."""
+"""Paces of execution; the paper's is 50 s a step."""
 
 TIME_STEPS = (0.004, 0.002, 0.001, 0.0005)
-"""Time steps of the simulation that are tried [s]."""
+"""Time steps of the simulation [s]."""
 
 VARIED = {
     "grasp_force": (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 150.0),
     "grasp_torque": (5.0, 10.0, 15.0, 22.5, 30.0, 45.0, 75.0),
     "torque": (0.1, 0.2, 0.4, 0.6, 0.8, 1.0),
 }
-"""Limits that are varied one at a time: force [N] and torque [N m] on a grasp, share of torque."""
+"""Limits that are varied singly: force [N] and torque [N m] on a grasp, share of joint torque."""
 
 SEED = 20261121
 """Seed of the random plans."""
 
 
 def figures(execution: Execution) -> dict[str, Any]:
-    """What the tables show of a walk."""
+    """Return the values of an execution that the tables show."""
     peaks, failure = execution.peaks, execution.failure
     return {
         "success": failure is None,
@@ -83,7 +89,7 @@ def figures(execution: Execution) -> dict[str, Any]:
 
 
 def walks(graph: StanceGraph, plan: Plan, out: Path) -> list[dict[str, Any]]:
-    """The same walk with each controller at each pace."""
+    """Execute the same walk with each controller at each pace."""
     rows = []
     for name, controller in CONTROLLERS.items():
         for pace, timing in PACES.items():
@@ -91,7 +97,7 @@ def walks(graph: StanceGraph, plan: Plan, out: Path) -> list[dict[str, Any]]:
             simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
             execution = execute(graph, plan, timing, simulation=simulation)
             rows.append({"controller": name, "pace": pace, **figures(execution)})
-            print(f"{name}, {pace}: {tell(execution)}", flush=True)
+            print(f"{name}, {pace}: {outcome_text(execution)}", flush=True)
             file = {("paper", "paper"): "", ("full", "fast"): "_fast"}.get((name, pace))
             if file is not None:
                 simulation_figure(
@@ -104,8 +110,8 @@ def walks(graph: StanceGraph, plan: Plan, out: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def tell(execution: Execution) -> str:
-    """One line on how a walk went."""
+def outcome_text(execution: Execution) -> str:
+    """Return one line on the outcome of an execution."""
     if execution.failure is None:
         error, seconds = 1e3 * execution.peaks.base_error, execution.simulated_time
         return f"done in {seconds:.1f} s, base error {error:.1f} mm"
@@ -114,7 +120,7 @@ def tell(execution: Execution) -> str:
 
 
 def drawn_plans(graph: StanceGraph, count: int, seed: int = SEED) -> list[Plan]:
-    """Plans between random starts and goals, base cost and step cost by turns."""
+    """Return plans between random starts and goals, alternately for base cost and step cost."""
     planner, rng = Planner(graph), np.random.default_rng(seed)
     plans: list[Plan] = []
     while len(plans) < count:
@@ -129,7 +135,7 @@ def drawn_plans(graph: StanceGraph, count: int, seed: int = SEED) -> list[Plan]:
 
 
 def random_plans(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
-    """Random plans carried out at each pace with the full controller."""
+    """Execute random plans at each pace with the full controller."""
     data = {}
     for pace, timing in PACES.items():
         simulation = Setup(timing).simulation(graph.grasp_map, graph.robot)
@@ -156,7 +162,7 @@ def random_plans(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
 
 
 def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
-    """Seconds a step that limits allow, and which limit decides, piece by piece."""
+    """Compute the duration of a step under varied limits, and the binding limit of each segment."""
     steps = [
         planned_regrasp(graph, plan, index) for plan in plans for index in range(len(plan.steps))
     ]
@@ -204,22 +210,19 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
 
 
 def shortest_fixed(graph: StanceGraph, plan: Plan) -> dict[str, float]:
-    """The shortest duration of the walk's steps when all take the same, by two ways to split it."""
+    """Return the shortest equal duration of all steps of a walk, for two ways to divide it."""
     needed, paper = [], []
-    for index in range(len(plan.steps)):
-        try:
-            step_trajectory(graph, plan, index, Limits(step_duration=0.1))
-        except TimingError as error:
-            needed.append(error.shortest)
-        try:
-            step_trajectory(graph, plan, index, Durations.of_step(1.0))
-        except TimingError as error:
-            paper.append(error.shortest)
+    for timing, shortest in ((Limits(step_duration=0.1), needed), (Durations.of_step(1.0), paper)):
+        for index in range(len(plan.steps)):
+            try:
+                step_trajectory(graph, plan, index, timing)
+            except TimingError as error:
+                shortest.append(error.shortest)
     return {"as_limits_need_s": max(needed), "as_the_paper_s": max(paper)}
 
 
 def time_steps(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
-    """The fast walk with several time steps, at each of which the controller is asked anew."""
+    """Execute the fast walk with several time steps, in each of which the controller acts."""
     rows = {}
     for step in TIME_STEPS:
         controller = replace(CONTROLLERS["feedforward"], period=step)
@@ -230,15 +233,12 @@ def time_steps(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
             **figures(execution),
             "impulse_error": impulse_error(graph, plan, setup),
         }
-        print(f"time step {1e3 * step:g} ms: {tell(execution)}", flush=True)
+        print(f"time step {1e3 * step:g} ms: {outcome_text(execution)}", flush=True)
     return rows
 
 
 def impulse_error(graph: StanceGraph, plan: Plan, setup: Setup) -> float:
-    """Largest difference of momentum and impulse of the only grasp in the first step.
-
-    A share of the largest momentum.
-    """
+    """Return the largest difference of momentum and grasp impulse in the first step, relative."""
     simulation = setup.simulation(graph.grasp_map, plan.world.robot, plan.world.obstacles)
     simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
     trajectory = step_trajectory(graph, plan, 0, setup.timing, setup.physics.timestep)
@@ -253,7 +253,7 @@ def impulse_error(graph: StanceGraph, plan: Plan, setup: Setup) -> float:
 
 
 def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
-    """Processor time of steps at the default pace, on one core, and of a bare loop of `mj_step`."""
+    """Return the processor time of steps at the default pace, and of a bare loop of `mj_step`."""
     simulation = Setup().simulation(graph.grasp_map, graph.robot)
     prepared = simulated = bare = 0.0
     steps = ticks = 0
@@ -280,7 +280,7 @@ def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
 
 
 def main() -> None:
-    """Run everything and write `dynamic_simulation.{json,md}`, pictures and the fronts."""
+    """Run everything and write results, page and figures."""
     parser = command_line(__doc__)
     parser.add_argument("--plans", type=int, default=50)
     args = parser.parse_args()

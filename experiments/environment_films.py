@@ -1,8 +1,9 @@
-"""Films of the environments: an episode of each, walked by A* for the fewest steps.
+"""Film one episode of each environment, in which A* takes the fewest steps.
 
     python experiments/environment_films.py [--out results]
 
-writes `env_jem.gif` and `env_far.gif`: what `render` returns with `render_mode="rgb_array_list"`.
+The frames are those that `render` returns with `render_mode="rgb_array_list"`. Writes `env_jem.gif`
+and `env_far.gif`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ EPISODES = {"env_jem": ("MLIVR-JEM-v0", 4), "env_far": ("MLIVR-JEM-Far-v0", 1)}
 """Environment and seed of each film."""
 
 SIZE = {"width": 448, "height": 252}
-"""Size of the pictures [px]."""
+"""Size of the frames [px]."""
 
 
 def main() -> None:
-    """Walk the episodes and write their films."""
+    """Run the episodes and write their films."""
     out = command_line(__doc__).parse_args().out
     for name, (identity, seed) in EPISODES.items():
         env = gymnasium.make(identity, render_mode="rgb_array_list", **SIZE)

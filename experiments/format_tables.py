@@ -1,4 +1,4 @@
-"""Tables of the fields of files for `docs/formats.md`, made from the schemas that check them."""
+"""Write the tables of file fields of `docs/formats.md` from the schemas that check the files."""
 
 from __future__ import annotations
 
@@ -37,30 +37,30 @@ LIMBS, STANCES = 13, 17
 """Numbers that stand for N limbs and K stances in schemas that depend on them."""
 
 SYMBOLS = {LIMBS: "N", STANCES: "K", STANCES - 1: "K - 1"}
-"""What they are shown as."""
+"""Symbols that these numbers are replaced with."""
 
 MEANINGS = {
     "name": "Short name of the map.",
     "points": "Graspable points, see below.",
     "segments": "Straight rails that carry points, see below.",
     "spacing": "Distance of points along a segment.",
-    "handrails": "Handrails, which are kept clear of and take points away, see below.",
+    "handrails": "Handrails: obstacles that also remove graspable points, see below.",
     "clearance": "Distance of points from the footprints of handrails.",
-    "cabin": "Where the base may be, lower and upper corner; by default the box of all points, "
-    "1.5 m larger.",
+    "cabin": "Lower and upper corner of the box in which the base may be; by default the "
+    "bounding box of all points, enlarged by 1.5 m.",
     "boxes": "Boxes that must not be touched, see *Obstacles*.",
     "mesh": "Mesh whose surface must not be touched: its file, relative to that of the map, the "
     "edge of the cubes that cover it (`resolution` [m], 0.05), and metres per unit (`scale`, 1).",
-    "occupied": "Ids of points that no limb may take hold of.",
-    "id": "Name, of which no other has the same.",
-    "face": "Name of the face that it lies on.",
-    "position": "Where it is.",
+    "occupied": "Ids of points that no limb may hold.",
+    "id": "Unique name.",
+    "face": "Name of the face on which it lies.",
+    "position": "Position.",
     "normal": "Outward surface normal, of length 1.",
     "rail": "Direction of the rail, at right angles to the normal.",
     "start": "One end, in the middle of the rail's surface.",
     "end": "The other end.",
     "width": "Width of the rail.",
-    "thickness": "How far the rail stands out of its face.",
+    "thickness": "Height of the rail above its face.",
     "axis": "Axis along which the bar runs.",
     "bar_min": "Lower corner of the bar alone, without its posts.",
     "bar_max": "Upper corner of the bar alone.",
@@ -68,18 +68,18 @@ MEANINGS = {
     "min": "Lower corner.",
     "max": "Upper corner.",
     "format": f"Version of the format, {FORMAT}.",
-    "rules": "Number of the rules of the stance graph.",
-    "query": "What was asked for, see below.",
-    "world": "Where the plan was made, see below.",
+    "rules": "Version of the rules of the stance graph.",
+    "query": "Query of the plan, see below.",
+    "world": "World in which the plan was made, see below.",
     "motion": "Stances, steps and configurations, see below.",
-    "statistics": "What the search found and spent, see below.",
-    "checksum": "SHA-256 of the other fields (`files.checksum`), which may be left out.",
-} | dict.fromkeys(REMARKS, "For readers; not used.")
-"""Meaning of fields that no class describes."""
+    "statistics": "Results and effort of the search, see below.",
+    "checksum": "SHA-256 of the other fields (`files.checksum`); optional.",
+} | dict.fromkeys(REMARKS, "Remark for readers; not used by the program.")
+"""Meanings of the fields that no class documents."""
 
 
 def kind_in_words(kind: Any) -> str:
-    """What a value must be."""
+    """Return what a value must be, in words."""
     match kind:
         case Maybe():
             return f"{kind_in_words(kind.kind)}, or null"
@@ -119,7 +119,7 @@ def kind_in_words(kind: Any) -> str:
 
 
 def _numbers(kind: Numbers) -> str:
-    """Numbers with shape, unit and range."""
+    """Return shape, unit and range of numbers in words."""
     unit = f" [{kind.unit}]" if kind.unit else ""
     rows = SYMBOLS.get(kind.rows[1], "k")
     shape = ", ".join(rows if n is None else SYMBOLS.get(n, str(n)) for n in kind.shape)
@@ -131,7 +131,7 @@ def _numbers(kind: Numbers) -> str:
 
 
 def _listed(kind: Listed[Any]) -> str:
-    """A list, of how many of what."""
+    """Return length and element type of a list in words."""
     exact = kind.least == kind.most
     count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
     inner = kind.kind
@@ -142,28 +142,28 @@ def _listed(kind: Listed[Any]) -> str:
 
 
 def attributes(made: type) -> dict[str, str]:
-    """What a class says of its attributes in its docstring."""
+    """Return the descriptions of a class's attributes from its docstrings."""
     text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
     found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
-    said = {name: " ".join(meaning.split()) for name, meaning in found}
+    meanings = {name: " ".join(meaning.split()) for name, meaning in found}
     for name, meaning in re.findall(
         r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE
     ):
-        said.setdefault(name, " ".join(meaning.split()))
-    return said
+        meanings.setdefault(name, " ".join(meaning.split()))
+    return meanings
 
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
-    """A row of the table for each field of an object."""
+    """Yield a table row for each field of an object."""
     parts = kind.fields if isinstance(kind, Struct) else kind
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
-            told = meanings[name].replace("|", "\\|")
-            yield f"`{name}`", needed, kind_in_words(inner), told
+            meaning = meanings[name].replace("|", "\\|")
+            yield f"`{name}`", needed, kind_in_words(inner), meaning
 
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:
-    """The fields of an object as a table, with a title above it."""
+    """Return the table of an object's fields, below its title."""
     made = kind.made if made is None and isinstance(kind, Struct) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
@@ -171,7 +171,7 @@ def fields(kind: Any, made: type | None = None, title: str = "") -> str:
 
 
 def tables() -> dict[str, str]:
-    """The tables by the names of their marks."""
+    """Return the tables by the names of their marks."""
     point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
     robot, capsules = ROBOT, ROBOT.kinds["capsules"].kind.kind  # type: ignore[attr-defined]
     query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
@@ -208,6 +208,6 @@ def tables() -> dict[str, str]:
         ),
         "fields_trajectory": table(
             "field | meaning",
-            ((f"`{name}`", told) for name, told in attributes(Trajectory).items()),
+            ((f"`{name}`", meaning) for name, meaning in attributes(Trajectory).items()),
         ),
     }

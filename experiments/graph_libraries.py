@@ -1,8 +1,8 @@
-"""The table of stances and steps in networkx and rustworkx, and the same searches there.
+"""The stance graph of two limbs in networkx and rustworkx, with the searches of these libraries.
 
-A node is a stance, an edge a step that is legal. Branches are left aside, which neither library has
-a place for, so that what they solve is easier: a path may cost less than any walk that can be put
-together. The goal region is a virtual node that is joined to every stance in it.
+Nodes are stances and edges are legal steps. Branches are left out, because neither library supports
+labels; their problem is therefore easier, and a path may cost less than any executable walk. A
+virtual node that is joined to every stance in the goal region represents the goal.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import rustworkx as rx
-from stopwatch import timed
+from reports import timed
 
 from mlivr_gym.stances.pair_graph import PairGraph
 
@@ -21,7 +21,7 @@ Path = list[int]
 
 
 def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
-    """Every legal step once, whichever way, with its length [m], a row at a time."""
+    """Yield every legal step once, in either direction, with its length [m], in chunks."""
     table = graph.steps
     for held, point in np.ndindex(*table.degree.shape):
         row = table.rows[held, table.row_start[held, point] : table.row_start[held, point + 1]]
@@ -33,17 +33,17 @@ def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
 
 
 class Networkx:
-    """The table in networkx."""
+    """The stance graph in networkx."""
 
     def __init__(self, graph: PairGraph) -> None:
-        """Take every stance and step."""
+        """Add every stance and every step."""
         self.graph = nx.Graph()
         self.graph.add_nodes_from(range(len(graph)))
         for chunk in edge_chunks(graph):
             self.graph.add_weighted_edges_from(chunk)
 
     def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:
-        """Seconds of A*, or of Dijkstra without a heuristic, and the stances passed."""
+        """Run A*, or Dijkstra if `h` is None; return the duration [s] and the path."""
         end = self.graph.number_of_nodes()
         self.graph.add_weighted_edges_from((s, end, 0.0) for s in goals)
         seconds, path = timed(
@@ -58,17 +58,17 @@ class Networkx:
 
 
 class Rustworkx:
-    """The table in rustworkx."""
+    """The stance graph in rustworkx."""
 
     def __init__(self, graph: PairGraph) -> None:
-        """Take every stance and step."""
+        """Add every stance and every step."""
         self.graph: Any = rx.PyGraph()
         self.graph.add_nodes_from(list(range(len(graph))))
         for chunk in edge_chunks(graph):
             self.graph.add_edges_from(chunk)
 
     def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:
-        """Seconds of A*, or of Dijkstra without a heuristic, and the stances passed."""
+        """Run A*, or Dijkstra if `h` is None; return the duration [s] and the path."""
         end = self.graph.add_node(self.graph.num_nodes())
         self.graph.add_edges_from([(s, end, 0.0) for s in goals])
         seconds, path = timed(

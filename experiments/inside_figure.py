@@ -1,46 +1,46 @@
-"""The figure of `docs/inside.md`: one step from stance to edge, what runs and what it hands on."""
+"""Draw the figure of `docs/inside.md`: which module computes what, from a stance to an edge.
+
+    python experiments/inside_figure.py
+
+Writes `docs/inside.png` and `docs/inside.svg`.
+"""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from reports import ROOT
 
 from mlivr_gym.pictures.figures import write_figure
 
-OUT = Path(__file__).parent.parent / "docs" / "inside.png"
+OUT = ROOT / "docs" / "inside.png"
 
 STAGES = (
     ("stance", "points of the limbs", "stances/pair_graph.py"),
     ("posture", "base pose, branches\nand their w_m, w_b", "postures/selection.py"),
-    (
-        "certificate",
-        "branches on which limbs\nthat hold can follow it",
-        "kinematics/holding.py",
-    ),
+    ("certificate", "branches on which limbs\nthat hold can follow it", "kinematics/holding.py"),
     ("release", "branches on which limbs\ncan be released, folds", "transitions/release.py"),
     ("step", "motions of the limb that\nmoves, limbs that hold", "transitions/steps.py"),
     ("edge", "branches kept, path, swing", "stances/pair_table.py"),
 )
-"""What there is in turn, what it says, and where it is made."""
+"""Stages in order: name, result, and the module that computes it."""
 
 RECORDS = ("points", "HeldStance -> Posture", "BasePath", "Release", "Step, Motion", "PairEdge")
-"""What is handed on."""
+"""Records that each stage passes on."""
 
 
 def main() -> None:
-    """Draw it."""
+    """Draw the figure."""
     figure = Figure(figsize=(13.6, 2.8), dpi=110)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.005, 0.01, 0.99, 0.98))
-    for k, ((name, said, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
+    for k, ((name, result, place), record) in enumerate(zip(STAGES, RECORDS, strict=True)):
         axes.add_patch(
             Rectangle((2.6 * k, 0.0), 2.2, 1.5, facecolor="#e8f0f8", edgecolor="#1f77b4")
         )
         axes.text(2.6 * k + 1.1, 1.22, name, ha="center", fontsize=12, weight="bold")
-        axes.text(2.6 * k + 1.1, 0.72, said, ha="center", va="center", fontsize=7.5)
+        axes.text(2.6 * k + 1.1, 0.72, result, ha="center", va="center", fontsize=7.5)
         axes.text(2.6 * k + 1.1, 0.14, place, ha="center", fontsize=7, family="monospace")
         axes.text(2.6 * k + 1.1, -0.25, record, ha="center", fontsize=8, color="#555555")
         if k:

@@ -1,10 +1,11 @@
-"""A walk that new obstacles interrupt twice and that still arrives.
+"""Replan a walk twice because obstacles appear on the way.
 
     python experiments/interrupted_walk.py [--out results]
 
-The robot plans, takes two steps, finds a box in its way, plans again from where it stands; takes
-two more, finds the points ahead occupied, and plans again. Writes `interrupted_walk.png`, and an
-SVG beside it: the walk made, and what each plan had in mind when it was given up.
+The robot takes two steps of its first plan, then a box appears and it replans from its present
+stance. After two more steps, points ahead become occupied and it replans once more. Prints the
+planning times, and writes `interrupted_walk.png` and `.svg` with the steps taken and the remainder
+of each plan that was abandoned.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from mlivr_gym.planners import Planner
 
 
 def main() -> None:
-    """Walk."""
+    """Plan, walk and replan until the goal is reached, then draw the walk."""
     out, graph = command_line(__doc__).parse_args().out, stance_graph()
     planner, setup = Planner(graph), default_setup()
     stance, goal = tuple(setup["start"]), tuple(setup["goal"])

@@ -1,30 +1,26 @@
-"""How often a random stance of robots with two to eight limbs can be held, and whether it is left.
+"""Count how often robots with two to eight limbs can hold a random stance and leave it.
 
-    python experiments/limb_starts.py
+    python experiments/limb_starts.py [--out results]
 
-Robots with the default body on the JEM, collisions checked; 200 draws each, as `random_state` makes
-them. Writes `results/limb_starts.json`.
+For each number of limbs, a robot with the default body draws 200 random stances on the JEM as
+`random_state` does, with collisions checked. Counted are the draws that are nodes, and the nodes
+that at least one step leaves. Writes `limb_starts.json`; `readme.py` shows the table in the docs.
 """
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from planning_report import table
+from reports import command_line, keep, table
 
 from mlivr_gym import RobotSpec, stance_graph
-from mlivr_gym.files import write_whole
 from mlivr_gym.robot.specification import MOST_LIMBS
 from mlivr_gym.stances.random_states import TRIES, random_stance
 
-RESULTS = Path(__file__).parent.parent / "results"
-
 
 def starts(limbs: int) -> dict[str, int]:
-    """Stances found in `TRIES` draws, and how many of them a step leaves."""
+    """Return how many of `TRIES` random draws are nodes, and how many of those a step leaves."""
     graph = stance_graph(robot=RobotSpec(name=f"limbs{limbs}", limbs=limbs))
     rng = np.random.default_rng(0)
     drawn = [random_stance(graph, rng) for _ in range(TRIES)]
@@ -32,17 +28,18 @@ def starts(limbs: int) -> dict[str, int]:
     return {"held": len(held), "left": sum(bool(graph.successors(state)) for state in held)}
 
 
-def told(data: dict[str, Any]) -> str:
-    """A table for the page on robots."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the table for the page on robots."""
     head = f"limbs | stances held in {TRIES} draws | of which a step leaves"
     return table(head, [(limbs, row["held"], row["left"]) for limbs, row in data.items()])
 
 
 def main() -> None:
-    """Count and write."""
+    """Count and write the results."""
+    out = command_line(__doc__).parse_args().out
     data = {str(limbs): starts(limbs) for limbs in range(2, MOST_LIMBS + 1)}
-    write_whole(RESULTS / "limb_starts.json", json.dumps(data, indent=1) + "\n")
-    print(told(data))
+    keep(out, "limb_starts", data)
+    print(markdown(data))
 
 
 if __name__ == "__main__":

@@ -1,19 +1,18 @@
-"""Three and four limbs: how steps fan out, and plans of random tasks with what is proved of them.
+"""Measure plans of three and four limbs on random tasks, and compare other methods.
 
     python experiments/many_limbs.py [--out results] [--tasks 20] [--seconds 10]
 
-A task leads from a random stance, from which some step leads away, to the base position of another,
-1 to 5 m off, on the JEM with collisions checked. Each is asked with two costs for some seconds, in
-a process of its own; plans are then carried out in MuJoCo at default timing. Some tasks have no
-plan: the search says so where it exhausts the states; of the others it is not known. Then other
-methods get the same tasks, with the cost of steps and the same time. Writes
-`many_limbs.json`, `many_limbs.md` and `many_limbs.png`.
+A task leads from a random state that some step leaves to the base position of another one, 1 to 5 m
+away, on the JEM with collisions checked. Each task is planned with two costs for `--seconds`; the
+plans are then executed in MuJoCo at default timing. For some tasks the search proves that no plan
+exists; the others without a plan remain undecided. Other methods get the same tasks with the step
+cost and the same time. The branching of the stance graph is measured, too. Writes
+`many_limbs.json`, `many_limbs.md` and `many_limbs.png`; a task takes up to `--seconds` for each of
+two costs and six methods.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from functools import partial
 from pathlib import Path
@@ -22,11 +21,10 @@ from typing import Any
 import numpy as np
 from many_limbs_methods import METHODS, NO_PLAN, section, walk_of
 from matplotlib.figure import Figure
-from processes import Processes
+from reports import Processes, command_line, publish, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
@@ -38,31 +36,31 @@ from mlivr_gym.transitions.state import State
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
-"""How far goals are [m]."""
+"""Minimum and maximum distance of goals [m]."""
 
 STANCES = 40
-"""Random stances whose steps are counted."""
+"""Number of random stances whose steps are counted."""
 
 REPLANNING = 2.0
-"""How long a plan around an occupied point is looked for [s]."""
+"""Time limit of a plan around an occupied point [s]."""
 
 SOONEST_SHOWN, MOST_SHOWN = 0.02, 2.5
-"""Shortest time [s] and largest factor that the plot shows."""
+"""Shortest time [s] and largest factor that the figure shows."""
 
 WELL_PROVED = 1.5
-"""Factor of the least cost within which plans are to be proved."""
+"""Optimality bound of plans that count as well proved."""
 
 
 def fan(robot: str) -> dict[str, Any]:
-    """How many nodes and steps are next to random stances, and how long it takes to know.
+    """Return number of nodes and steps next to random stances, and the time to compute them.
 
-    The steps twice: where postures are known alone, and from the table of all nodes.
+    Steps are timed twice: with only the postures known, and from the table of all nodes.
     """
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
     states: list[State] = []
     while len(states) < STANCES:
         states += filter(None, [random_stance(graph, rng)])
-    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # know nothing
+    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # without cached results
     assert isinstance(tabled, LazyGraph)
     node_table(tabled)
     tabled.successors(states[0])
@@ -76,15 +74,15 @@ def fan(robot: str) -> dict[str, Any]:
         graph.candidates(state.stance)
         again = time.perf_counter()
         assert len(tabled.successors(state).limb) == steps
-        told = time.perf_counter()
-        times = known - began, checked - known, again - checked, told - again
+        tabled_end = time.perf_counter()
+        times = known - began, checked - known, again - checked, tabled_end - again
         rows.append((nodes, steps, *times))
     names = ("nodes", "steps", "nodes_s", "steps_s", "again_s", "tabled_s")
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Array]:
-    """A state from which some step leads away, and where the base is at another."""
+    """Return a random state that some step leaves, and the base position of another one."""
     while True:
         start, end = random_state(graph, rng), random_state(graph, rng)
         goal = graph.posture_of(end).base_position[0]
@@ -93,8 +91,8 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
             return start, goal
 
 
-def asked(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
-    """What is found for a task, with both costs, and by other methods for the first tasks."""
+def task_results(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
+    """Plan a task with both costs, and the first `others` tasks with the other methods."""
     graph = stance_graph(robot=robot)
     assert isinstance(graph, LazyGraph)
     start, goal = random_task(graph, np.random.default_rng([seed, graph.limbs]))
@@ -118,7 +116,7 @@ def asked(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
 
 
 def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | None:
-    """How long a first plan takes once a point is occupied that the plan grasps half-way [s]."""
+    """Return the time of a first plan once a point that the plan grasps is occupied [s]."""
     start = plan.stances[0]
     grasped = [step.to_point for step in plan.steps if step.to_point not in start]
     if not grasped:
@@ -129,101 +127,93 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
 
 
 def executed(graph: LazyGraph, plan: Plan) -> bool:
-    """Whether MuJoCo carries a plan out, touching nothing."""
+    """Return whether MuJoCo executes a plan without contact."""
     from mlivr_gym.simulation.execution import execute  # loads GL
 
     return execute(graph, plan).failure is None
 
 
+FAN = (
+    "robot | neighbours that are nodes, median | steps, mean | without steps | nodes, new [ms] | "
+    "steps, new [ms] | nodes, known [ms] | steps, tabled [ms]"
+)
+TASKS = (
+    "robot | cost | tasks | plans | none exists | undecided | first plan [s] | within 0.5 s | "
+    "within 2 s | first over last | bound | the least | within 1.5 | steps | replanned [s] | "
+    "carried out"
+)
+"""Heads of the tables."""
+
+
 def markdown(data: dict[str, Any]) -> str:
-    """The report."""
-    lines = [
-        "# Three and four limbs",
-        "",
-        f"Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data['seconds']:g} s "
-        "a task and cost on a graph that knows nothing but the table of all nodes, which ships and "
-        "is unpacked once ([how long that takes](start_up.md)); times are those of a machine with "
-        "two cores, tasks at once: "
-        f"{data.get('workers', 1)}.",
-        "",
-        "![Share of tasks with a plan over time](many_limbs.png)",
-        "",
-        "## Steps next to a random stance",
-        "",
-        "*Without steps*: share of the stances that no step leaves. *Tabled*: the steps of a new "
-        "stance where all nodes are in a table.",
-        "",
-        "| robot | neighbours that are nodes, median | steps, mean | without steps "
-        "| nodes, new [ms] | steps, new [ms] | nodes, known [ms] "
-        "| steps, tabled [ms] |",
-        "|---|---|---|---|---|---|---|---|",
+    """Return the page."""
+    tasks = [
+        task_row(robot, cost, [task[cost] for task in data["tasks"][robot]])
+        for robot in ROBOTS
+        for cost in COSTS
     ]
-    for robot in ROBOTS:
-        found = data["fan"][robot]
-        steps = np.array(found["steps"])
-        names = ("nodes_s", "steps_s", "again_s", "tabled_s")
-        new, checked, again, tabled = (1e3 * np.median(found[name]) for name in names)
-        lines.append(
-            f"| `{robot}` | {np.median(found['nodes']):.0f} | {steps.mean():.1f} | "
-            f"{(steps == 0).mean():.0%} | {new:.1f} | {checked:.1f} | {again:.1f} | {tabled:.1f} |"
-        )
-    lines += [
-        "",
-        "## Random tasks",
-        "",
-        "*First plan*: median over the tasks that have one; *within* 0.5 and 2 s: share of all "
-        "tasks but those that have no plan. *First over last*: cost of the first plan by that of "
-        "the last, median. *Bound*: factor of the least cost "
-        "within which the last plan is proved, median; *the least* and *within 1.5*: share of all "
-        "tasks but those that have no plan whose plan is proved to cost the least, or within 1.5 "
-        "times that. *Undecided*: neither a plan nor the proof that there is none. "
-        "*Replanned*: time of a first plan by the same planner once a point is occupied that the "
-        "plan grasps half-way, median and 95 %.",
-        "",
-        "| robot | cost | tasks | plans | none exists | undecided | first plan [s] "
-        "| within 0.5 s | within 2 s | first over last | bound | the least | within 1.5 | steps "
-        "| replanned [s] | carried out |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for robot in ROBOTS:
-        lines += [
-            _row(robot, cost, [task[cost] for task in data["tasks"][robot]]) for cost in COSTS
-        ]
     measured = {
         robot: [task for task in data["tasks"][robot] if "methods" in task] for robot in ROBOTS
     }
-    lines += section(measured, data["seconds"])
-    return "\n".join(lines) + "\n"
+    return f"""# Three and four limbs
+
+Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data["seconds"]:g} s per task \
+and cost. Only the table of all nodes is known beforehand; it ships and is unpacked once ([time of \
+this](start_up.md)). Measured on two cores, tasks in parallel: {data.get("workers", 1)}.
+
+![Share of tasks with a plan over time](many_limbs.png)
+
+## Steps next to a random stance
+
+*Without steps*: share of the stances that no step leaves. *Tabled*: time for the steps of a new \
+stance when all nodes are in a table.
+
+{table(FAN, (fan_row(robot, data["fan"][robot]) for robot in ROBOTS))}
+## Random tasks
+
+*None exists*: tasks that are proved to have no plan; shares leave them out. *Undecided*: neither \
+a plan nor such a proof. *First plan*: median time over the tasks with a plan; *within* 0.5 and 2 \
+s: share of tasks. *First over last*: cost of the first plan over that of the last one, median. \
+*Bound*: proved optimality bound of the last plan, median; *the least* and *within 1.5*: share of \
+tasks whose plan is proved optimal, or within 1.5 times the minimum cost. *Replanned*: time of a \
+first plan by the same planner once a point is occupied that the plan grasps half-way, median and \
+95 %.
+
+{table(TASKS, tasks)}{section(measured, data["seconds"])}"""
 
 
-def _row(robot: str, cost: str, found: list[dict[str, Any]]) -> str:
-    """A row of the table of tasks."""
+def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
+    """Return the row of a robot in the table of steps."""
+    steps, names = np.array(found["steps"]), ("nodes_s", "steps_s", "again_s", "tabled_s")
+    times = [f"{1e3 * np.median(found[name]):.1f}" for name in names]
+    nodes, without = f"{np.median(found['nodes']):.0f}", f"{(steps == 0).mean():.0%}"
+    return [f"`{robot}`", nodes, f"{steps.mean():.1f}", without, *times]
+
+
+def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
+    """Return the row of a robot and a cost in the table of tasks."""
     plans = [one for one in found if one["improvements"]]
     none = sum(one["reason"] in NO_PLAN for one in found)
-    undecided = len(found) - len(plans) - none
-    start = f"| `{robot}` | {cost} | {len(found)} | {len(plans)} | {none} | {undecided} |"
+    counts = [f"`{robot}`", cost, len(found), len(plans), none, len(found) - len(plans) - none]
     if not plans:
-        return f"{start} - | - | - | - | - | - | - | - | - | - |"
+        return counts + ["-"] * 10
+    solvable = max(len(found) - none, 1)
     bounds = np.array([one["bound"] or np.inf for one in plans])
-    best, good = (
-        (bounds <= most).sum() / max(len(found) - none, 1) for most in (1.0 + 1e-6, WELL_PROVED)
-    )
+    best, good = ((bounds <= most).sum() / solvable for most in (1.0 + 1e-6, WELL_PROVED))
     first = np.array([one["improvements"][0][0] for one in plans])
-    soon = [(first <= most).sum() / max(len(found) - none, 1) for most in (0.5, 2.0)]
+    soon = [f"{(first <= most).sum() / solvable:.0%}" for most in (0.5, 2.0)]
     ratio = np.median([one["improvements"][0][1] / one["improvements"][-1][1] for one in plans])
-    steps = np.mean([one["steps"] for one in plans])
-    done = sum(bool(one["executed"]) for one in plans)
     again = [one["replanned"] for one in plans if one["replanned"] is not None]
-    soonest = "{:.2f}, {:.2f}".format(*np.percentile(again, (50, 95))) if again else "-"
-    return (
-        f"{start} {np.median(first):.2f} | {soon[0]:.0%} | {soon[1]:.0%} | {ratio:.2f} "
-        f"| {np.median(bounds):.2f} | {best:.0%} | {good:.0%} | {steps:.1f} "
-        f"| {soonest} | {done} of {len(plans)} |"
-    )
+    return [
+        *counts, f"{np.median(first):.2f}", *soon, f"{ratio:.2f}", f"{np.median(bounds):.2f}",
+        f"{best:.0%}", f"{good:.0%}", f"{np.mean([one['steps'] for one in plans]):.1f}",
+        "{:.2f}, {:.2f}".format(*np.percentile(again, (50, 95))) if again else "-",
+        f"{sum(bool(one['executed']) for one in plans)} of {len(plans)}",
+    ]  # fmt: skip
 
 
 def curves(data: dict[str, Any], path: Path) -> None:
-    """Share of the tasks that have a plan, over time, and how good the last plans are proved."""
+    """Plot the share of tasks with a plan over time, and the bounds of the last plans."""
     figure = Figure(figsize=(9.0, 6.4), layout="constrained")
     axes = figure.subplots(2, 2, sharey=True)
     for column, robot in enumerate(ROBOTS):
@@ -256,11 +246,8 @@ def curves(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Measure and write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=Path("results"))
+    """Measure and write results, page and figure."""
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--others", type=int, default=20, help="tasks for other methods too")
@@ -279,10 +266,9 @@ def main() -> None:
         graph.sets()  # for other methods
         node_table(graph)
         data["fan"][robot] = fan(robot)
-        work = partial(asked, robot=robot, seconds=args.seconds, others=args.others)
+        work = partial(task_results, robot=robot, seconds=args.seconds, others=args.others)
         data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
-    write_whole(args.out / "many_limbs.json", json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "many_limbs.md", markdown(data))
+    publish(args.out, "many_limbs", data, markdown)
     curves(data, args.out / "many_limbs.png")
 
 

@@ -1,4 +1,8 @@
-"""Other methods on the tasks of `many_limbs.py`: how many they solve in the time of the search."""
+"""Other methods on the tasks of `many_limbs.py`, with the time limit of the search.
+
+Greedy search, baselines from the literature and policies start without any checked step, as the
+search does. The report shows how many tasks each method solves.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from planning_report import NOTHING, table
+from reports import NOTHING, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.agents import RandomPolicy
@@ -30,40 +34,40 @@ METHODS = {
     "pointer": "DAgger, pointer, trained with two limbs",
     "random": "random possible steps",
 }
-"""The others, and their names in the table."""
+"""Names of the other methods in the table."""
 
 NO_PLAN = ("search exhausted", "goal outside the reachable set")
-"""What a planner says where it has shown that there is no plan."""
+"""Reasons with which a planner proves that no plan exists."""
 
 MOST_STEPS = 60
 
 
 class _LateError(Exception):
-    """The time of a method is over."""
+    """The time limit of a method has passed."""
 
 
 @dataclass
 class _Timed:
-    """Moves that end when the time is over; see `Moves`."""
+    """`Moves` that raise an error when the time limit has passed."""
 
     moves: Moves
     end: float
 
     def successors(self, state: State) -> Successors:
-        """All steps that leave a state, while there is time."""
+        """Return the steps that leave a state, unless the time limit has passed."""
         if time.perf_counter() > self.end:
             raise _LateError
         return self.moves.successors(state)
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever else moves have."""
+        """Return any other attribute of the moves."""
         return getattr(self.moves, name)
 
 
 def walk_of(
     robot: str, method: str, start: State, goal: Array, seconds: float
 ) -> tuple[int, float] | None:
-    """Steps of a method's walk where no step is known, and its time [s]; None if it has none."""
+    """Return number of steps and duration [s] of a method's walk, or None if it finds none."""
     graph = stance_graph(robot=robot)
     env = MlivrEnv(robot=robot)
     began = time.perf_counter()
@@ -86,7 +90,7 @@ def walk_of(
 
 
 def _episode(env: MlivrEnv, policy: Policy, start: State, goal: Array, end: float) -> int | None:
-    """Steps of a policy's episode, None if it does not reach the goal in time."""
+    """Return the steps of a policy's episode, or None if it misses the goal or the time limit."""
     options = {"start": env.graph.ids(start.stance), "goal": goal.tolist()}
     observation, info = env.reset(options=options)
     for step in range(MOST_STEPS):
@@ -99,25 +103,23 @@ def _episode(env: MlivrEnv, policy: Policy, start: State, goal: Array, end: floa
     return None
 
 
-def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> list[str]:
-    """Lines of the report: what the methods did on the tasks of each robot, if that is known."""
+def section(measured: dict[str, list[dict[str, Any]]], seconds: float) -> str:
+    """Return the section of the report on other methods, or nothing if they were not measured."""
     if not any(measured.values()):
-        return []
-    lines = [
-        "",
-        "## Other methods",
-        "",
-        f"Some of the tasks that may have a plan, {seconds:g} s for each, at most {MOST_STEPS} "
-        "steps; no step is known at the beginning. *Steps* and *time* (median) are those of the "
-        "walks that were found, which are not the same tasks for all.",
-        "",
-    ]
+        return ""
     rows = [row for robot, tasks in measured.items() for row in _rows(robot, tasks)]
-    return [*lines, table("robot | method | solved | steps | time [s]", rows).rstrip("\n")]
+    return f"""
+## Other methods
+
+Some of the tasks without a proof that no plan exists, {seconds:g} s each, at most {MOST_STEPS} \
+steps; no step is known at the start. *Steps* (mean) and *time* (median) are those of the walks \
+that a method finds, so methods differ in the tasks that count.
+
+{table("robot | method | solved | steps | time [s]", rows)}"""
 
 
 def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[list[str]]:
-    """Rows of the table of methods: those of a robot, on the tasks that may have a plan."""
+    """Return the table rows of a robot, over its tasks for which no plan was ruled out."""
     able = [task for task in tasks if task["steps"]["reason"] not in NO_PLAN]
     firsts = [task["steps"]["improvements"][:1] for task in able]
     found = {SEARCH: [(one[0][1], one[0][0]) if one else None for one in firsts]}

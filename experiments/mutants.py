@@ -1,11 +1,12 @@
-"""Do the tests notice faults? 150 small ones, planted one at a time in a copy of the sources.
+"""Mutation testing: plant 150 small faults, one at a time, and check whether a test fails.
 
     python experiments/mutants.py [--minutes 60] [--strata agents simulation] [--again]
 
-The faults are drawn by a seed: as many from each stratum, and within it as many of each kind as
-there are. Each runs the tests that concern its module, those named after it first, until one fails.
-What has run stays in `results/mutants.json`: a run that was stopped goes on, and a fault whose
-function has changed since runs anew. `results/mutants.md` is the report.
+The faults are drawn by a seed, the same number from each stratum of the sources and evenly over the
+kinds of faults. Each runs in a copy of the repository with the tests of its module, those named
+after it first, until one fails. Results are stored in `results/mutants.json`: an interrupted run
+can be resumed, and a fault runs again once its function has changed. Writes the report
+`results/mutants.md`.
 """
 
 from __future__ import annotations
@@ -24,17 +25,15 @@ from pathlib import Path
 from typing import Any
 
 from mutation import Mutant, mutants_of, planted
-from reports import command_line, keep, read, table
+from reports import ROOT, command_line, keep, read, table
 
 from mlivr_gym.files import write_whole
 
-ROOT = Path(__file__).parent.parent
 SEED, COUNT = 14, 150
 LIMIT = 600.0
-"""Seconds after which the tests of a fault are ended without a result.
+"""Time limit for the tests of a fault [s], after which it stays undecided.
 
-Each test has a limit of its own, so that a fault that hangs fails one of them long before.
-"""
+Each test has its own, shorter limit, so that a fault that hangs makes a test fail long before."""
 
 
 PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
@@ -44,7 +43,7 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
          "planners/test_bucket_queue.py", "collisions/test_distances.py",
          "collisions/test_box_grid.py", "collisions/test_placing.py",
          "collisions/test_against_boxes.py", "robot/test_limb.py")  # fmt: skip
-"""Tests that are quick without compiling; faults in kernels of their folders meet them first."""
+"""Tests that are quick without compilation; faults in kernels of their folders meet them first."""
 
 FILES = ("test_files.py", "test_fuzzed_files.py", "test_values.py", "test_settings.py",
          "test_errors.py", "world", "motion/test_plan_files.py")  # fmt: skip
@@ -74,17 +73,17 @@ STRATA: dict[str, dict[str, tuple[str, ...]]] = {
                         FILES),
     },
 }  # fmt: skip
-"""Sources that are drawn from together: test folders and files by source folder or file."""
+"""Strata: test folders and files for each source folder or file."""
 
 LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_methods.py",
         "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
         "motion/test_commitment.py", "postures/test_given_pose.py",
         "collisions/test_sweep.py")  # fmt: skip
-"""Test files that take longest; they come last."""
+"""Test files that take longest and run last."""
 
 
 def drawn(stratum: str, count: int, seed: int) -> list[Mutant]:
-    """Faults of a stratum, as evenly over their kinds as there are enough of each."""
+    """Return random faults of a stratum, evenly over their kinds as long as enough exist."""
     kinds: dict[str, list[Mutant]] = defaultdict(list)
     for place in STRATA[stratum]:
         base = ROOT / place
@@ -102,13 +101,13 @@ def drawn(stratum: str, count: int, seed: int) -> list[Mutant]:
 
 
 def shares(count: int, seed: int) -> dict[str, list[Mutant]]:
-    """The whole draw, by stratum."""
+    """Return the faults of all strata."""
     sizes = [count // len(STRATA) + (k < count % len(STRATA)) for k in range(len(STRATA))]
     return {name: drawn(name, size, seed) for name, size in zip(STRATA, sizes, strict=True)}
 
 
 def tests_of(stratum: str, path: str) -> list[str]:
-    """The test files for a module: named after it, importing it, the rest, and long ones last."""
+    """Return the test files of a module: named after it, importing it, others, long ones last."""
     place = next(place for place in STRATA[stratum] if path.startswith(place))
     files: list[Path] = []
     for entry in STRATA[stratum][place]:
@@ -129,7 +128,7 @@ class Tree:
     """A copy of the repository in which faults are planted."""
 
     def __init__(self, folder: Path) -> None:
-        """Bring the copy up to date; files that are equal stay, with what is compiled of them."""
+        """Update the copy; equal files remain, with their compiled code."""
         self.folder, self.cache = folder / "tree", folder / "cache"
         self.sound: set[str] = set()
         """Tests that failed with a fault and were seen to pass without."""
@@ -147,7 +146,7 @@ class Tree:
                 shutil.copy2(source, target)
 
     def pytest(self, tests: list[str], limit: float, **given: str) -> tuple[int | None, str]:
-        """Exit status, None if they took too long, and the test that failed."""
+        """Run tests; return the exit status, None at the time limit, and the test that failed."""
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider",
                    "--tb=no", "--no-header", "-rfE", *tests]  # fmt: skip
         environment = {
@@ -162,19 +161,19 @@ class Tree:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
-            said = process.communicate(timeout=limit)[0]
+            output = process.communicate(timeout=limit)[0]
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, 9)
             process.communicate()
             return None, "takes too long"
-        if "file or directory not found" in said:
-            raise SystemExit(f"{said.strip()[-200:]}: the tests have changed during the run")
-        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", said, re.MULTILINE)
-        last = said[-200:].strip() if process.returncode else ""
+        if "file or directory not found" in output:
+            raise SystemExit(f"{output.strip()[-200:]}: the tests have changed during the run")
+        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - .*)?$", output, re.MULTILINE)
+        last = output[-200:].strip() if process.returncode else ""
         return process.returncode, failed[1] if failed else last
 
     def run(self, mutant: Mutant, tests: list[str]) -> dict[str, Any]:
-        """Plant a fault, run the tests and take it out again."""
+        """Plant a fault, run the tests and restore the source."""
         path, began = self.folder / mutant.path, time.perf_counter()
         source = path.read_bytes()
         times = path.stat().st_atime_ns, path.stat().st_mtime_ns
@@ -200,7 +199,7 @@ class Tree:
 
 
 def digest(mutant: Mutant) -> str:
-    """Digest of the function round a fault: a result holds as long as it stays."""
+    """Return the digest of the function around a fault, until whose change its result is valid."""
     source = (ROOT / mutant.path).read_text(encoding="utf-8")
     text = source
     for node in ast.walk(ast.parse(source)):
@@ -211,7 +210,7 @@ def digest(mutant: Mutant) -> str:
 
 
 def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[str, str]) -> str:
-    """The report, in Markdown."""
+    """Return the page."""
     rows: list[list[Any]] = []
     survivors: list[Mutant] = []
     for name, mutants in draw.items():
@@ -224,10 +223,10 @@ def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[s
     for row in rows:
         count = row[2] - row[3]
         row.append(f"{100.0 * row[4] / count:.0f} %" if count else "-")
-    told = []
+    items = []
     for mutant in survivors:
         why = equal.get(mutant.key)
-        told.append(f"""* `{mutant.path}:{mutant.line}` ({mutant.operator}), \
+        items.append(f"""* `{mutant.path}:{mutant.line}` ({mutant.operator}), \
 {f"equivalent: {why}" if why else "not caught"}
 
   ```diff
@@ -238,21 +237,21 @@ def report(draw: dict[str, list[Mutant]], results: dict[str, Any], equal: dict[s
     return f"""# Faults that the tests notice
 
 {rows[-1][1]} faults drawn with seed {SEED} by `experiments/mutants.py` (`make mutants`), the same \
-number from each stratum. Equivalent ones, which change nothing that can be seen, are argued below \
-and do not count.
+number from each stratum. Equivalent faults, which change no observable behaviour, are justified \
+below and do not count.
 
 {table("stratum | drawn | run | equivalent | caught | share", rows)}
 ## Survivors
 
-{"".join(told)}"""
+{"".join(items)}"""
 
 
 def main() -> None:
-    """Run what has not run yet, as long as there is time."""
+    """Run the faults without a valid result until the time is over."""
     parser = command_line(__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--strata", nargs="*", default=list(STRATA), choices=list(STRATA))
-    parser.add_argument("--again", action="store_true", help="run survivors anew")
+    parser.add_argument("--again", action="store_true", help="run survivors again")
     parser.add_argument("--count", type=int, default=COUNT)
     parser.add_argument(
         "--folder", type=Path, default=Path(tempfile.gettempdir()) / "mlivr-gym-mutants"

@@ -1,8 +1,8 @@
-"""Small faults in Python sources: where they can be planted, and the text that plants them.
+"""Mutants of Python sources for mutation testing: where faults can be planted, and their text.
 
-The operators are those of tools of mutation testing (mutmut, Cosmic Ray): comparisons at their
-boundary, arithmetic, constants, negations, min and max, arguments in another order, values that are
-not returned, and / or. Docstrings, annotations, decorators, error texts and assertions stay.
+The operators are those of mutmut and Cosmic Ray: boundaries of comparisons, arithmetic, constants,
+negations, min and max, order of arguments, missing return values, and/or. Docstrings, annotations,
+decorators, error texts and assertions are left alone.
 """
 
 from __future__ import annotations
@@ -30,46 +30,41 @@ OPPOSITE = {
 }  # fmt: skip
 
 MARKS = {"kernel", "part", "entry"}
-"""Decorators of what is compiled."""
+"""Decorators of compiled functions."""
 
 
 class Mutant(NamedTuple):
-    """One fault."""
+    """A fault at one place of a source file."""
 
     path: str
     """Source file, relative to the repository."""
     function: str
-    """Qualified name of the function or class around it, or empty."""
+    """Qualified name of the enclosing function or class, or empty."""
     operator: str
-    """Kind of the fault."""
     line: int
-    """Line of the source."""
     start: int
-    """Where the text begins that is replaced, in bytes."""
     stop: int
-    """Where it ends."""
+    """Bytes from `start` to `stop` of the source are replaced: `before` by `after`."""
     before: str
-    """The text that is replaced."""
     after: str
-    """What stands there instead."""
     compiled: bool
-    """Whether it lies in a kernel."""
+    """Whether the fault lies in a kernel."""
     number: int
-    """How many like it stand before it in the same function."""
+    """Number of equal faults before it in the same function."""
 
     @property
     def key(self) -> str:
-        """What the fault is called; other code of the file may change without changing it."""
+        """Identifier of the fault, which changes elsewhere in the file do not affect."""
         where = f"{self.path} {self.function or '-'}"
         return f"{where}: {self.before} => {self.after} #{self.number}"
 
     def rank(self, seed: int) -> str:
-        """Where it stands in the order of a draw."""
+        """Return the position of the fault in a random order."""
         return hashlib.sha256(f"{seed} {self.key}".encode()).hexdigest()
 
 
 class _Sites(ast.NodeVisitor):
-    """Collects the faults of one file."""
+    """Visitor that collects the faults of one file."""
 
     def __init__(self) -> None:
         self.found: list[tuple[ast.AST, str, ast.AST | str, str, bool]] = []
@@ -80,7 +75,7 @@ class _Sites(ast.NodeVisitor):
         self.found.append((node, operator, after, ".".join(self.names), self.compiled))
 
     def scope(self, node: ast.FunctionDef | ast.ClassDef) -> None:
-        """Bodies without docstring, annotations and decorators; defaults count."""
+        """Visit a body without docstring, annotations and decorators, but with default values."""
         self.names.append(node.name)
         before = self.compiled
         if isinstance(node, ast.FunctionDef):
@@ -97,7 +92,7 @@ class _Sites(ast.NodeVisitor):
     visit_FunctionDef = visit_ClassDef = scope
 
     def leave(self, node: ast.AST) -> None:
-        """Nothing in there is changed."""
+        """Leave a node unchanged."""
 
     visit_Raise = visit_Assert = visit_JoinedStr = visit_Import = visit_ImportFrom = leave
 
@@ -192,7 +187,7 @@ def _sign(operator: ast.operator) -> str:
 
 
 def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
-    """The faults that can be planted in one file."""
+    """Yield the faults that can be planted in one file."""
     source = (root / path).read_bytes()
     lines = [0]
     for line in source.splitlines(keepends=True):
@@ -218,13 +213,7 @@ def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
 
 
 def planted(source: bytes, mutant: Mutant) -> bytes:
-    """The source of a file with the fault in it.
-
-    Raises
-    ------
-    SyntaxError
-        If that is no Python.
-    """
+    """Return the source of a file with a fault planted; raise `SyntaxError` if it is no Python."""
     changed = source[: mutant.start] + mutant.after.encode() + source[mutant.stop :]
     compile(changed, mutant.path, "exec")
     return changed

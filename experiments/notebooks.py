@@ -1,8 +1,8 @@
-"""Run the notebooks of `examples/` and keep their outputs.
+"""Run the notebooks of `examples/` and store their outputs in them.
 
     python experiments/notebooks.py
 
-What differs from run to run, such as times of execution, is not kept.
+Metadata that differ from run to run, such as execution times, are removed.
 """
 
 from __future__ import annotations
@@ -15,25 +15,20 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
+from reports import ROOT
 
 from mlivr_gym.files import write_whole
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = ROOT / "examples"
 
 LONGEST_CELL = 300
-"""How long a cell may take [s]."""
+"""Time limit of a cell [s]."""
 
 
 def executed(path: Path) -> Any:
-    """A notebook with the outputs of a run in an empty folder, by this Python.
-
-    Raises
-    ------
-    CellExecutionError
-        If a cell fails.
-    """
+    """Return a notebook with the outputs of a run in an empty folder; cells must not fail."""
     notebook = nbformat.read(path, as_version=4)
-    # The kernel of this environment, whatever kernels are registered on the machine.
+    # The kernel imports from this environment, whichever kernels the machine has registered.
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     with tempfile.TemporaryDirectory() as folder:
         client = NotebookClient(
@@ -50,7 +45,7 @@ def executed(path: Path) -> Any:
 
 
 def main() -> None:
-    """Run all, each written whole or not at all."""
+    """Run all notebooks; each file is written only if all its cells succeed."""
     for path in sorted(EXAMPLES.glob("*.ipynb")):
         write_whole(path, nbformat.writes(executed(path)) + "\n")
         print(path.name)

@@ -1,9 +1,9 @@
-"""The overview, like the paper's first figure: module, robot, stance graph, base path, footholds.
+"""Draw module, robot, stance graph, base path and footholds as in the paper's first figure.
 
     python experiments/overview.py [--out results]
 
-writes `overview.png`: the walk of Case 3 in the cabin, the robot in its first and, pale, in its
-last stance, and base paths of a sample of the stance graph's edges as thin lines.
+Shows the walk of Case 3 in the cabin, the robot in its first and, pale, in its last stance, and the
+base paths of a random sample of edges of the stance graph as thin lines. Writes `overview.png`.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import BOX, scene_name
 
 WIDTH, HEIGHT, DPI = 1600, 725, 100
-"""Size of the scene in the picture [pixels], and their number in an inch."""
+"""Size of the scene [px] and resolution of the figure [px/inch]."""
 
 EDGES = 1500
-"""Edges of the stance graph that are drawn."""
+"""Number of edges of the stance graph that are drawn."""
 
 CUT_OPEN = ("deck/forward/closeout", "overhead/forward/closeout")
-"""Boxes that are not drawn, since the camera looks through them as through the forward wall."""
+"""Boxes that are not drawn, because the camera looks through them and the forward wall."""
 
 EDGE_COLOUR = "#6f8299"
 
 
 def edge_paths(graph: PairGraph) -> Array:
-    """Base positions at both ends of some edges of the stance graph, shape (e, 2, 3) [m]."""
+    """Return the base positions at both ends of random edges, shape (e, 2, 3) [m]."""
     rng, found = np.random.default_rng(20261122), list[list[Array]]()
     while len(found) < EDGES:
         held, s = int(rng.integers(2)), int(rng.integers(len(graph)))
@@ -53,12 +53,12 @@ def edge_paths(graph: PairGraph) -> Array:
 
 
 class RouteAmongEdges(Route):
-    """What a scene shows of a plan, and edges of the stance graph as thin lines."""
+    """A plan in a scene, together with edges of the stance graph as thin lines."""
 
     edges: ClassVar[Array]
 
     def add_to(self, scene: Any) -> None:
-        """Add both to a `mujoco.MjvScene`."""
+        """Add plan and edges to a `mujoco.MjvScene`."""
         capsule, turn = mujoco.mjtGeom.mjGEOM_CAPSULE, np.eye(3).ravel()
         colour = np.array([*rgba(EDGE_COLOUR)[:3], 0.45], dtype=np.float32)
         for start, end in self.edges:
@@ -71,7 +71,7 @@ class RouteAmongEdges(Route):
 
 
 def overview(graph: PairGraph, plan: Plan, path: Path) -> None:
-    """Draw the picture with its legend."""
+    """Draw the figure with its legend."""
     renderer = SceneRenderer(graph.grasp_map, graph.robot, WIDTH, HEIGHT)
     for box in CUT_OPEN:
         renderer.model.geom(scene_name(BOX, box)).rgba[3] = 0.0
@@ -102,11 +102,11 @@ def overview(graph: PairGraph, plan: Plan, path: Path) -> None:
     corner: dict[str, Any] = {"loc": "upper right", "bbox_to_anchor": (0.99, 0.995)}
     figure.legend(handles=handles, ncols=5, fontsize=10.5, frameon=False, **corner)
     figure.text(0.012, 0.963, "Walk of Case 3 through Kibo", fontsize=16, va="center")
-    told = (
+    caption = (
         "numbers: after how many steps; the robot in its first stance and, pale, in its last; "
         "the forward wall is cut away"
     )
-    figure.text(0.012, 0.918, told, fontsize=10.5, va="center", color="0.25")
+    figure.text(0.012, 0.918, caption, fontsize=10.5, va="center", color="0.25")
     save_figure(figure, path, vector=False)
 
 

@@ -1,15 +1,14 @@
-"""A film of Case 3 at the paper's pace and as fast as the limits allow, side by side.
+"""Film Case 3 at the paper's pace and at the fastest pace that the limits allow, side by side.
 
     python experiments/pace_film.py [--out results]
 
-Both pictures of a frame are at the same time after the start; the film runs faster than the clock,
-and says how much.
+Both halves of a frame show the same time after the start. The film runs faster than real time and
+states the factor. Writes `pace.gif`.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from reports import case_3, command_line
 
 from mlivr_gym.motion.clocks import Durations
@@ -21,23 +20,17 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.setup import Setup
 
 SIZE = (400, 225)
-"""Size of one picture [px]."""
+"""Size of each half of a frame [px]."""
 
 PACES = {
     "the paper's 10, 30 and 10 s": Setup(Durations(), FEEDFORWARD),
     "as fast as the limits allow": Setup(Limits()),
 }
-"""What is shown side by side."""
-
-
-def headed(picture: NDArray[np.uint8], words: str) -> NDArray[np.uint8]:
-    """A picture with words above it."""
-    line = with_caption(picture[:1], words, SIZE[1])[1:]
-    return np.vstack([line, picture])
+"""The two executions that are compared."""
 
 
 def main() -> None:
-    """Carry the walk out twice and write `pace.gif`."""
+    """Simulate the walk twice and write `pace.gif`."""
     out = command_line(__doc__).parse_args().out
     (graph, plan), recordings = case_3(), []
     for setup in PACES.values():
@@ -53,7 +46,10 @@ def main() -> None:
         pictures = film_pictures(
             graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE, speed=speed
         )
-        sides.append([headed(picture, words) for picture in pictures])
+        # A caption of one line goes above each picture.
+        sides.append(
+            [np.vstack([with_caption(one[:1], words, SIZE[1])[1:], one]) for one in pictures]
+        )
     frames = [np.hstack(pair) for pair in zip(*sides, strict=True)]
     save_film(frames, out / "pace.gif")
 

@@ -1,16 +1,17 @@
-"""Planners and learned policies on the frozen test set and where grasps fail.
+"""Compare planners and learned policies on the frozen test set and with unreliable grasps.
 
     python experiments/planner_vs_rl.py [--policies runs] [--out results] [--only NAME ...]
         [--families NAME ...]
     python experiments/planner_vs_rl.py --freeze     # draw the test set anew
-    python experiments/planner_vs_rl.py --report     # report and plot from what was measured
+    python experiments/planner_vs_rl.py --report     # only write page and figure
 
-`--policies` is the folder that `train_policies.py` filled. What is measured goes into
-`planner_vs_rl.json` piece by piece, and a piece that is there is not measured again; the report
-writes `planner_vs_rl.md`, of which `readme.py` copies one table, and `planner_vs_rl.png` with an
-SVG beside it. Every figure comes from `mlivr_gym.agents.evaluate`, for planners and policies alike.
-The walks of all methods on the first `--execute N` tasks of the same map are carried out in MuJoCo,
-and refined.
+`--policies` is the folder that `train_policies.py` filled. All methods run through
+`mlivr_gym.agents.evaluate`: on the four splits of the test set, on a map with no step known, and
+with grasps that fail. The walks of all methods on the first `--execute N` tasks of the same map are
+simulated in MuJoCo and refined. Results are added to `planner_vs_rl.json` part by part, and a part
+that it holds is not measured again. Writes `planner_vs_rl.md`, of which `readme.py` copies one
+table, and `planner_vs_rl.png` and `.svg`. With the training of the policies it takes two to three
+hours (`make compare`).
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from comparison_report import draw, full_report
-from comparison_walks import Walks, walked
-from reports import command_line, keep, publish, read
+from comparison_report import figure, markdown
+from comparison_walks import Walks, carry_out
+from reports import ROOT, command_line, keep, publish, read
 from tqdm import tqdm
 from train_policies import GRASP_FAILURE
 
@@ -46,15 +47,16 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
-"""Tasks in each split."""
+"""Number of tasks in each split."""
 
 SEED = 20261121
 
 FAMILIES = ("splits", "executed", "cold", "unreliable")
-"""The splits; walks carried out; first action on a map never seen; and grasps that fail."""
+"""Splits of the test set, simulated walks, first action on an unknown map, and unreliable
+grasps."""
 
-UNASKED = "no-manipulability-reached"
-"""A* in a world that asks for no thresholds: whether it reaches the goal at all."""
+NO_THRESHOLDS = "no-manipulability-reached"
+"""A* in a world without thresholds: whether it reaches the goal at all."""
 
 MOST_STEPS = 60
 
@@ -62,7 +64,7 @@ Make = Callable[[MlivrEnv], Policy]
 
 
 def planners() -> dict[str, Make]:
-    """What needs no training, by name."""
+    """Return the methods that need no training, by name."""
     return {
         "astar-steps": lambda env: planner_policy("steps"),
         "astar-base": lambda env: planner_policy("base"),
@@ -73,13 +75,13 @@ def planners() -> dict[str, Make]:
         "mcts": lambda env: baseline_policy("mcts"),
         "two-level": lambda env: baseline_policy("two_level"),
         "no-manipulability": without_manipulability,
-        UNASKED: lambda env: planner_policy("steps"),
+        NO_THRESHOLDS: lambda env: planner_policy("steps"),
         "random": lambda env: RandomPolicy(0),
     }
 
 
 def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]]:
-    """What is trained, by name and seed.
+    """Return the trained policies in a folder, by name and seed.
 
     Pointer policies that imitate also guide a beam search, as `NAME-beam`.
     """
@@ -97,19 +99,19 @@ def learned(folder: Path, only: Sequence[str] = ()) -> dict[str, dict[int, Make]
 
 
 def beam_of(path: Path, env: MlivrEnv) -> Policy:
-    """A beam search that a checkpoint guides."""
+    """Return the beam search that a checkpoint guides."""
     return beam_policy(load_policy(path, env))
 
 
 def without_manipulability(env: MlivrEnv) -> Policy:
-    """A* on the graph that knows no thresholds."""
+    """Return A* on the stance graph without thresholds."""
     graph = stance_graph(env.graph.grasp_map, settings=Settings(manipulability=False))
     graph.occupy(sorted(env.graph.occupied))
     return planner_policy(planner=Planner(graph))
 
 
 def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
-    """An evaluation as plain data."""
+    """Return an evaluation as plain data."""
     data = {
         name: np.round(getattr(result, name), 6).tolist()
         for name in ("base_translation", "first_decision", "decision")
@@ -119,14 +121,14 @@ def record(result: Evaluation, ids: Sequence[int]) -> dict[str, Any]:
 
 
 class Results:
-    """What was measured so far, in a file: a part that is there is not measured again."""
+    """The stored results: a part that exists is not measured again."""
 
     def __init__(self, out: Path) -> None:
-        """Read the file, if there is one."""
+        """Read the stored results, if any."""
         self.out, self.data = out, read(out, "planner_vs_rl")
 
     def has(self, family: str, name: str, seed: int, part: int, first: int) -> bool:
-        """Whether a part is there; `first` is its first task."""
+        """Return whether a part is stored; `first` is its first task."""
         return f"{part}/{first}" in self.data.get(family, {}).get(name, {}).get(str(seed), {})
 
     def add(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
@@ -141,14 +143,14 @@ class Results:
 
 
 def splits(args: argparse.Namespace, results: Results) -> None:
-    """All methods on the worlds of the test set."""
+    """Evaluate all methods on the worlds of the test set."""
     for at, world in enumerate(load_test_set()):
         if world.split in args.splits:
             split_world(world, at, args, results)
 
 
 def split_world(world: HeldOutWorld, at: int, args: argparse.Namespace, results: Results) -> None:
-    """All methods on one world of the test set."""
+    """Evaluate all methods on one world of the test set."""
     env = MlivrEnv(map=world.map(), precompute=world.split != "dense")
     lax = MlivrEnv(map=world.map(), manipulability=False)
     makes = {name: {0: make} for name, make in planners().items()} | learned(Path(args.policies))
@@ -162,31 +164,32 @@ def split_world(world: HeldOutWorld, at: int, args: argparse.Namespace, results:
             for seed, make in seeds.items():
                 if results.has(world.split, name, seed, at, group[0]):
                     continue
-                title, asked = f"{world.split} {at} {name} {seed}", lax if name == UNASKED else env
+                title = f"{world.split} {at} {name} {seed}"
+                world_env = lax if name == NO_THRESHOLDS else env
                 with tqdm(total=len(tasks), desc=title, mininterval=5.0) as bar:
                     walks = Walks(bar.update)
-                    result = evaluate(asked, make(asked), tasks, max_steps=MOST_STEPS,
+                    result = evaluate(world_env, make(world_env), tasks, max_steps=MOST_STEPS,
                                       progress=walks.count, execute=walks.keep)  # fmt: skip
                 found = record(result, group)
-                if world.split == "same" and name != UNASKED:
-                    found["walks"] = walks.of(result)
+                if world.split == "same" and name != NO_THRESHOLDS:
+                    found["walks"] = walks.by_episode(result)
                 results.add(world.split, name, seed, at, found)
         env.graph.vacate()
 
 
 def meant_for(name: str, split: str) -> bool:
-    """Whether a method is measured on a split."""
+    """Return whether a method is evaluated on a split."""
     if name.startswith("risky"):
         return False
     if split == "dense":
-        # Without every step checked beforehand: these look at so many that a task takes minutes.
-        slow = ("table", "dijkstra", "mcts", "no-manipulability", UNASKED)
+        # Steps are not checked beforehand; these methods need so many that a task takes minutes.
+        slow = ("table", "dijkstra", "mcts", "no-manipulability", NO_THRESHOLDS)
         return name not in slow and not name.endswith(("mlp", "-beam"))
-    return split != "half" or not name.endswith("mlp")  # made for one number of points
+    return split != "half" or not name.endswith("mlp")  # trained for one number of points
 
 
 def executed(args: argparse.Namespace, results: Results) -> None:
-    """Carry out and refine all walks on the first tasks of the same map."""
+    """Simulate and refine all walks on the first tasks of the same map."""
     same = results.data.get("same", {})
     rows = [
         part
@@ -195,12 +198,12 @@ def executed(args: argparse.Namespace, results: Results) -> None:
         for part in parts.values()
         if "walks" in part
     ]
-    walked(rows, args.execute, results.data.setdefault("walks", {}), results.write)
+    carry_out(rows, args.execute, results.data.setdefault("walks", {}), results.write)
     results.write()
 
 
 def cold(args: argparse.Namespace, results: Results) -> None:
-    """Time to the first action on the dense map where no step is known yet."""
+    """Measure the time to the first action on the dense map with no step known."""
     world = next(w for w in load_test_set() if w.split == "dense")
     unknown = MlivrEnv(map=world.map())
     makes = {name: planners()[name] for name in ("astar-steps", "greedy", "local")}
@@ -220,16 +223,15 @@ def cold(args: argparse.Namespace, results: Results) -> None:
 
 
 def unreliable(args: argparse.Namespace, results: Results) -> None:
-    """Grasps that fail: the tasks of the same map, three episodes each."""
+    """Evaluate methods with failing grasps: the tasks of the same map, three episodes each."""
     world = next(w for w in load_test_set() if w.split == "same")
     env = MlivrEnv(map=world.map(), grasp_failure=GRASP_FAILURE, precompute=True)
+    untrained = planners()
     makes: dict[str, dict[int, Make]] = {
-        "astar-steps": {0: lambda env: planner_policy("steps")},
+        "astar-steps": {0: untrained["astar-steps"]},
         "table-sure": {0: lambda env: ExpertPolicy(expect_failures=False)},
-        "table-expected": {0: lambda env: ExpertPolicy()},
-        "local": {0: lambda env: baseline_policy("local")},
-        "mcts": {0: lambda env: baseline_policy("mcts")},
-        "random": {0: lambda env: RandomPolicy(0)},
+        "table-expected": {0: untrained["table"]},
+        **{name: {0: untrained[name]} for name in ("local", "mcts", "random")},
     }
     makes |= learned(Path(args.policies), ["dagger-pointer", "risky-pointer"])
     for name, by_seed in makes.items():
@@ -242,25 +244,24 @@ def unreliable(args: argparse.Namespace, results: Results) -> None:
                 result = evaluate(
                     env, make(env), world.tasks, seed=1000 * episode, max_steps=MOST_STEPS
                 )
-                results.add(
-                    "unreliable", name, seed, episode, record(result, range(len(world.tasks)))
-                )
+                data = record(result, range(len(world.tasks)))
+                results.add("unreliable", name, seed, episode, data)
 
 
 def main() -> None:
-    """Measure what is asked for, and report."""
+    """Run the requested measurements, and write page and figure."""
     parser = command_line(__doc__)
     parser.add_argument("--policies", default="runs", help="folder of checkpoints")
     parser.add_argument("--only", nargs="+", help="only these methods")
     parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES)
     parser.add_argument("--splits", nargs="+", default=tuple(SIZES), choices=tuple(SIZES))
     parser.add_argument("--execute", type=int, default=50, help="tasks carried out")
-    parser.add_argument("--freeze", action="store_true", help="draw the test set anew, no more")
+    parser.add_argument("--freeze", action="store_true", help="draw the test set anew and stop")
     parser.add_argument("--report", action="store_true", help="only write the report")
     args = parser.parse_args()
     torch.set_num_threads(1)
     if args.freeze:
-        freeze_test_set(Path(__file__).parent.parent / "envs_assets" / "test_set.json", SEED, SIZES)
+        freeze_test_set(ROOT / "envs_assets" / "test_set.json", SEED, SIZES)
         return
     results = Results(args.out)
     runs: dict[str, Callable[[argparse.Namespace, Results], None]] = {
@@ -269,8 +270,8 @@ def main() -> None:
     for family in FAMILIES:
         if family in args.families and not args.report:
             runs[family](args, results)
-    publish(args.out, "planner_vs_rl", results.data, full_report, indent=None)
-    draw(results.data, args.out / "planner_vs_rl.png")
+    publish(args.out, "planner_vs_rl", results.data, markdown, indent=None)
+    figure(results.data, args.out / "planner_vs_rl.png")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""The report of `benchmark_planning.py`, and the rows that README and site show of it."""
+"""Report of `benchmark_planning.py`, and the rows of it that README and docs show."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
-NOTHING = "\N{EN DASH}"
+from reports import NOTHING, table
 
 OFF = "collisions off"
 
@@ -23,41 +23,34 @@ BEFORE = {
     "one environment": "45,900 (all steps known)",
     "copies": "730,000 (1024 copies)",
 }
-"""Version 0.1.0 as its own benchmarks published it, in `results/` of commit 2f4e2068 and for steps
-a second of 3fb4419c: on two cores of an AMD EPYC, Python 3.11.7, Numba 0.68.1."""
+"""Speed of version 0.1.0 as published by its benchmarks, in `results/` of commit 2f4e2068; steps
+per second of commit 3fb4419c. Measured on two cores of an AMD EPYC, Python 3.11.7, Numba 0.68.1."""
 
 COSTS = {"steps": "the fewest steps", "base": "least translation"}
-"""Costs, and what a plan of each has."""
+"""Costs, and what their plans minimise."""
 
 
-class Figure(NamedTuple):
-    """A row of the table of what default settings give."""
-
-    what: str
-    measured: str
-    target: str
-    """Of median and 95th percentile."""
-    before: str
-    """The same of version 0.1.0."""
+Figure = tuple[str, str, str, str]
+"""Name, target, measured value and value of version 0.1.0, as a row of the table of speeds."""
 
 
 def figures(data: dict[str, Any]) -> Iterator[Figure]:
-    """What is measured with default settings, collisions on, on the table that ships."""
+    """Yield the speeds with default settings, collisions on, on the table that ships."""
 
     def row(what: str, key: str, found: dict[str, Any] | None, target: str, unit: str) -> Figure:
-        """A row of a time; those in seconds tell the median alone."""
+        """Return the row of a time; for times in seconds it states only the median."""
         measured = NOTHING
         if found is not None:
             times = [found["median"] / 1e3] if unit == "s" else [found["median"], found["p95"]]
             measured = ", ".join(f"{float(f'{time:.3g}'):,g}" for time in times)
-        told = f"{what} [s]" if unit == "s" else f"{what}, median and 95 % [ms]"
-        return Figure(told, measured, target, BEFORE.get(key, NOTHING))
+        words = f"{what} [s]" if unit == "s" else f"{what}, median and 95 % [ms]"
+        return words, target, measured, BEFORE.get(key, NOTHING)
 
     found = {cost: data["collisions on"].get(cost, {}) for cost in COSTS}
     for name, target in (("new goal", "3, 30"), ("known goal", "0.5")):
-        for cost, told in COSTS.items():
+        for cost, words in COSTS.items():
             key = f"{cost}, {name}"
-            yield row(f"plan with {told}, {name}", key, found[cost].get(name), target, "ms")
+            yield row(f"plan with {words}, {name}", key, found[cost].get(name), target, "ms")
     base = found["base"]
     cut_off = base.get("unreachable goal")
     yield row("answer that there is no plan", "", cut_off, "3, 30", "ms")
@@ -65,33 +58,26 @@ def figures(data: dict[str, Any]) -> Iterator[Figure]:
     yield row("exact cost-to-go of a new goal", "base, exact cost-to-go", exact, "0.3", "s")
     yield row("`Planner.prepare`", "base, prepare", prepared, "1", "s")
     changes = {"points": ("ten points newly occupied", "1"), "box": ("a new box", "40")}
-    for name, (told, target) in changes.items():
-        yield row(f"new plan after {told}", name, data["replanning"].get(name), target, "ms")
+    for name, (words, target) in changes.items():
+        yield row(f"new plan after {words}", name, data["replanning"].get(name), target, "ms")
 
 
-def beside(data: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What the graph libraries take for the same tasks: name and median of A* [ms]."""
+def library_times(data: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield name and median [ms] of A* in the graph libraries on the same tasks."""
     for name, row in data["libraries"].items():
         if name != "this planner":
             yield f"A* of {name} on the same table, median [ms]", f"{row['A*']['median']:.3g}"
 
 
-def table(head: str, rows: Iterable[Sequence[Any]]) -> str:
-    """A table in Markdown; the names in `head` are separated by ` | `."""
-    names = head.split(" | ")
-    lines = [f"| {' | '.join(map(str, row))} |" for row in (names, *rows)]
-    return "\n".join([lines[0], "|" + "---|" * len(names), *lines[1:]]) + "\n"
-
-
 def targets(data: dict[str, Any]) -> str:
-    """Targets, what is measured, and what version 0.1.0 took."""
-    rows = [(row.what, row.target, row.measured, row.before) for row in figures(data)]
-    rows += [(told, NOTHING, measured, NOTHING) for told, measured in beside(data)]
+    """Return the table of targets, measured values and values of version 0.1.0."""
+    rows = list(figures(data))
+    rows += [(words, NOTHING, measured, NOTHING) for words, measured in library_times(data)]
     return table("default settings | target | measured | version 0.1.0", rows)
 
 
 def series(data: dict[str, Any]) -> Iterator[list[Any]]:
-    """All series of queries."""
+    """Yield the table rows of all series of queries."""
     for collisions in ("on", "off"):
         for cost, found in data.get(f"collisions {collisions}", {}).items():
             for name, row in found.items():
@@ -105,18 +91,18 @@ def series(data: dict[str, Any]) -> Iterator[list[Any]]:
 
 
 def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """Rows of this planner and of both libraries."""
+    """Yield the table rows of this planner and of both libraries."""
     for program, row in data["libraries"].items():
         for method in ("A*", "A*, consistent", "Dijkstra"):
             if method in row:
                 build = [f"{row['build']:.1f}", f"{row['memory']:.0f}"] if "build" in row else []
                 cost = f"{row['lower']} | {row['higher']}" if build else f"{NOTHING} | {NOTHING}"
-                told = [f"{row[method][figure]:.1f}" for figure in ("median", "p95")]
-                yield [program, method, *told, *(build or [NOTHING] * 2), cost]
+                words = [f"{row[method][figure]:.1f}" for figure in ("median", "p95")]
+                yield [program, method, *words, *(build or [NOTHING] * 2), cost]
 
 
 def reference_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """Both modes of the reference."""
+    """Yield the table rows of both modes of the reference planner."""
     runs = dict(data["reference"])
     ours = runs.pop("ours")
     for mode, run in runs.items():
@@ -140,8 +126,8 @@ REFERENCE = "mode | candidates | each [ms] | total [s] | ours [s] | ratio"
 """Heads of the tables."""
 
 
-def report(data: dict[str, Any]) -> str:
-    """The Markdown report."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     host, known, single = data["machine"], data["table"], data["single"]
     packages = ", ".join(f"{name} {number}" for name, number in host["packages"].items())
     touching = 100 * single["touching"]
@@ -151,40 +137,39 @@ def report(data: dict[str, Any]) -> str:
 
 Two limbs, collisions on, the table that ships: {known["stances"]} stances and {known["steps"]} \
 legal steps, {known["memory"]:.0f} MB in memory. Two figures are \
-median and 95th percentile. Version 0.1.0 is told as it was measured on two cores of an AMD EPYC, \
-Python 3.11.7, Numba 0.68.1; its queries were measured with collisions off, and what it did not \
-measure is left out.
+median and 95th percentile. Values of version 0.1.0 were measured on two cores of an AMD EPYC, \
+Python 3.11.7, Numba 0.68.1, its queries with collisions off; a dash marks what it did not measure.
 
 {targets(data)}
 ## Queries
 
-Each goal is new to the planner, unless it is told to be known; goals that cannot be reached
-are drawn in the cabin. *Search* is the part of the median without start and motion. Changes of the
-world are made beside a plan to a prepared goal. Times in ms.
+Each goal is new to the planner unless the series is called *known goal*; unreachable goals are
+drawn in the cabin. *Search* is the part of the median without start and motion. Replanning after
+changes of the world has a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
 One configuration, both limbs against the cabin, the body, themselves and each other, takes \
 {single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
 (kinematics and collision pipeline, called from Python), over the same \
-{single["configurations"]} configurations, of which {touching:.0f} % touch something.
+{single["configurations"]} configurations, of which {touching:.0f} % are in contact.
 
 ## The same table in graph libraries
 
 The same tasks in the same run, base cost: nodes are the stances, edges the legal steps, the goal a
 virtual node joined to every goal stance. A* of the libraries has the consistent heuristic. They
-know nothing of branches, so that their paths may cost less than any walk that can be put together
-(*lower*); attaching the goal is not counted, while for this planner the whole call is, with the
-motion of the plan. Times in ms.
+have no labels for branches, so their paths may cost less than any executable walk (*lower*).
+Attaching the goal is not timed; for this planner the whole call is timed, including the motion of
+the plan. Times in ms.
 
 {table(LIBRARIES, library_rows(data))}
-## Beside a plain reference
+## Compared with a plain reference
 
-Case 2 of Table I from map to plan, steps not checked on either side. Ours: stance set of the \
-whole map and one query. The reference (`reference_planner.py`) is Algorithm 1 on one core, a \
-candidate at a time, with iterative inverse kinematics from one seed. *Thorough* tries every base \
-pose and allows 200 iterations; *hasty* takes the first base pose that will do and allows 50. \
-Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the time of a \
-candidate times the candidates that the same search needs (*extrapolated*), or the time it ran, if \
-it had tried more than those (*lower bound*).
+Case 2 of Table I from map to plan, with steps unchecked in both programs. *Ours*: all nodes of \
+the map and one query. The reference (`reference_planner.py`) is Algorithm 1 on one core, a \
+candidate at a time, with iterative inverse kinematics from one seed. *Thorough* evaluates every \
+base pose and allows 200 iterations; *hasty* takes the first base pose that meets the thresholds \
+and allows 50. Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the \
+time per candidate times the number of candidates that the same search needs (*extrapolated*), or \
+the time it ran if it had evaluated more than those (*lower bound*).
 
 {table(REFERENCE, reference_rows(data))}"""

@@ -1,12 +1,12 @@
-"""Tell the figures of `results/` in its pages and between the marks of README and site.
+"""Write the measured values of `results/` into the reports, the README and the pages of `docs/`.
 
     python experiments/readme.py
 
-Each experiment writes its figures as JSON and its page; this script tells all pages anew from the
-JSON, and what README and the pages of `docs/` show of them. A place for figures is marked in a page
-by `<!-- NAME -->` and `<!-- end of NAME -->`; `parts` has the names. The tables of fields in
-`docs/formats.md` come from the schemas in the same way. `make test` fails when a page says
-something else.
+Each experiment writes its results as JSON and as a report. This script writes all reports again
+from the JSON files, and fills the marked places of README and docs. A place starts with `<!-- NAME
+-->` and ends with `<!-- end of NAME -->`; `parts` lists the names. The field tables of
+`docs/formats.md` come from the schemas in the same way. It takes some seconds; `make test` fails if
+a page states another value.
 """
 
 from __future__ import annotations
@@ -33,36 +33,39 @@ import start_up
 import table1_statistics
 import thresholds
 import time_cost
-from planning_report import NOTHING
+from reports import NOTHING, ROOT, table
 from table1 import study_markdown
-from truth import told
+from truth import markdown as truth_markdown
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
 
-ROOT = Path(__file__).parent.parent
 CASES = {
     "1": "1: no thresholds, base cost",
     "2": "2: thresholds, base cost",
     "3": "3: thresholds, step cost",
     "4": "4: as 2, half the points, deck cleared",
 }
+"""Titles of the cases of Table I."""
 
 
 def table1(data: dict[str, Any]) -> str:
-    """Table I of the paper beside what was measured."""
+    """Return Table I of the paper next to the measured values."""
     lines = [HEAD, HEAD_LINE]
     for case, title in CASES.items():
         lines += table_rows(data, case, title)
     return "\n".join(lines) + "\n"
 
 
+MODES = {"faithful": "as in the paper", "collisions": "steps and collisions checked"}
+"""Modes of Table I that the README compares with the paper, and their titles."""
+
 PRICE = 0.05
-"""Price of a regrasp whose effect is told [m]."""
+"""Price of a regrasp whose effect is described [m]."""
 
 
 def study(data: dict[str, Any]) -> str:
-    """How many node-only plans cannot be executed, and what a price of a regrasp does."""
+    """Return the text on plans that cannot be executed and on a price for each regrasp."""
     counts = data["transition_study"]
     free = next(row for row in data["pareto"] if row["price"] == 0.0)
     priced = next(row for row in data["pareto"] if row["price"] == PRICE)
@@ -71,49 +74,47 @@ def study(data: dict[str, Any]) -> str:
         priced["base_translation"] / free["base_translation"] - 1.0,
     )
     return (
-        f"What the paper lacks: of {counts['pairs']} random tasks, {counts['blocked']} node-only "
-        f"plans of the base cost and {counts['blocked_steps']} of the step cost could not have\n"
-        f"been carried out; with steps checked {counts['solved']} of {counts['pairs']} get a plan "
-        f"that can be, {100 * counts['extra_translation']:.2f} % longer on average. A price of "
-        f"{PRICE:g} m\n"
-        f"a regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % more "
-        "translation ([report](reports/table1_study.md)):\n"
+        f"The paper checks only nodes: of {counts['pairs']} random tasks, {counts['blocked']} such "
+        f"plans of the base cost and {counts['blocked_steps']} of the step cost cannot be\n"
+        f"executed. With steps checked, {counts['solved']} of {counts['pairs']} tasks get an "
+        f"executable plan, {100 * counts['extra_translation']:.2f} % longer on average. A price\n"
+        f"of {PRICE:g} m per regrasp saves {100 * saved:.0f} % of the steps for {100 * more:.1f} % "
+        "more translation ([report](reports/table1_study.md)):\n"
     )
 
 
 def truth(data: dict[str, Any]) -> str:
-    """What outside truth says of the promises."""
+    """Return the text on the checks against independent programs."""
     walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
     stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
     return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} legal \
-steps were put together. Of {optimal["queries"]} random queries on half the points, collisions on,
-{optimal["outcomes"].get("existence differs", 0)} differ in existence from SciPy's Dijkstra over \
-`successors`, and the costs of {optimal["found"]} plans by at most \
-{optimal["largest_difference"]:.0e}.
-MuJoCo's collision pipeline finds {stances["free_penetrating"]} penetrations in {stances["free"]} \
-random stances called free, {steps["penetrating"]} along {steps["free"]}
-random steps and {plans["penetrating"]} along {plans["plans"]} random plans \
-({plans["configurations"]} configurations); coal's least distance over those stances is
-{1000 * stances["free_least_distance"]:.1f} mm. All {stances["left_out_nearer_than_clearance"]} of \
-{stances["left_out"]} stances that only collisions keep out come nearer than the clearance in \
-their best posture.
-{100 * steps["share_blocked"]:.0f} % of the steps between free stances that are possible in the \
-paper's world are called blocked.
+steps have a complete motion. Of {optimal["queries"]} random queries on half the points, with
+collisions checked, {optimal["outcomes"].get("existence differs", 0)} differ from SciPy's Dijkstra \
+over `successors` in whether a plan exists, and the costs of {optimal["found"]} plans by at most
+{optimal["largest_difference"]:.0e}. MuJoCo's collision pipeline finds \
+{stances["free_penetrating"]} penetrations in {stances["free"]} random stances called free, \
+{steps["penetrating"]} along {steps["free"]} random steps
+and {plans["penetrating"]} along {plans["plans"]} random plans ({plans["configurations"]} \
+configurations); coal's minimum distance over those stances is
+{1000 * stances["free_least_distance"]:.1f} mm. Of {stances["left_out"]} stances that only \
+collisions rule out, {stances["left_out_nearer_than_clearance"]} violate the clearance in their \
+best posture. {100 * steps["share_blocked"]:.0f} % of the
+steps between free stances that are possible without collision checks are blocked.
 """
 
 
 def paper(data: dict[str, Any]) -> str:
-    """Steps and base translation of the paper's cases beside those found here, in a few columns."""
+    """Return the table of steps and base translation in the paper's cases, and as measured."""
 
     def cell(row: dict[str, Any], digits: int) -> str:
         return f"{row['steps']:.0f}, {row['base_translation']:.{digits}f} m"
 
-    modes = {"as in the paper": "faithful", "steps and collisions checked": "collisions"}
-    lines = [f"| case | paper | {' | '.join(modes)} |", "|---|---|---|---|"]
-    for case, title in CASES.items():
-        measured = (cell(data["measured"][mode][case], 2) for mode in modes.values())
-        lines.append(f"| {title} | {cell(data['paper'][case], 1)} | {' | '.join(measured)} |")
-    return "\n".join(lines) + "\n"
+    measured = data["measured"]
+    rows = [
+        [title, cell(data["paper"][case], 1), *(cell(measured[mode][case], 2) for mode in MODES)]
+        for case, title in CASES.items()
+    ]
+    return table(" | ".join(["case", "paper", *MODES.values()]), rows)
 
 
 SHOWN = ("astar-steps", "astar-base", "mcts", "local", "dagger-pointer", "random")
@@ -121,23 +122,21 @@ SHOWN = ("astar-steps", "astar-base", "mcts", "local", "dagger-pointer", "random
 
 
 def policies(data: dict[str, Any]) -> str:
-    """Success and steps of some methods, on the map that is known and on halves of its points."""
+    """Return success and steps of some methods on the known map and half its points, as a table."""
     names, splits = comparison_report.NAMES, ("same", "half")
     found = [dict(comparison_report.table_rows(data, split)) for split in splits]
-    lines = ["| method | same map | half the points | an action [ms] |", "|---|---|---|---|"]
+    rows = []
     for name in SHOWN:
-        cells = [
-            f"{rows[name][0].split(' [')[0]}, {rows[name][2].split(' [')[0]}" for rows in found
-        ]
-        lines.append(f"| {names[name]} | {' | '.join(cells)} | {found[0][name][6]} |")
-    return "\n".join(lines) + "\n"
+        cells = (", ".join(by_name[name][k].split(" [")[0] for k in (0, 2)) for by_name in found)
+        rows.append([names[name], *cells, found[0][name][6]])
+    return table("method | same map | half the points | an action [ms]", rows)
 
 
 STEPS = {
     "one environment": ("MLIVR-JEM-v0", {}),
     "copies": ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
 }
-"""Environments that the README times, and how they are set, see `benchmark_env.settings_of`."""
+"""Environments whose speed the README shows, with arguments of `benchmark_env.settings_of`."""
 
 FIRST = {
     "ready-made": "first plan of an installation, from the shell [s]",
@@ -146,7 +145,7 @@ FIRST = {
 """Runs of the first path of `start_up.py` that the README shows."""
 
 IN_README = (0, 1, 4, 5, 7, 8)
-"""Figures of `planning_report.figures` that the README shows."""
+"""Indices of the values of `planning_report.figures` that the README shows."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
@@ -156,17 +155,17 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]
         (what, f"{first[how]['wall']:.3g}", before.get(how, NOTHING)) for how, what in FIRST.items()
     ]
     figures = list(planning_report.figures(planning))
-    rows += [(figures[k].what, figures[k].measured, figures[k].before) for k in IN_README]
+    rows += [(figures[k][0], *figures[k][2:]) for k in IN_README]
     measured = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
     for name, (what, arguments) in STEPS.items():
         wall = measured[what, benchmark_env.settings_of(**arguments)]
         title = what.replace("MLIVR-JEM-v0", "steps a second of `MLIVR-JEM-v0`")
         rows.append((title, f"{float(f'{wall:.3g}'):,.0f}", before[name]))
-    return planning_report.table("default settings | measured | version 0.1.0", rows)
+    return table("default settings | measured | version 0.1.0", rows)
 
 
 def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
-    """How soon a new user has the first answers, in one sentence."""
+    """Return how soon a new user has first results, in one paragraph."""
     wall = {name: f"{paths[name]['ready-made']['wall']:.1f}" for name in ("plan", "environment")}
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (
@@ -178,7 +177,7 @@ def at_first(planning: dict[str, Any], paths: dict[str, Any]) -> str:
 
 
 def parts(results: Path) -> dict[str, str]:
-    """What stands between the marks of pages, by the names of the marks."""
+    """Return the contents of the marked places by name."""
 
     def data(name: str) -> Any:
         return json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
@@ -194,72 +193,74 @@ def parts(results: Path) -> dict[str, str]:
         "table1_study": study(data("table1_study")),
         "truth": truth(data("truth")),
         "dynamic_simulation": dynamic_report.readme_text(data("dynamic_simulation")),
-        "carried_out": dynamic_report.in_one_line(data("dynamic_simulation"), data("disturbances")),
+        "carried_out": dynamic_report.readme_sentence(
+            data("dynamic_simulation"), data("disturbances")
+        ),
         "limits": simulation_figures.limits(),
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
-        "limb_starts": limb_starts.told(data("limb_starts")),
+        "limb_starts": limb_starts.markdown(data("limb_starts")),
         **format_tables.tables(),
     }
 
 
 MARK = re.compile(r"^<!-- (\w+) -->\n(?:.*\n)*?<!-- end of \1 -->\n", re.MULTILINE)
-"""A marked place, with what stands in it."""
+"""A marked place with its contents."""
 
 
-def filled(text: str, told: dict[str, str]) -> str:
-    """A page with what belongs between its marks."""
+def filled(text: str, contents: dict[str, str]) -> str:
+    """Return a page with its marked places filled."""
 
     def part(match: re.Match[str]) -> str:
         name = match[1]
-        return f"<!-- {name} -->\n{told[name]}<!-- end of {name} -->\n"
+        return f"<!-- {name} -->\n{contents[name]}<!-- end of {name} -->\n"
 
     return MARK.sub(part, text)
 
 
 def pages() -> list[Path]:
-    """The README and the pages of the site, which may have marks."""
+    """Return the README and the pages of the docs."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 REPORTS: dict[str, Callable[[Any], str]] = {
     "table1": table_markdown,
     "table1_study": study_markdown,
-    "table1_statistics": table1_statistics.told,
+    "table1_statistics": table1_statistics.markdown,
     "thresholds": thresholds.markdown,
-    "truth": told,
+    "truth": truth_markdown,
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
-    "ablation": ablation.table,
-    "start_up": start_up.report,
-    "benchmark_env": benchmark_env.report,
-    "benchmark_planning": planning_report.report,
-    "planner_vs_rl": comparison_report.full_report,
-    "reference_curves": reference_curves.told,
+    "ablation": ablation.markdown,
+    "start_up": start_up.markdown,
+    "benchmark_env": benchmark_env.markdown,
+    "benchmark_planning": planning_report.markdown,
+    "planner_vs_rl": comparison_report.markdown,
+    "reference_curves": reference_curves.markdown,
 }
-"""What tells each file of results as a page of the same name."""
+"""Functions that make the report of each file of results."""
 
 
 def texts() -> dict[Path, str]:
-    """What each page that carries figures must say."""
+    """Return the contents of each page that states measured values."""
     results = ROOT / "results"
     reports = {
-        results / f"{name}.md": tell(
+        results / f"{name}.md": markdown(
             json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
         )
-        for name, tell in REPORTS.items()
+        for name, markdown in REPORTS.items()
     }
-    told = parts(results)
-    return reports | {page: filled(page.read_text(encoding="utf-8"), told) for page in pages()}
+    contents = parts(results)
+    return reports | {page: filled(page.read_text(encoding="utf-8"), contents) for page in pages()}
 
 
 def stale() -> list[str]:
-    """Pages that say other figures than the results."""
+    """Return the pages that state other values than the results."""
     return [
         path.relative_to(ROOT).as_posix()
         for path, text in texts().items()

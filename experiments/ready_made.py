@@ -1,11 +1,12 @@
-"""Make the ready-made machine code that ships with the package, for the Python that runs this.
+"""Compile the ready-made machine code that ships with the package, for the running Python version.
 
     python experiments/ready_made.py            # a few minutes
-    python experiments/ready_made.py --check    # says which sources have changed since
+    python experiments/ready_made.py --check    # list the archives that are out of date
 
-It is what the paths of `start_up.py` compile, for the least processor of a kind: `x86-64-v3` has
-been built since 2013, and has what our kernels gain from. Whatever it is used on, kernels give the
-same numbers to the bit, since Numba neither fuses nor reorders operations unless told to.
+The archive holds what the paths of `start_up.py` compile. The target is the oldest supported
+processor of a kind: `x86-64-v3` has been built since 2013 and has the instructions that speed up
+our kernels. Results are equal to the bit on all processors, since Numba neither fuses nor reorders
+floating-point operations by default.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ LEAST = {
         "sse3 sse4.1 sse4.2 ssse3 xsave",
     ),
 }
-"""By kind of machine the least processor that is compiled for and what it has, as LLVM names it."""
+"""Target processor and its features as LLVM names them, by kind of machine."""
 
 
 def build() -> bytes:
-    """The archive for this Python and this kind of machine."""
+    """Return the archive for this Python version and this kind of machine."""
     name, has = LEAST[platform.machine()]
     target = {
         "NUMBA_CPU_NAME": name,
@@ -55,33 +56,33 @@ def build() -> bytes:
 
 
 def current() -> dict[str, Path]:
-    """Sources with entries, by their digests."""
+    """Return the source files that contain entries, by digest."""
     sources = [path for path in PACKAGE.glob("*/*.py") if "\n@entry\n" in path.read_text("utf-8")]
     return {source_digest(path): path for path in sources}
 
 
 def faults(path: Path) -> list[str]:
-    """What keeps an archive from being used whole with the sources and the versions as they are."""
+    """Return why an archive cannot be used completely with the present sources and versions."""
     known = current()
     with zipfile.ZipFile(path) as made:
-        told = json.loads(made.comment)
+        made_for = json.loads(made.comment)
         old = sum(name.split("/")[0] not in known for name in made.namelist())
         found = [f"{old} of {len(made.namelist())} functions are of other sources"] if old else []
     (pinned,) = re.findall(r"^numba==(.+)$", (ROOT / "constraints.txt").read_text("utf-8"), re.M)
-    if told["for"]["Numba"] != pinned:
-        found.append(f"it is for Numba {told['for']['Numba']}, constraints.txt has {pinned}")
+    if made_for["for"]["Numba"] != pinned:
+        found.append(f"it is for Numba {made_for['for']['Numba']}, constraints.txt has {pinned}")
     return found
 
 
 def main() -> int:
-    """Build or check; returns the exit code."""
+    """Build the archive or check all archives; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--check", action="store_true", help="tell what is no longer right")
+    parser.add_argument("--check", action="store_true", help="list archives that are out of date")
     if parser.parse_args().check:
         found = {path.name: faults(path) for path in sorted(ASSETS.glob("kernels-*.zip"))}
-        for name, said in found.items():
-            for fault in said:
-                print(f"{name}: {fault}; `python experiments/ready_made.py` makes it anew")
+        for name, reasons in found.items():
+            for fault in reasons:
+                print(f"{name}: {fault}; `python experiments/ready_made.py` builds it again")
         return 1 if any(found.values()) else 0
     began = time.perf_counter()
     content = build()

@@ -1,11 +1,11 @@
-"""Reference curves of learning on `MLIVR-JEM-Far-v0`: cloning, DAgger and masked PPO.
+"""Train reference learning curves on `MLIVR-JEM-Far-v0`: behaviour cloning, DAgger and masked PPO.
 
     python experiments/reference_curves.py [--methods dagger ...] [--seeds 3] [--out results]
 
-The protocol is that of `docs/benchmark.md`: fixed tasks, most steps of an episode, metrics, budget.
-Each method and seed is trained anew with the hyperparameters that ship with the package. What is
-measured goes into `reference_curves.json` run by run, and a run that is there is not made again;
-`reference_curves.md` and `reference_curves.png` show all runs.
+The protocol is that of `docs/benchmark.md`: fixed tasks, step limit of an episode, metrics and
+budget. Each method and seed is trained with the hyperparameters that ship with the package, in 7 to
+17 minutes. Runs are added to `reference_curves.json`, and a run that it holds is not repeated.
+Writes `reference_curves.md` and `reference_curves.png`.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from mlivr_gym.envs.tasks import fixed_task
 from mlivr_gym.pictures.figures import save_figure
 
 METHODS = {"dagger": "DAgger", "bc": "cloning", "ppo": "masked PPO"}
-"""What is trained, with its name in tables."""
+"""Methods, and their names in tables."""
 
 TESTED = range(200)
 """Fixed tasks of the test."""
 
 VALIDATED = range(1000, 1100)
-"""Fixed tasks of the curves."""
+"""Fixed tasks of the learning curves."""
 
 MOST_STEPS = 60
 """Steps after which an episode counts as failed."""
@@ -53,14 +53,14 @@ Measure = dict[str, Any]
 
 
 def make_env() -> MlivrEnv:
-    """The environment of the benchmark, the steps of its map worked out."""
+    """Return the environment of the benchmark with all steps of its map computed."""
     env = gymnasium.make("MLIVR-JEM-Far-v0", disable_env_checker=True, precompute=True).unwrapped
     assert isinstance(env, MlivrEnv)
     return env
 
 
 def tasks_of(env: MlivrEnv, numbers: range) -> list[EvaluationTask]:
-    """Fixed tasks as `evaluate` takes them."""
+    """Return fixed tasks as `evaluate` takes them."""
     found = []
     for k in numbers:
         task = fixed_task(env.tasks, env.graph, k, env.goal_tolerance)
@@ -71,7 +71,7 @@ def tasks_of(env: MlivrEnv, numbers: range) -> list[EvaluationTask]:
 def measure(
     env: MlivrEnv, policy: Policy, tasks: Sequence[EvaluationTask], fewest: Sequence[int]
 ) -> Measure:
-    """The metrics of the protocol: success, and the steps over the fewest where it succeeds."""
+    """Return the metrics of the protocol: success, steps over the fewest, and base translation."""
     result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
     ratio = (result.steps / np.array(fewest))[result.success]
     moved = result.base_translation[result.success]
@@ -83,23 +83,23 @@ def measure(
 
 
 def fewest_steps(env: MlivrEnv, tasks: Sequence[EvaluationTask]) -> list[int]:
-    """Fewest steps of each task, by the exact table."""
+    """Return the fewest steps of each task, by the exact table."""
     found: list[int] = evaluate(env, ExpertPolicy(), tasks, max_steps=MOST_STEPS).steps.tolist()
     return found
 
 
 class Curve:
-    """Measures a policy while it learns."""
+    """Learning curve of a policy."""
 
     def __init__(self, env: MlivrEnv, bar: tqdm) -> None:
-        """Find the validation tasks and their fewest steps."""
+        """Compute the validation tasks and their fewest steps."""
         self.env, self._bar = env, bar
         self._tasks = tasks_of(env, VALIDATED)
         self._fewest = fewest_steps(env, self._tasks)
         self.points: list[Measure] = []
 
     def add(self, policy: Any, steps: int) -> None:
-        """Measure a policy of sb3-contrib after some steps of the environment."""
+        """Evaluate a policy of sb3-contrib after some environment steps."""
         policy.set_training_mode(False)
         learned = LearnedPolicy(policy, "pointer")
         self.points.append(
@@ -110,7 +110,7 @@ class Curve:
 
 
 def imitate(method: str, seed: int, curve: Curve, bar: tqdm) -> Any:
-    """Train by imitation; a point of the curve after each round."""
+    """Train by imitation, with a point of the curve after each round."""
     settings = hyperparameters(method)
     policy = make_policy(curve.env, "pointer", settings["networks"]["pointer"])
     given = ImitationSettings(**settings["imitation"])
@@ -127,7 +127,7 @@ def imitate(method: str, seed: int, curve: Curve, bar: tqdm) -> Any:
 
 
 def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
-    """Train by masked PPO; a point of the curve every few rollouts."""
+    """Train by masked PPO, with a point of the curve every few rollouts."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
@@ -157,7 +157,7 @@ def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
 
 
 def run_of(method: str, seed: int) -> Measure:
-    """Train once, and measure on the tasks of the test."""
+    """Train once, and evaluate on the tasks of the test."""
     torch.manual_seed(seed)
     env, began = make_env(), time.perf_counter()
     with tqdm(desc=f"{method} {seed}", mininterval=10.0) as bar:
@@ -171,7 +171,7 @@ def run_of(method: str, seed: int) -> Measure:
 
 
 def anchors() -> dict[str, Measure]:
-    """What needs no training, on the tasks of the test."""
+    """Evaluate the methods that need no training on the tasks of the test."""
     env = make_env()
     tasks = tasks_of(env, TESTED)
     fewest = fewest_steps(env, tasks)
@@ -189,8 +189,8 @@ HEAD = (
 )
 
 
-def told(data: dict[str, Any]) -> str:
-    """The page."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     fewest = data["anchors"]["fewest"]
     rows: list[list[Any]] = [
         [name, NOTHING, *cells([row]), NOTHING, NOTHING]
@@ -206,10 +206,10 @@ def told(data: dict[str, Any]) -> str:
             rows.append([name, len(runs), *tests, f"{steps:,.0f}", f"{minutes:.0f}"])
     return f"""# Reference curves on `MLIVR-JEM-Far-v0`
 
-Made by `experiments/reference_curves.py` by the protocol of \
-[`docs/benchmark.md`](../docs/benchmark.md). {len(TESTED)} fixed tasks of {fewest["mean"]:.2f} \
-fewest steps on average, at most {fewest["most"]}; means over training seeds, least and largest in \
-brackets.
+Made by `experiments/reference_curves.py` with the protocol of \
+[`docs/benchmark.md`](../docs/benchmark.md). {len(TESTED)} fixed tasks; the fewest steps are \
+{fewest["mean"]:.2f} on average and at most {fewest["most"]}. Means over training seeds, minimum \
+and maximum in brackets.
 
 {table(HEAD, rows)}
 ![Curves](reference_curves.png)
@@ -217,7 +217,7 @@ brackets.
 
 
 def cells(tests: Sequence[Measure]) -> list[str]:
-    """Three cells: success, steps over fewest, base translation."""
+    """Return three table cells: success, steps over fewest, base translation."""
     found = []
     for name, form in (("success", ".3f"), ("over_fewest", ".3f"), ("base_translation_m", ".2f")):
         values = [test[name] for test in tests if test[name] is not None]
@@ -229,7 +229,7 @@ def cells(tests: Sequence[Measure]) -> list[str]:
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Success and steps over the fewest against steps of the environment."""
+    """Plot success and steps over the fewest against environment steps."""
     figure = Figure(figsize=(10.0, 4.2), dpi=110, layout="constrained")
     success, over = figure.subplots(1, 2)
     looks = ("#1b6ca8", "o", 7), ("#2f8f5b", "s", 3), ("#c8553d", "^", 4)
@@ -240,7 +240,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
             label, curve = name if k == 0 else None, run["curve"]
             steps = [1e-3 * point["steps"] for point in curve]
             success.plot(steps, [100.0 * p["success"] for p in curve], label=label, **style)
-            # What never succeeds has no steps.
+            # A policy that never succeeds has no ratio.
             known = [np.nan if p["over_fewest"] is None else p["over_fewest"] for p in curve]
             over.plot(steps, known, label=label, **style)
     success.set(ylabel=f"success on {len(VALIDATED)} validation tasks [%]", ylim=(0.0, 102.0))
@@ -257,7 +257,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Train what is missing, and tell all."""
+    """Train the missing runs, and write page and figure."""
     parser = command_line(__doc__)
     parser.add_argument("--methods", nargs="*", choices=list(METHODS), default=list(METHODS))
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each")
@@ -271,7 +271,7 @@ def main() -> None:
             if str(seed) not in data.setdefault(method, {}):
                 data[method][str(seed)] = run_of(method, seed)
                 keep(args.out, "reference_curves", data)
-    publish(args.out, "reference_curves", data, told)
+    publish(args.out, "reference_curves", data, markdown)
     draw(data, args.out / "reference_curves.png")
 
 

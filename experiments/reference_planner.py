@@ -1,9 +1,8 @@
-"""What the planner is compared with.
+"""Plain reference planner: the paper's Algorithm 1, which evaluates one candidate stance at a time.
 
-`ReferencePlanner` is the paper's Algorithm 1 with one candidate stance at a time: A* over stances
-with Python's `heapq`; the inverse kinematics is Pinocchio's iterative scheme, the manipulability is
-its definition. No table, no compiled kernel, no knowledge of the map beyond the points within the
-span.
+A* over stances uses Python's `heapq`; inverse kinematics is Pinocchio's iterative scheme, and
+manipulability is computed by its definition. It has no table, no compiled kernel, and knows of the
+map only the points within the span.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from reports import pair_graph, timed
 from scipy.spatial.transform import Rotation
-from stopwatch import timed
 
-from mlivr_gym import GraspMap, RobotSpec, Settings, stance_graph
+from mlivr_gym import GraspMap, RobotSpec, Settings
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
@@ -31,57 +30,39 @@ Stance = tuple[int, int]
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
 
-NODES_ONLY = Settings(transitions=False, collisions=False)
-"""Thresholds without step checks: what the reference and the libraries can solve too."""
+NODES_ONLY = {"transitions": False, "collisions": False}
+"""Settings with thresholds and without step checks, which the reference can solve, too."""
 
 MODES: dict[str, dict[str, Any]] = {
     "thorough": {"first_pose": False, "limit": 200},
     "hasty": {"first_pose": True, "limit": 50},
 }
-"""Every base pose and 200 iterations, or the first base pose that will do and 50 iterations."""
+"""All base poses and 200 iterations, or the first sufficient base pose and 50 iterations."""
 
 ACCURACY = 1e-4
-"""Norm of the log6 error at which the inverse kinematics stops."""
+"""Norm of the log6 error at which inverse kinematics stops."""
 
 DAMPING = 1e-6
-"""Added to the diagonal of `J J^T`."""
+"""Damping that is added to the diagonal of `J J^T`."""
 
 STEP = 0.5
 """Share of the damped Newton step that is taken."""
 
 SEED = np.array([0.0, -1.0, -1.6, -0.5, 1.5, 0.0])
-"""Joint angles [rad] from which the iteration begins where no earlier solution is at hand."""
-
-
-def nodes_only_graph(grasp_map: GraspMap) -> PairGraph:
-    """Stance graph without step checks."""
-    graph = stance_graph(grasp_map, settings=NODES_ONLY)
-    assert isinstance(graph, PairGraph)
-    return graph
+"""Initial joint angles of the iteration if no earlier solution is known [rad]."""
 
 
 def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
-    """Pinocchio model of a UR arm from its DH lengths, and the index of its grasp frame.
+    """Return Pinocchio's model of a UR arm, and the index of its grasp frame.
 
-    Parameters
-    ----------
-    lengths
-        d1, a2, a3, d4, d5, d6 [m].
-    tool_length
-        Flange to grasp along the flange normal [m].
+    `lengths` are d1, a2, a3, d4, d5, d6 of the DH convention [m]; `tool_length` is the distance
+    from flange to grasp [m].
     """
     d1, a2, a3, d4, d5, d6 = lengths
     model, here, joint = pin.Model(), pin.SE3.Identity(), 0
-    quarter = np.pi / 2
-    rows = (
-        (d1, 0.0, quarter),
-        (0.0, a2, 0.0),
-        (0.0, a3, 0.0),
-        (d4, 0.0, quarter),
-        (d5, 0.0, -quarter),
-        (d6, 0.0, 0.0),
-    )
-    for k, (d, a, alpha) in enumerate(rows):
+    offsets, arms = (d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0)
+    twists = np.pi / 2 * np.array([1.0, 0.0, 0.0, 1.0, -1.0, 0.0])
+    for k, (d, a, alpha) in enumerate(zip(offsets, arms, twists.tolist(), strict=True)):
         joint = model.addJoint(joint, pin.JointModelRZ(), here, f"joint{k}")
         here = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, d]))
     here = here * pin.SE3(np.eye(3), np.array([0.0, 0.0, tool_length]))
@@ -89,48 +70,29 @@ def dh_model(lengths: Array, tool_length: float) -> tuple[pin.Model, int]:
 
 
 class ReferencePlanner:
-    """A* over the stances of a two-limb robot, each candidate tried when it is met and remembered.
+    """A* over the stances of a two-limb robot; each candidate is evaluated when met, and cached.
 
     Attributes
     ----------
     stances
-        Base position of each stance tried, None where it cannot be held.
+        Base position of each evaluated stance, None if it cannot be held.
     """
 
     def __init__(
-        self,
-        grasp_map: GraspMap,
-        robot: RobotSpec,
-        settings: Settings,
-        first_pose: bool = False,
-        limit: int = 200,
-    ) -> None:
-        """Plan on a map.
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings,
+        first_pose: bool = False, limit: int = 200,
+    ) -> None:  # fmt: skip
+        """Create a planner for a map and a robot with two limbs; steps are not checked.
 
-        Parameters
-        ----------
-        grasp_map
-            The map.
-        robot
-            A robot with two limbs.
-        settings
-            Thresholds; steps are not checked.
-        first_pose
-            Take the first base pose that meets the thresholds, not the one with the
-            largest margin.
-        limit
-            Most iterations of one call of the inverse kinematics.
+        With `first_pose`, the first base pose that meets the thresholds is taken instead of the one
+        with the largest margin. `limit` is the maximum number of iterations of inverse kinematics.
         """
-        self.grasp_map, self.robot, self.first_pose, self.limit = (
-            grasp_map,
-            robot,
-            first_pose,
-            limit,
-        )
+        self.grasp_map, self.robot = grasp_map, robot
+        self.first_pose, self.limit = first_pose, limit
         self.thresholds = settings.thresholds(2)
         self.model, self.frame = dh_model(robot.limb.lengths, robot.tool_length)
         self.data = self.model.createData()
-        # A flange that grasps: x along the rail, z into the surface.
+        # Axes of a flange that grasps: x along the rail, z into the surface.
         self.flange_axes_in_world = grasp_map.rotations * np.array([1.0, -1.0, -1.0])
         self.mounts = [
             pin.SE3(r, p) for r, p in zip(robot.mount_rotations, robot.mount_positions, strict=True)
@@ -139,14 +101,9 @@ class ReferencePlanner:
         self.stances: dict[Stance, Array | None] = {}
 
     def inverse_kinematics(self, target: pin.SE3, q: Array) -> Array | None:
-        """Joint angles that bring the grasp frame to a pose, or None.
+        """Return joint angles that bring the grasp frame to a pose in the limb frame, or None.
 
-        Parameters
-        ----------
-        target
-            Pose of the grasp frame in the limb base frame.
-        q
-            Joint angles from which the iteration begins, shape (6,) [rad].
+        The iteration starts at `q`, shape (6,) [rad].
         """
         if float(np.linalg.norm(target.translation)) > self.reach:
             return None
@@ -164,7 +121,7 @@ class ReferencePlanner:
         return None
 
     def base_poses(self, stance: Stance) -> list[tuple[Array, Array]]:
-        """Base positions [m] and rotations of the posture family, one for each roll and height."""
+        """Return base positions [m] and rotations of the posture family, by roll and height."""
         rows = list(stance)
         grasps, rotations = self.grasp_map.positions[rows], self.grasp_map.rotations[rows]
         centroid = grasps.mean(axis=0)
@@ -185,7 +142,7 @@ class ReferencePlanner:
         ]
 
     def limb_jacobian(self, limb: int, q: Array) -> Array:
-        """Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
+        """Return the Jacobian of the grasp in base axes, shape (6, 6), linear rows first."""
         local = pin.computeFrameJacobian(
             self.model, self.data, q, self.frame, pin.LOCAL_WORLD_ALIGNED
         )
@@ -193,7 +150,7 @@ class ReferencePlanner:
         return jacobian
 
     def evaluate(self, stance: Stance) -> Array | None:
-        """Base position of a stance [m], or None if no base pose meets the thresholds."""
+        """Return the base position of a stance [m], None if no base pose meets the thresholds."""
         best, chosen = 0.0, None
         seeds = [SEED, SEED]
         for position, rotation in self.base_poses(stance):
@@ -225,7 +182,7 @@ class ReferencePlanner:
         return chosen
 
     def candidates(self, stance: Stance) -> list[Stance]:
-        """Neighbouring stances that respect span and separation, limb by limb."""
+        """Return neighbouring stances that respect span and separation, limb by limb."""
         positions, robot = self.grasp_map.positions, self.robot
         out: list[Stance] = []
         for limb in range(2):
@@ -238,38 +195,18 @@ class ReferencePlanner:
         return out
 
     def plan(
-        self,
-        start: Stance,
-        goal: Array,
-        tolerance: float,
-        seconds: float,
+        self, start: Stance, goal: Array, tolerance: float, seconds: float,
         evaluate: Callable[[Stance], Array | None] | None = None,
-    ) -> dict[str, Any]:
-        """Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
+    ) -> dict[str, Any]:  # fmt: skip
+        """Run Algorithm 1 with the base cost and the heuristic `max(0, d - tolerance)`.
 
-        Parameters
-        ----------
-        start
-            Point indices of the start.
-        goal
-            Goal position of the base [m].
-        tolerance
-            Radius of the goal region [m].
-        seconds
-            Time limit, looked at after each candidate [s].
-        evaluate
-            Takes the place of `self.evaluate` (to count candidates).
-
-        Returns
-        -------
-        dict[str, Any]
-            `finished` (before the limit), `cost` [m] (None without a plan), `expanded`,
-            `candidates` (distinct stances tried) and `seconds`.
+        `goal` and `tolerance` are in [m]; the time limit `seconds` is checked after each candidate.
+        `evaluate` replaces `self.evaluate`, to count candidates. The result holds `finished`
+        (before the limit), `cost` [m] (None without a plan), `expanded`, `candidates` (distinct
+        evaluated stances) and `seconds`.
         """
-        evaluate = evaluate or self.evaluate
-        began = time.perf_counter()
-        self.stances = {}
-        closed: set[Stance] = set()
+        evaluate, began = evaluate or self.evaluate, time.perf_counter()
+        self.stances, closed = {}, set[Stance]()
 
         def position(stance: Stance) -> Array | None:
             if stance not in self.stances:
@@ -278,77 +215,49 @@ class ReferencePlanner:
                 self.stances[stance] = evaluate(stance)
             return self.stances[stance]
 
+        def estimate(place: Array) -> float:
+            return max(0.0, float(np.linalg.norm(place - goal)) - tolerance)
+
+        def search() -> float | None:
+            origin = position(start)
+            if origin is None:
+                return None
+            best = {start: 0.0}
+            queue = [(estimate(origin), 0.0, start, origin)]
+            while queue:
+                _, minus_cost, stance, here = heapq.heappop(queue)
+                if stance in closed:
+                    continue
+                closed.add(stance)
+                if np.linalg.norm(here - goal) <= tolerance:
+                    return -minus_cost
+                for after in self.candidates(stance):
+                    there = None if after in closed else position(after)
+                    if there is None:
+                        continue
+                    total = best[stance] + float(np.linalg.norm(there - here))
+                    if total < best.get(after, np.inf):
+                        best[after] = total
+                        heapq.heappush(queue, (total + estimate(there), -total, after, there))
+            return None
+
         try:
-            cost, finished = self._search(start, goal, tolerance, closed, position), True
+            cost, finished = search(), True
         except TimeoutError:
             cost, finished = None, False
         return {
-            "finished": finished,
-            "cost": cost,
-            "expanded": len(closed),
-            "candidates": len(self.stances),
-            "seconds": time.perf_counter() - began,
-        }
-
-    def _search(
-        self,
-        start: Stance,
-        goal: Array,
-        tolerance: float,
-        closed: set[Stance],
-        position: Callable[[Stance], Array | None],
-    ) -> float | None:
-        """A*: the least cost [m], or None without a plan.
-
-        Parameters
-        ----------
-        start
-            Point indices of the start.
-        goal
-            Goal position of the base, shape (3,) [m].
-        tolerance
-            Radius of the goal region [m].
-        closed
-            Filled with the stances expanded.
-        position
-            Base position of a stance, shape (3,) [m], or None if it cannot be held.
-        """
-        origin = position(start)
-        if origin is None:
-            return None
-        best = {start: 0.0}
-        queue = [(self._estimate(origin, goal, tolerance), 0.0, start, origin)]
-        while queue:
-            _, minus_cost, stance, here = heapq.heappop(queue)
-            if stance in closed:
-                continue
-            closed.add(stance)
-            if np.linalg.norm(here - goal) <= tolerance:
-                return -minus_cost
-            for after in self.candidates(stance):
-                there = None if after in closed else position(after)
-                if there is None:
-                    continue
-                total = best[stance] + float(np.linalg.norm(there - here))
-                if total < best.get(after, np.inf):
-                    best[after] = total
-                    estimate = total + self._estimate(there, goal, tolerance)
-                    heapq.heappush(queue, (estimate, -total, after, there))
-        return None
-
-    @staticmethod
-    def _estimate(position: Array, goal: Array, tolerance: float) -> float:
-        """Least distance to the goal region [m]."""
-        return max(0.0, float(np.linalg.norm(position - goal)) - tolerance)
+            "finished": finished, "cost": cost, "expanded": len(closed),
+            "candidates": len(self.stances), "seconds": time.perf_counter() - began,
+        }  # fmt: skip
 
 
 def map_to_plan(
     grasp_map: GraspMap, start: tuple[str, ...], goal: Array, limit: float
 ) -> dict[str, Any]:
-    """From map to plan without step checks: ours and both modes of the plain reference."""
+    """Measure map to plan without step checks, in the package and both modes of the reference."""
 
     def ours() -> tuple[PairGraph, Any]:
-        fresh = nodes_only_graph(grasp_map)
+        fresh = pair_graph(grasp_map, **NODES_ONLY)
         return fresh, Planner(fresh).plan(start, goal).unwrap()
 
     times = [timed(ours)[0] for _ in range(5)]
@@ -361,10 +270,11 @@ def map_to_plan(
         s = graph.find(stance)
         return graph.base_in_world[s] if s >= 0 else None
 
-    counter = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY)
+    settings = Settings(**NODES_ONLY)
+    counter = ReferencePlanner(grasp_map, graph.robot, settings)
     needed = counter.plan(first, goal, TOLERANCE, np.inf, known)["candidates"]
     for mode, options in MODES.items():
-        reference = ReferencePlanner(grasp_map, graph.robot, NODES_ONLY, **options)
+        reference = ReferencePlanner(grasp_map, graph.robot, settings, **options)
         run = reference.plan(first, goal, TOLERANCE, limit)
         each = run["seconds"] / run["candidates"]
         total = max(run["seconds"], 0.0 if run["finished"] else each * needed)

@@ -1,9 +1,10 @@
-"""The complete tables of two limbs that ship: the default world, and those of the paper's cases.
+"""Compute the tables of two limbs that ship: the default world and the paper's cases.
 
     python experiments/shipped_tables.py
 
-Writes `envs_assets/pairs-*.npz`; tables of other rules, robots or maps there are removed. Takes
-some minutes. `make slow` works the same out and compares.
+Each table holds all nodes and edges of a stance graph of two limbs, with the branches that limbs
+can keep. Writes `envs_assets/pairs-*.npz` in some minutes, and removes tables of other graph rules,
+robots or maps from that folder. `make slow` computes the same tables and compares them.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 
 
 def shipped_graphs() -> dict[str, PairGraph]:
-    """The graphs whose tables ship, by the name of their file, as they are worked out."""
+    """Return the stance graphs whose tables ship, by file name."""
     setup = default_setup()
     graphs = [stance_graph()]
     graphs += [case_graph(case, setup, mode) for mode in MODES for case in CASES]
@@ -27,10 +28,10 @@ def shipped_graphs() -> dict[str, PairGraph]:
 
 
 def main() -> None:
-    """Work them out and write them."""
+    """Compute and write the tables."""
     for old in asset_path("").glob("pairs-*.npz"):
         old.unlink()
-    os.environ["MLIVR_GYM_CACHE"] = ""  # nothing is read from there
+    os.environ["MLIVR_GYM_CACHE"] = ""  # no table is read from the cache
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)

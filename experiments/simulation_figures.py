@@ -1,8 +1,9 @@
-"""Figures of the simulation that pages tell: they are those of the code."""
+"""Write the limits, gains and tolerances of the simulation as texts for the docs."""
 
 from __future__ import annotations
 
 import numpy as np
+from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
 from mlivr_gym.simulation.controller import PAPER, Controller
@@ -18,41 +19,40 @@ LIMITS = {
     "surface_speed": "speed of a gripper on departure and approach [m/s]",
     "rise_time": "time in which the acceleration rises and falls [s]",
 }
-"""Limits in words."""
+"""Meaning and unit of each limit."""
 
 
 def limits() -> str:
-    """The limits of each pace."""
-    lines = [f"| limit | {' | '.join(f'`{name}`' for name in PACES)} |", "|---|---|---|"]
-    for field, told in LIMITS.items():
-        values = " | ".join(f"{getattr(pace, field):g}" for pace in PACES.values())
-        lines.append(f"| {told} | {values} |")
-    return "\n".join(lines) + "\n"
+    """Return the table of the limits of each pace."""
+    rows = [
+        [words, *(f"{getattr(pace, field):g}" for pace in PACES.values())]
+        for field, words in LIMITS.items()
+    ]
+    return table(" | ".join(["limit", *(f"`{name}`" for name in PACES)]), rows)
 
 
 def controller() -> str:
-    """What motors, controllers and grasps are."""
+    """Return the paragraphs on motors, controllers and grasps."""
     full, physics = Controller(), Physics()
     rotor = arm_dynamics("ur5e").rotor_inertias[0]
     return (
         f"Motors have the maker's torque limits, joints their rotors' inertia of {rotor:g} kg m^2, "
         "as in MuJoCo Menagerie. The controller\n"
-        f"is asked {1.0 / full.period:.0f} times a second. *Paper*: {PAPER.kp_free[0]:g} N m/rad "
-        f"and {PAPER.kd_free[0]:g} N m s/rad. *Feedforward*: the same with the torques that the "
-        "motion\n"
-        "needs, and what the grasps give way. *Full* (default): besides, a sensor on the gripper "
-        "that approaches sees its point with a noise of\n"
+        f"runs at {1.0 / full.period:.0f} Hz. *Paper*: {PAPER.kp_free[0]:g} N m/rad "
+        f"and {PAPER.kd_free[0]:g} N m s/rad. *Feedforward*: also the torques that the motion\n"
+        "needs, and corrections for the compliance of the grasps. *Full* (default): also a sensor "
+        "on the approaching\ngripper, which sees its point with a noise of "
         f"{1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
-        f"guides the limb there; it may wait {full.patience:g} s until it is close, and at most "
-        f"{full.tries} approaches are tried. Gains\n"
-        "differ for limbs that hold and limbs that are free: sampled, the gain of a joint's speed "
-        "must stay below its inertia over the period.\n\n"
+        f"guides the limb to it; it waits at most {full.patience:g} s until it is close, "
+        f"and at most {full.tries} approaches are made. Gains\n"
+        "differ for supporting and free limbs: in a sampled controller, the velocity gain of a "
+        "joint must stay below its inertia divided by the period.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "
-        f"{physics.grasp_rotational_stiffness:g} N m/rad) that takes hold only within "
+        f"{physics.grasp_rotational_stiffness:g} N m/rad) that is established only within "
         f"{1e3 * physics.capture_distance:g} mm and {np.rad2deg(physics.capture_angle):.2g} "
         "degrees.\n"
-        f"A grasp that misses, a torque at its limit for {physics.saturation_time:g} s, any "
-        f"contact, a grasp pulled beyond {physics.hold_force:g} N or {physics.hold_torque:g} N m "
+        f"A missed grasp, a torque at its limit for {physics.saturation_time:g} s, any "
+        f"contact, a grasp loaded beyond {physics.hold_force:g} N or {physics.hold_torque:g} N m "
         "and a joint\n"
-        "beyond its limits end the walk with the time, the limb and the numbers.\n"
+        "beyond its limits end the walk; the failure states time, limb and values.\n"
     )

@@ -1,20 +1,18 @@
-"""What the first use of an installation compiles, and how long it takes, path by path.
+"""Measure what the first use of an installation compiles and how long it takes, for each path.
 
     python experiments/start_up.py [--out results] [--compiled] [NAME ...]
 
-Every path runs in processes of its own twice: with empty caches and the ready-made machine code,
-and once more where all was kept that can be. The paths of `COMPILED_TOO`, with `--compiled` all of
-them, also run with caches empty and without that code, which takes a minute each. Functions that
-are compiled are counted, wall and processor time measured, and of the former a reader should know
-what else ran. The package's bytecode is there, as `pip install` leaves it. Writes `start_up.json`
-and `start_up.md`; with names, those paths alone are measured anew.
+A path is a command or a short program. Each path runs in new processes twice: with empty caches and
+the ready-made machine code, and again with everything cached. The paths of `COMPILED_TOO`, with
+`--compiled` all paths, also run with empty caches and without the ready-made code, which takes a
+minute each. Counted are the compiled functions; measured are wall-clock and processor time, and the
+load of the machine is reported. Bytecode of the package exists, as after `pip install`. Writes
+`start_up.json` and `start_up.md` in some minutes; with names, only those paths are measured again.
 """
 
 from __future__ import annotations
 
-import argparse
 import compileall
-import json
 import os
 import platform
 import subprocess
@@ -25,12 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from planning_report import NOTHING, table
+from reports import NOTHING, ROOT, command_line, publish, read, table
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.files import write_whole
-
-ROOT = Path(__file__).parent.parent
 
 QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps"
 POSE = "2.03 -0.046 -0.324 0.5964 0.0785 0.1043 0.7920"
@@ -84,43 +79,32 @@ PATHS = {
     "three limbs, obstacles": "mlivr-gym plan --robot mlivr3 --box 3.2 -1.0 -1.0 3.5 1.0 0.3",
     "environment, three limbs": ENVIRONMENT.format(id="MLIVR3-JEM-v0", options="", steps=10),
 }
-"""Commands and programs, by what they are."""
+"""Commands and programs by name."""
 
 COMPILED_TOO = ("plan",)
-"""Paths that are also measured with everything compiled if no more is asked for."""
+"""Paths that are also measured without ready-made code by default."""
 
 WITHOUT_NUMBA = ("help",)
-"""Paths that compile nothing: to count it would import Numba."""
+"""Paths that compile nothing; counting compilations would import Numba."""
 
 COUNTER = """
 import atexit, os
 from numba.core import event
 compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
-def tell():
+def write_count():
     with open(os.environ["COUNTED"], "a") as file:
         file.write(f"{len(compiled.buffer) // 2}\\n")
-atexit.register(tell)
+atexit.register(write_count)
 """
-"""Run by every process as it starts: how many functions it compiled is told at its end."""
+"""Code that each process runs at its start; at its end it writes how many functions it compiled."""
 
 
 def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
-    """Run a path of `PATHS`; what it compiled and how long it took.
+    """Run a path of `PATHS`; return the number of compiled functions and its times [s].
 
-    Parameters
-    ----------
-    path
-        Its name.
-    cache
-        Folder in which machine code and tables are kept.
-    variables
-        Further environment variables.
-
-    Raises
-    ------
-    RuntimeError
-        If it fails.
+    `cache` is the folder of machine code and tables; `variables` are further environment variables.
+    A path that fails raises `RuntimeError`.
     """
     given = PATHS[path]
     words = given.removeprefix("mlivr-gym").split()
@@ -153,9 +137,10 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
 
 
 def measured(path: str, compiled: bool) -> dict[str, dict[str, float]]:
-    """A path with ready-made machine code, once more, and if asked for with nothing ready.
+    """Measure a path with ready-made code, again with caches, and optionally with nothing ready.
 
-    Who names a processor is given no other's machine code; its features stay those that are there.
+    With a processor named in `NUMBA_CPU_NAME`, ready-made code of another one is not used; the
+    features of the processor remain those of the machine.
     """
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
         found = {"ready-made": run(path, Path(first)), "again": run(path, Path(first))}
@@ -164,44 +149,37 @@ def measured(path: str, compiled: bool) -> dict[str, dict[str, float]]:
     return found
 
 
-def report(data: dict[str, Any]) -> str:
-    """The page."""
-    lines = [
-        "# First use of an installation",
-        "",
-        "Made by `experiments/start_up.py`. Functions that are compiled, and seconds of waiting",
-        "and of processor time: with empty caches and the ready-made machine code, once more, and,",
-        "where that was measured, with empty caches and all compiled on the machine.",
-        "",
-        f"Measured on {data['machine']}; other work ran beside at a load of "
-        f"{max(data['load'], 0.0):.1f}.",
-        "",
-    ]
-    rows = []
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
+    rows, commands = [], []
     for path, found in data["paths"].items():
-        told = {how: f"{one['wall']:.1f}, {one['processor']:.1f}" for how, one in found.items()}
+        times = {how: f"{one['wall']:.1f}, {one['processor']:.1f}" for how, one in found.items()}
         ready, compiled = found["ready-made"]["functions"], found.get("compiled", {})
-        cells = [path, ready, told["ready-made"], told["again"]]
-        rows.append([*cells, compiled.get("functions", NOTHING), told.get("compiled", NOTHING)])
-    lines.append(table("path | functions | first [s] | again [s] | all compiled | [s]", rows))
-    lines += ["What they run:", ""]
-    for path in data["paths"]:
+        cells = [path, ready, times["ready-made"], times["again"]]
+        rows.append([*cells, compiled.get("functions", NOTHING), times.get("compiled", NOTHING)])
         if PATHS[path].startswith("mlivr-gym"):
-            lines.append(f"* {path}: `{PATHS[path]}`")
-    return "\n".join([*lines, ""])
+            commands.append(f"* {path}: `{PATHS[path]}`\n")
+    return f"""# First use of an installation
+
+Made by `experiments/start_up.py`. Number of functions that are compiled, and wall-clock and
+processor time: with empty caches and the ready-made machine code, once more, and, where measured,
+with empty caches and everything compiled on the machine.
+
+Measured on {data["machine"]}, while other programs ran at a load of {max(data["load"], 0.0):.1f}.
+
+{table("path | functions | first [s] | again [s] | all compiled | [s]", rows)}
+The commands are:
+
+{"".join(commands)}"""
 
 
 def main() -> None:
-    """Measure, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    """Measure the paths and write results and page."""
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", choices=[*PATHS, []], help="paths (default: all)")
     parser.add_argument("--compiled", action="store_true", help="compile everything, too")
-    parser.add_argument("--out", default=ROOT / "results", type=Path, help="folder")
     args = parser.parse_args()
-    kept = args.out / "start_up.json"
-    before: dict[str, Any] = {}
-    if args.names and kept.exists():
-        before = json.loads(kept.read_text(encoding="utf-8"))["paths"]
+    before = read(args.out, "start_up").get("paths", {}) if args.names else {}
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     python, loads = platform.python_version(), []
     compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
@@ -214,9 +192,7 @@ def main() -> None:
         "load": max(loads) - 1.0,
         "paths": {path: before[path] for path in PATHS if path in before},
     }
-    args.out.mkdir(parents=True, exist_ok=True)
-    write_whole(kept, json.dumps(data, indent=1) + "\n")
-    write_whole(args.out / "start_up.md", report(data))
+    publish(args.out, "start_up", data, markdown)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""The paper's Table I, its relations, and what the step check adds.
+"""Reproduce the paper's Table I, check its relations, and measure what the step check adds.
 
     python experiments/table1.py [--out results] [--pairs 200]
     python experiments/table1.py --picture [--out results]
 
-writes `table1.md`, `table1.json`, a picture of each case, and `table1_study.md`,
-`table1_study.json`, `pareto.png`; pictures with an SVG beside each. `--picture` draws `pareto.png`
-anew from `table1_study.json`.
+Plans all four cases in all modes. Then two studies on random tasks follow: how many plans that
+check nodes alone cannot be executed, and how a price for each regrasp trades steps for base
+translation. Writes `table1.json`, `table1.md` and a picture of each case, then `table1_study.json`,
+`table1_study.md` and `pareto.png`; pictures also as SVG. `--picture` only redraws `pareto.png` from
+`table1_study.json`. Exits with an error if a relation of the paper does not hold.
 """
 
 from __future__ import annotations
@@ -28,11 +30,11 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.pair_graph import PairGraph
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
-"""Prices of a regrasp for the Pareto front [m]."""
+"""Prices of a regrasp on the Pareto front [m]."""
 
 
 def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
-    """Whether a sequence of stances can be executed, each limb on one branch while it holds."""
+    """Return whether stances can be executed in order, with each limb on one branch per hold."""
     try:
         state: State = graph.state(plan.stances[0])
     except ValueError:
@@ -51,7 +53,7 @@ def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
 
 
 def transition_study(pairs: int) -> dict[str, Any]:
-    """How many node-only plans over random pairs could not have been executed, for both costs."""
+    """Count the plans of both costs that check nodes alone and cannot be executed."""
     checked = pair_graph(collisions=False)
     free = pair_graph(transitions=False, collisions=False)
     planner, node_only = Planner(checked), Planner(free)
@@ -78,7 +80,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
 
 
 def pareto(pairs: int) -> list[dict[str, float]]:
-    """Mean steps and base translation over random pairs by price of a regrasp."""
+    """Return mean steps and mean base translation over random tasks for each price of a regrasp."""
     graph = pair_graph(collisions=False)
     planner, rng = Planner(graph), np.random.default_rng(7)
     tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
@@ -98,17 +100,7 @@ def pareto(pairs: int) -> list[dict[str, float]]:
 
 
 def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
-    """Picture of `pareto`; the translation in percent over the least, the span of which it tells.
-
-    Parameters
-    ----------
-    rows
-        What `pareto` found.
-    pairs
-        Number of random tasks.
-    path
-        PNG file to write, and an SVG beside it.
-    """
+    """Draw the results of `pareto`, with the translation in percent above its minimum."""
     metres = np.array([row["base_translation"] for row in rows])
     steps, least = np.array([row["steps"] for row in rows]), metres.min()
     over = 100.0 * (metres / least - 1.0)
@@ -134,7 +126,7 @@ def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
 
 
 def study_markdown(study: dict[str, Any]) -> str:
-    """Both studies as Markdown."""
+    """Return the page of both studies."""
     counts, pairs = study["transition_study"], study["transition_study"]["pairs"]
     base, steps = (
         f"{count} ({100 * count / pairs:.0f} %)"
@@ -146,10 +138,10 @@ def study_markdown(study: dict[str, Any]) -> str:
     ]
     return f"""# Beyond Table I
 
-**Can the plan be carried out?** Of {pairs} random start and goal pairs, {base} node-only plans of \
-the base cost and {steps} of the step cost could not have been carried out: on at least one step a \
-holding limb would have had to let go or to pass a singularity. With steps checked, \
-{counts["solved"]} of {pairs} pairs get a plan that can be; its base translation is \
+**Can the plan be executed?** Of {pairs} random start and goal pairs, {base} plans of the \
+base cost and {steps} of the step cost that check only nodes cannot be executed: in at least one \
+step a support limb would have to let go or pass a singularity. With steps checked, \
+{counts["solved"]} of {pairs} pairs get an executable plan; its base translation is \
 {100 * counts["extra_translation"]:.2f} % longer on average.
 
 **Steps bought with translation** (weighted cost, means over random pairs, see `pareto.png`):
@@ -161,7 +153,7 @@ def main() -> None:
     """Run everything and write the results."""
     parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study")
-    parser.add_argument("--picture", action="store_true", help="draw `pareto.png` anew, no more")
+    parser.add_argument("--picture", action="store_true", help="only redraw `pareto.png`")
     args = parser.parse_args()
     study, failed = read(args.out, "table1_study"), []
     if not args.picture:

@@ -1,9 +1,10 @@
-"""Table I for many starts and goals: how figures spread, how often each relation holds.
+"""Repeat Table I for random starts and goals: spread of values, and how often relations hold.
 
     python experiments/table1_statistics.py [--pairs 300] [--keep FOLDER] [--out results]
 
-Random walks from the deck to the overhead, each planned in all cases and modes. Writes
-`table1_statistics.json` and `table1_statistics.md`. With `--keep` a run that was stopped goes on.
+Each pair is a random stance on the deck and the base position of a random stance on the overhead,
+at least 3 m apart. All cases are planned in all modes. Writes `table1_statistics.json` and
+`table1_statistics.md`. With `--keep`, an interrupted run can be resumed.
 """
 
 from __future__ import annotations
@@ -14,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from processes import Processes
-from reports import command_line, publish, table
+from reports import Processes, command_line, publish, table
 
 from mlivr_gym.cli.table1 import Start
 from mlivr_gym.errors import StanceError
@@ -24,19 +24,26 @@ from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.pair_graph import PairGraph
 
 LEAST = 3.0
-"""Least distance of the goal from the base at the start [m]."""
+"""Minimum distance of the goal from the base at the start [m]."""
 
 HEURISTICS = {"faithful": "paper", "steps": "cost_to_go", "collisions": "cost_to_go"}
-"""Heuristic in each mode; those that are not the paper's keep plans optimal."""
+"""Heuristic in each mode; those other than the paper's keep plans optimal."""
 
-FIGURES = ("steps", "base_translation", "expanded", "backward", "time")
+FORMS = (
+    ("steps", ".0f", 1.0),
+    ("base_translation", ".2f", 1.0),
+    ("expanded", ".0f", 1.0),
+    ("backward", ".0f", 1.0),
+    ("time", ".1f", 1e3),
+)
+"""Columns with their number formats and factors of unit."""
 
 _planners: dict[tuple[Any, ...], Planner] = {}
 _SETUP = {"start": ["D1b:4", "D2a:3"], "goal": [6.3, 0.5, 0.35], "goal_face": "overhead"}
 
 
 def planner_of(case: int, mode: str, seed: int) -> Planner:
-    """The planner of a case, kept; Case 4's map is the sparse one of a seed."""
+    """Return the cached planner of a case; Case 4 uses the sparse map of a seed."""
     key = (mode, CASES[case].manipulability, seed if CASES[case].sparse else None)
     if key not in _planners:
         _planners[key] = Planner(case_graph(case, _SETUP | {"sparse_seed": seed}, mode))
@@ -44,7 +51,7 @@ def planner_of(case: int, mode: str, seed: int) -> Planner:
 
 
 def random_pair(seed: int) -> tuple[Start, list[float]]:
-    """A stance on the deck with its base pose, and the base of one on the overhead far from it."""
+    """Return a random start on the deck with its base pose, and a distant goal on the overhead."""
     graph, rng = planner_of(2, "collisions", 0).graph, np.random.default_rng([15, seed])
     assert isinstance(graph, PairGraph)
     faces = np.array(graph.grasp_map.faces)[graph.points]
@@ -59,7 +66,7 @@ def random_pair(seed: int) -> tuple[Start, list[float]]:
 
 
 def row_of(plan: Plan) -> dict[str, Any]:
-    """What statistics keep of a plan."""
+    """Return the values of a plan that the statistics use."""
     found = plan.statistics
     return {
         "steps": len(plan.steps),
@@ -73,7 +80,7 @@ def row_of(plan: Plan) -> dict[str, Any]:
 
 
 def pair(seed: int) -> dict[str, Any]:
-    """Rows of a random pair by mode and case, null where there is no plan."""
+    """Return the values of a random pair by mode and case, None without a plan."""
     start, goal = random_pair(seed)
     out: dict[str, Any] = {}
     for mode in MODES:
@@ -104,23 +111,23 @@ def pair(seed: int) -> dict[str, Any]:
 
 
 def spread(values: Sequence[float]) -> list[float]:
-    """10th, 50th and 90th percentile."""
+    """Return the 10th, 50th and 90th percentile."""
     return [float(v) for v in np.quantile(values, [0.1, 0.5, 0.9])] if len(values) else []
 
 
 def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
-    """Spreads by mode and case, shares of relations, and what the paper's heuristic loses."""
+    """Return spreads by mode and case, counts of relations, and the loss by the heuristic."""
     out: dict[str, Any] = {"pairs": len(answers), "modes": {}, "relations": {}}
     for mode in MODES:
         out["modes"][mode] = {}
         for case in map(str, CASES):
             rows = [a[mode][case] for a in answers if a[mode][case]]
-            figures = {name: spread([row[name] for row in rows]) for name in FIGURES}
+            figures = {name: spread([row[name] for row in rows]) for name, *_ in FORMS}
             out["modes"][mode][case] = {"plans": len(rows)} | figures
         whole = [a[mode] for a in answers if all(a[mode].values())]
-        told = [relations({int(k): row for k, row in rows.items()}) for rows in whole]
-        out["relations"][mode] = {"pairs": len(told)} | {
-            name: int(sum(found[name]["held"] for found in told)) for name in (told or [{}])[0]
+        by_pair = [relations({int(k): row for k, row in rows.items()}) for rows in whole]
+        out["relations"][mode] = {"pairs": len(by_pair)} | {
+            name: int(sum(pair[name]["held"] for pair in by_pair)) for name in (by_pair or [{}])[0]
         }
     out["kinds"] = {
         name: relation["kind"]
@@ -143,18 +150,9 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
 
 ROWS = "case | mode | plans | steps | base translation [m] | explored | backward | query [ms]"
 
-FORMS = (
-    ("steps", ".0f", 1.0),
-    ("base_translation", ".2f", 1.0),
-    ("expanded", ".0f", 1.0),
-    ("backward", ".0f", 1.0),
-    ("time", ".1f", 1e3),
-)
-"""What the columns show, with their digits and units."""
 
-
-def told(data: dict[str, Any]) -> str:
-    """Everything as Markdown."""
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
     found = data["statistics"]
     rows = []
     for case in map(str, CASES):
@@ -175,17 +173,17 @@ def told(data: dict[str, Any]) -> str:
     return f"""# Table I for random starts and goals
 
 Made by `experiments/table1_statistics.py`. {found["pairs"]} random walks from the deck to the \
-overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Figures \
-are the median, in brackets the 10th and 90th percentile. Heuristics: the paper's in the \
-paper-faithful mode, `cost_to_go` in the others, whose work backward is counted.
+overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Values \
+are medians, with the 10th and 90th percentile in brackets. Heuristics: the paper's in the \
+paper-faithful mode, `cost_to_go` in the others, whose backward search is counted separately.
 
 {table(ROWS, rows)}
-How often relations hold, of the pairs with plans in all cases ({whole}):
+Share of the pairs with plans in all cases for which a relation holds ({whole}):
 
 {table(f"relation | why it may hold | {titles}", shares)}
-One start pose serves all modes, that with collisions checked. Where a graph would give the \
-stance another, it is a given pose, to which thresholds do not apply: so a plan may begin below \
-them.
+All modes start from the same base pose, the one with collisions checked. In a graph that has \
+another posture for the stance it is a given pose, to which thresholds do not apply; a plan may \
+therefore start below them.
 
 **What the paper's heuristic costs.** In the paper-faithful Case 2 its plan is longer than the \
 optimum for {loss["longer"]} of {loss["pairs"]} pairs \
@@ -195,7 +193,7 @@ optimum for {loss["longer"]} of {loss["pairs"]} pairs \
 
 
 def main() -> None:
-    """Plan, summarise and write."""
+    """Plan, summarise and write the results."""
     parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=300)
     parser.add_argument("--keep", type=Path, help="folder for single answers, to go on from")
@@ -206,8 +204,8 @@ def main() -> None:
     processes = Processes(len(os.sched_getaffinity(0)), args.keep)
     answers = list(processes.answers(pair, range(args.pairs), "table 1 pairs"))
     data = {"statistics": summary(answers)}
-    publish(args.out, "table1_statistics", data, told)
-    print(told(data))
+    publish(args.out, "table1_statistics", data, markdown)
+    print(markdown(data))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,13 @@
-"""Measure whether the thresholds of manipulability predict how well a walk is carried out.
+"""Measure whether the thresholds of manipulability predict how well a walk is executed.
 
     python experiments/thresholds.py [--pairs 20] [--out results]
 
-Random walks from the deck to the overhead are planned for the base translation under both
-thresholds as a share of the paper's, steps and collisions checked, and carried out in MuJoCo by two
-controllers: the paper's at its 50 s a step, with a robot and a module as they are known, and the
-full one at the gentle pace with all disturbances. The error of each step is then set against the
-least manipulability of the two stances between which it leads. What is measured is kept share by
-share in `thresholds.json`, and a share that is there is not measured again; `thresholds.md` and
-`thresholds.png` show it.
+Both thresholds are scaled by each factor of `FACTORS`. For each factor, random walks from the deck
+to the overhead are planned for the base cost with steps and collisions checked, and executed in
+MuJoCo in two setups: the paper's controller at 50 s a step without disturbances, and the full
+controller at the gentle pace with all disturbances. The error of each step is compared with the
+minimum manipulability of the two stances that it joins. Writes `thresholds.json`, `thresholds.md`
+and `thresholds.png`; a factor that `thresholds.json` already holds is not measured again.
 """
 
 from __future__ import annotations
@@ -37,19 +36,19 @@ from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.pair_graph import PairGraph
 
 FACTORS = (0.0, 0.5, 1.0, 1.25)
-"""Thresholds, as shares of the paper's."""
+"""Thresholds as a multiple of the paper's."""
 
 SETUPS = {
     "the paper's PD, 50 s": Setup(Durations.of_step(50.0), PAPER),
     "full, gentle, all disturbances": Setup(GENTLE, disturbances=ALL),
 }
-"""How walks are carried out."""
+"""The two setups of execution."""
 
 Measure = dict[str, Any]
 
 
 def measured(factor: float, pairs: int) -> Measure:
-    """Plans under thresholds, and how they are carried out."""
+    """Return the plans under scaled thresholds and the results of their execution."""
     limb, base = (factor * whole for whole in Settings().thresholds(2))
     graph = pair_graph(limb_threshold=limb, base_threshold=base)
     planner, found = Planner(graph), []
@@ -60,14 +59,14 @@ def measured(factor: float, pairs: int) -> Measure:
         except StanceError:  # the start does not meet the thresholds
             continue
         if plan is not None:
-            found.append(told_plan(graph, plan, seed))
+            found.append(plan_results(graph, plan, seed))
     return {"factor": factor, "stances": len(graph), "plans": found}
 
 
-def told_plan(graph: PairGraph, plan: Plan, seed: int) -> Measure:
-    """A plan, the manipulability of its stances and the errors of its steps."""
+def plan_results(graph: PairGraph, plan: Plan, seed: int) -> Measure:
+    """Return steps of a plan, manipulability of its stances and errors of its executed steps."""
     postures = [graph.posture(graph.indices(stance)) for stance in plan.stances]
-    told: Measure = {
+    results: Measure = {
         "steps": len(plan.steps),
         "base_translation": plan.base_translation,
         "expanded": plan.statistics.expanded,
@@ -78,17 +77,17 @@ def told_plan(graph: PairGraph, plan: Plan, seed: int) -> Measure:
         walk = timed_walk(graph, plan, setup.timing, setup.physics.timestep)
         done = execute_walk(setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk)
         steps = done[: len(plan.steps)]
-        told[name] = {
+        results[name] = {
             "failure": None if done[-1].failure is None else done[-1].failure.kind,
             "base_error": [step.peaks.base_error for step in steps],
             "joint_torque": [float(step.peaks.joint_torque.max()) for step in steps],
             "capture": [step.capture.distance if step.capture else None for step in steps],
         }
-    return told
+    return results
 
 
 def pooled(rows: list[Measure], name: str) -> dict[str, list[float]]:
-    """Of all steps that ended with a grasp: least manipulability, base error and capture."""
+    """Return minimum manipulability, base error and capture of steps that ended with a grasp."""
     out: dict[str, list[float]] = {"w_m": [], "w_b": [], "base_error": [], "capture": []}
     for plan in (plan for row in rows for plan in row["plans"]):
         done = plan[name]
@@ -103,7 +102,7 @@ def pooled(rows: list[Measure], name: str) -> dict[str, list[float]]:
 
 
 def average(values: Sequence[float], form: str, scale: float = 1.0) -> str:
-    """The mean, `-` of nothing."""
+    """Return the scaled mean as text, `-` if there are no values."""
     return format(scale * float(np.mean(values)), form) if values else "-"
 
 
@@ -119,7 +118,7 @@ CORRELATIONS = (
 
 
 def markdown(data: Measure) -> str:
-    """The report."""
+    """Return the page."""
     limb, base = Settings().thresholds(2)
     rows, correlations = [], []
     for row in data["rows"]:
@@ -145,23 +144,23 @@ def markdown(data: Measure) -> str:
     return f"""# Do the thresholds predict how well a walk is carried out?
 
 Made by `experiments/thresholds.py`: {data["pairs"]} random pairs from the deck to the overhead, \
-base cost, steps and collisions checked; thresholds as a share of the paper's, which are {limb:g} \
-and {base:g}. *Base error*: largest distance of the base from its trajectory, mean over the steps \
-that ended with a grasp; *capture*: distance of the gripper from its point just before it grasps, \
-mean.
+base cost, steps and collisions checked; thresholds as a multiple of the paper's, which are \
+{limb:g} and {base:g}. *Base error*: largest distance of the base from its trajectory in a step; \
+*capture*: distance of the gripper from its point just before it grasps; both are means over the \
+steps that ended with a grasp.
 
 ![Base error against manipulability](thresholds.png)
 
 {table(ROWS, rows)}
-Spearman's rank correlation over the steps of all shares, of what was measured in a step with the \
-least manipulability of the two stances between which it leads. A threshold predicts an error if \
-its correlation is clearly below 0.
+Spearman's rank correlation between an error of a step and the minimum manipulability of its two \
+stances, over the steps of all rows. A threshold predicts an error if the correlation is clearly \
+negative.
 
 {table(CORRELATIONS, correlations)}"""
 
 
 def figure(data: Measure) -> Figure:
-    """Base error of each step against both manipulabilities, for each controller."""
+    """Plot the base error of each step against both manipulabilities, for each setup."""
     fig = Figure(figsize=(10.0, 6.5), layout="constrained")
     axes = fig.subplots(len(SETUPS), 2, squeeze=False)
     for line, name in zip(axes, SETUPS, strict=True):
@@ -177,7 +176,7 @@ def figure(data: Measure) -> Figure:
 
 
 def main() -> None:
-    """Measure what is not there, and tell all."""
+    """Measure the missing factors and write page and figure."""
     parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=20)
     args = parser.parse_args()

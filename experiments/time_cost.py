@@ -1,9 +1,11 @@
-"""Time, steps and base translation of plans for several costs, and the fastest of them.
+"""Compare duration, steps and base translation of plans that are optimal for different costs.
 
     python experiments/time_cost.py [--out results] [--tasks 40]
 
-For each random task the plans that are optimal for each cost of `fastest.COSTS` get clocks at the
-default limits. Means over the tasks make a front; `fastest` is the fastest of a task's plans.
+For each random task, one plan is made for each cost of `fastest.COSTS`, and each of its steps gets
+the time-optimal clock at the default limits. The means over the tasks form a Pareto front;
+`fastest` is the quickest of the plans of a task. Writes `time_cost.json`, `time_cost.md` and
+`time_cost.png`.
 """
 
 from __future__ import annotations
@@ -23,11 +25,11 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.stances.build import stance_graph
 
 SEED = 20270103
-"""Seed of the tasks."""
+"""Seed of the random tasks."""
 
 
 def measured(tasks: int) -> dict[str, Any]:
-    """Seconds, steps and translation of each plan of each task."""
+    """Return duration [s], number of steps and base translation [m] of each plan of each task."""
     planner, rng = Planner(stance_graph()), np.random.default_rng(SEED)
     rows = []
     for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
@@ -44,30 +46,30 @@ def measured(tasks: int) -> dict[str, Any]:
 
 
 def means(data: dict[str, Any]) -> dict[str, list[float]]:
-    """Mean seconds, steps and translation of each cost's plans."""
+    """Return the means of duration, steps and base translation for each cost."""
     rows = data["tasks"]
     return {name: np.mean([row[name] for row in rows], axis=0).tolist() for name in rows[0]}
 
 
 def markdown(data: dict[str, Any]) -> str:
-    """The means as a page."""
+    """Return the page with the table of means."""
     rows, cells = data["tasks"], []
     for name, (seconds, steps, translation) in means(data).items():
         wins = sum(row[name][0] <= row["fastest"][0] + 1e-9 for row in rows)
         cells.append([name, f"{seconds:.1f}", f"{steps:.2f}", f"{translation:.2f}", wins])
     return f"""# Time as a cost
 
-Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, clocks at the \
-default limits. Means over the tasks; *fastest* is
-the fastest of a task's plans, and *wins* counts the tasks in which a cost's plan is as fast as \
-that. There is no bound on what plans that were
-not considered would take.
+Made by `experiments/time_cost.py`: {len(rows)} random tasks, collisions checked, time-optimal \
+time scaling at the default limits. Values are
+means over the tasks; *fastest* is the fastest plan of each task, and *wins* counts the tasks in \
+which the plan of a cost is as fast. Other plans
+could be faster: the times have no lower bound.
 
 {table("optimal for | time [s] | steps | base translation [m] | wins", cells)}"""
 
 
 def front(data: dict[str, Any], path: Path) -> None:
-    """Mean time over mean translation and over mean steps."""
+    """Draw mean duration against mean base translation and against mean number of steps."""
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     places: dict[tuple[float, ...], list[str]] = {}
@@ -94,7 +96,7 @@ def front(data: dict[str, Any], path: Path) -> None:
 
 
 def main() -> None:
-    """Measure and write `time_cost.{json,md,png}`."""
+    """Measure and write the results, the page and the figure."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=40)
     args = parser.parse_args()

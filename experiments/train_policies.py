@@ -3,18 +3,19 @@
     python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...]
         [--hyperparameters FILE]
 
-writes `METHOD-NETWORK-SEED.pt` and `.json` for each. `risky` in place of the method is DAgger where
-grasps fail with probability 0.2 on average. PPO learns with potential-based shaping, which leaves
-the best policy as it is. The checkpoint that ships with the package is `dagger-pointer-0`.
+Writes `METHOD-NETWORK-SEED.pt` and `.json` for each policy; a checkpoint that exists is not trained
+again. The method `risky` is DAgger in an environment where grasps fail with a mean probability of
+0.2. PPO uses potential-based shaping, which does not change the optimal policy. The checkpoint that
+ships with the package is `dagger-pointer-0`. Training and comparison together take two to three
+hours (`make compare`).
 """
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import torch
+from reports import command_line
 from tqdm import tqdm
 
 from mlivr_gym.agents.hyperparameters import hyperparameters
@@ -29,16 +30,15 @@ RUNS = (
     "finetune-pointer",
     "risky-pointer",
 )
-"""What is trained, in this order."""
+"""Method and network of each policy, in the order of training."""
 
 GRASP_FAILURE = 0.2
-"""Mean probability that a grasp fails in the family of unreliable grasps."""
+"""Mean probability of a failing grasp in the family of unreliable grasps."""
 
 
 def main() -> None:
-    """Train one after the other; a checkpoint that exists is kept."""
-    parser = argparse.ArgumentParser(description="Train the policies that are compared.")
-    parser.add_argument("--out", default="runs", help="folder (default: %(default)s)")
+    """Train the policies in order, except those whose checkpoint exists."""
+    parser = command_line(__doc__, out="runs")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
     parser.add_argument("--only", nargs="+", choices=RUNS, default=RUNS, help="some of them")
     parser.add_argument(
@@ -46,7 +46,7 @@ def main() -> None:
     )
     args = parser.parse_args()
     torch.set_num_threads(1)
-    out = Path(args.out)
+    out = args.out
     out.mkdir(parents=True, exist_ok=True)
     for seed in range(args.seeds):
         for run in args.only:
@@ -54,14 +54,14 @@ def main() -> None:
             if path.with_suffix(".pt").exists():
                 continue
             name, network = run.split("-")
-            risky = name == "risky"
-            method = "dagger" if risky else name
-            arguments: dict[str, Any] = {"grasp_failure": GRASP_FAILURE} if risky else {}
-            more = f" --grasp-failure {GRASP_FAILURE}" if risky else ""
-            if method in ("ppo", "finetune"):
+            method, arguments, more = name, dict[str, Any](), ""
+            if name == "risky":
+                method, arguments = "dagger", {"grasp_failure": GRASP_FAILURE}
+                more = f" --grasp-failure {GRASP_FAILURE}"
+            if name in ("ppo", "finetune"):
                 arguments, more = {"shaping": True}, " --shaping"
-            if method == "finetune":
-                more += f" --init dagger-{network}-{seed}"
+            init = f"dagger-{network}-{seed}" if name == "finetune" else None
+            more += f" --init {init}" if init else ""
             command = f"mlivr-gym train --method {method} --network {network} --seed {seed}{more}"
             with tqdm(desc=path.name, mininterval=10.0) as bar:
 
@@ -72,18 +72,11 @@ def main() -> None:
                     bar.set_postfix(figures, refresh=False)
                     bar.update(0)
 
-                init = out / f"dagger-{network}-{seed}" if method == "finetune" else None
+                settings = hyperparameters(method, args.hyperparameters)
                 train(
-                    method,
-                    network,
-                    seed,
-                    env_arguments=arguments,
-                    settings=hyperparameters(method, args.hyperparameters),
-                    init=init,
-                    out=path,
-                    command=command,
-                    progress=show,
-                )
+                    method, network, seed, env_arguments=arguments, settings=settings,
+                    init=out / init if init else None, out=path, command=command, progress=show,
+                )  # fmt: skip
 
 
 if __name__ == "__main__":

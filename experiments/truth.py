@@ -1,16 +1,17 @@
-"""What the package promises, held against outside truth.
+"""Check the promises of the package against independent programs.
 
     python experiments/truth.py [--parts walks execution ...] [--small] [--out results]
 
-* `walks`: random walks of legal steps are put together; `execution`: walks, and single steps from
-  random states, are carried out in MuJoCo.
-* `optimality`: plans against SciPy's Dijkstra over `successors`; `limbs`: the same for three and
-  four limbs on small maps.
-* `clearance`: steps past obstacles put beside them, by coal; `collisions`: stances, steps and plans
-  against MuJoCo and coal, and how many are called blocked.
+* `walks`: random walks of legal steps must give complete motions.
+* `execution`: random walks, and single steps from random states, are carried out in MuJoCo.
+* `optimality`: costs of plans are compared with SciPy's Dijkstra over `successors`; `limbs`: the
+  same for three and four limbs on small maps.
+* `clearance`: coal measures the distances along steps past obstacles.
+* `collisions`: MuJoCo and coal check stances, steps and plans that are called free, and count what
+  is called blocked.
 
-Each part is kept in `truth.json` when it is done, and `truth.md` tells all that are there. The
-numbers of each part are options; `--small` takes a hundredth.
+Each part is written to `truth.json` when it is finished; `truth.md` reports all parts of that file.
+Options set the size of each part; `--small` divides all sizes by a hundred.
 """
 
 from __future__ import annotations
@@ -20,8 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from processes import Processes
-from reports import command_line, counted, keep, publish, read, table
+from reports import Processes, command_line, counted, keep, publish, read, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
@@ -30,61 +30,61 @@ from mlivr_gym.collisions.allowed_collisions import ALLOWED_COLLISIONS
 Part = dict[str, Any]
 
 
-def tell_walks(part: Part) -> str:
-    """Random walks in words."""
-    return f"""**Legal means executable.** {part["walks"]} random walks of {part["steps"]} legal \
-steps on the JEM with collisions: {part["went_on"]} went on to their last step, \
-{part["put_together"]} were put together. Swings: {counted(part["swings"])}.
+def walks_text(part: Part) -> str:
+    """Return the paragraph on random walks."""
+    return f"""**Legal steps are executable.** {part["walks"]} random walks of {part["steps"]} \
+legal steps on the JEM with collisions: {part["went_on"]} reach their last step, \
+{part["put_together"]} have a complete motion. Swings: {counted(part["swings"])}.
 """
 
 
-def tell_execution(part: Part) -> str:
-    """Executions in words."""
+def execution_text(part: Part) -> str:
+    """Return the paragraph on executions in MuJoCo."""
     rows = [
         [f"random {name}", part[name]["number"], part[name]["steps"], counted(part[name]["ends"])]
         for name in ("walks", "steps")
     ]
-    return f"**Carried out in MuJoCo**, {part['pace']}:\n\n" + table(
+    return f"**Execution in MuJoCo**, {part['pace']}:\n\n" + table(
         "what | number | steps | ends", rows
     )
 
 
-def tell_optimality(part: Part) -> str:
-    """Optimality for two limbs in words."""
+def optimality_text(part: Part) -> str:
+    """Return the paragraph on optimality for two limbs."""
     return f"""**Plans are optimal.** Two limbs, the JEM with {part["points"]} points, collisions \
 on: {part["queries"]} random queries against SciPy's Dijkstra over all {part["states"]} states and \
-{part["edges"]} steps that `successors` tells. {part["outcomes"].get("existence differs", 0)} \
-differ in existence; of {part["found"]} plans found the cost differs by at most \
+{part["edges"]} steps that `successors` yields. {part["outcomes"].get("existence differs", 0)} \
+differ in existence; the costs of {part["found"]} plans differ by at most \
 {part["largest_difference"]:.1e}. Outcomes: {counted(part["outcomes"])}.
 """
 
 
-def tell_limbs(part: Part) -> str:
-    """Optimality for more limbs in words."""
+def limbs_text(part: Part) -> str:
+    """Return the paragraph on optimality for three and four limbs."""
     return f"""Three and four limbs, {part["maps"]} small maps, collisions on and off, against a \
-Dijkstra in plain Python over all states: largest difference of cost \
+Dijkstra in plain Python over all states: largest cost difference \
 {part["largest_difference"]:.1e} ({counted(part["outcomes"])}).
 """
 
 
-def tell_clearance(part: Part) -> str:
-    """Steps past obstacles in words."""
+def clearance_text(part: Part) -> str:
+    """Return the paragraph on steps past obstacles."""
     rows = [
         [name, row["steps"], row["made"], row["configurations"], f"{1000 * row['least']:.2f}"]
         for name, row in part["obstacles"].items()
     ]
-    head = "obstacle | steps | still possible | configurations | least distance [mm]"
-    return f"""**Clear means clear.** Random steps with an obstacle put up to 50 mm beside a shape \
-on the way, checked anew, and the motion sampled; least distances by coal, the clearance is \
-{1000 * part["clearance"]:g} mm:
+    head = "obstacle | steps | still possible | configurations | minimum distance [mm]"
+    return f"""**The clearance is kept.** Random steps with an obstacle up to 50 mm from a shape \
+on their motion are checked again, and the motion is sampled; minimum distances by coal, the \
+clearance is {1000 * part["clearance"]:g} mm:
 
 {table(head, rows)}"""
 
 
-def tell_collisions(part: Part) -> str:
-    """Stances, steps and plans against MuJoCo and coal in words."""
+def collisions_text(part: Part) -> str:
+    """Return the paragraphs on stances, steps and plans against MuJoCo and coal."""
     stances, steps, plans = part["stances"], part["steps"], part["plans"]
-    looked = [
+    checked = [
         ["random stances called free, on random branches of those allowed", stances["free"],
          stances["free_penetrating"]],
         ["random steps called free, sampled",
@@ -96,34 +96,35 @@ def tell_collisions(part: Part) -> str:
     return f"""**Collisions.** The MuJoCo scene holds the shapes that the planner checks. \
 Clearance {part["clearance"]:g} m.
 
-{table("what | looked at | penetrating by MuJoCo", looked)}
-Least distance of limbs, body and mounts to boxes and of limbs to each other over the free \
+{table("what | checked | penetrating in MuJoCo", checked)}
+Minimum distance of limbs, body and mounts to boxes and between limbs over the free \
 stances by coal: {1000 * stances["free_least_distance"]:.2f} mm. Swings of the plans: \
 {counted(plans["swings"])}.
 
-**What is called blocked.** {stances["left_out"]} stances meet the thresholds but are left out; \
-the best posture of {stances["left_out_nearer_than_clearance"]} of them lies nearer than the \
-clearance to something, that of {stances["left_out_penetrating"]} penetrates by MuJoCo's \
-judgement. Of steps between free stances that are possible without collisions, \
-{100 * steps["share_blocked"]:.1f} % are called blocked.
+**Blocked stances and steps.** {stances["left_out"]} stances meet the thresholds but are ruled out \
+by collisions: the best posture of {stances["left_out_nearer_than_clearance"]} of them violates \
+the clearance, and that of {stances["left_out_penetrating"]} penetrates in MuJoCo. Of the steps \
+between free stances that are possible without collisions, {100 * steps["share_blocked"]:.1f} % \
+are blocked.
 
-**What is not compared** (`mlivr_gym/collisions/allowed_collisions.py`); everything else is.
+**Allowed collisions**, which are not checked (`mlivr_gym/collisions/allowed_collisions.py`); all \
+other pairs are.
 
 {table("shape | with | of | because", [row[:4] for row in ALLOWED_COLLISIONS])}"""
 
 
 PARTS: dict[str, Callable[[Part], str]] = {
-    "walks": tell_walks,
-    "execution": tell_execution,
-    "optimality": tell_optimality,
-    "limbs": tell_limbs,
-    "clearance": tell_clearance,
-    "collisions": tell_collisions,
+    "walks": walks_text,
+    "execution": execution_text,
+    "optimality": optimality_text,
+    "limbs": limbs_text,
+    "clearance": clearance_text,
+    "collisions": collisions_text,
 }
-"""The parts, and what tells each."""
+"""Names of the parts, and the functions that describe them."""
 
 SIZES = {
-    "walks": (10_000, "walks put together"),
+    "walks": (10_000, "random walks whose motion is computed"),
     "executed": (300, "walks carried out"),
     "steps": (2000, "steps carried out"),
     "queries": (1000, "queries of two limbs"),
@@ -133,18 +134,18 @@ SIZES = {
     "free": (300, "random free steps, sampled"),
     "plans": (200, "random plans, sampled"),
 }
-"""How much of each is looked at by default, and what it is."""
+"""Default size of each part, and what it counts."""
 
 
-def told(known: dict[str, Part]) -> str:
-    """The report of the parts that are known."""
-    parts = [tell(known[name]) for name, tell in PARTS.items() if name in known]
-    head = "# Promises against outside truth\n\nMade by `experiments/truth.py`.\n"
+def markdown(known: dict[str, Part]) -> str:
+    """Return the report of the finished parts."""
+    parts = [describe(known[name]) for name, describe in PARTS.items() if name in known]
+    head = "# Checks against independent programs\n\nMade by `experiments/truth.py`.\n"
     return "\n".join([head, *parts])
 
 
 def main() -> None:
-    """Run the parts that are asked for, and tell all that are known."""
+    """Run the requested parts and write the report of all finished ones."""
     parser = command_line(__doc__)
     parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=list(PARTS))
     for name, (number, meaning) in SIZES.items():
@@ -166,8 +167,8 @@ def main() -> None:
     for name in args.parts:
         known[name] = studies[name]()
         keep(args.out, "truth", known)
-    publish(args.out, "truth", known, told)
-    print(told(known))
+    publish(args.out, "truth", known, markdown)
+    print(markdown(known))
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""The planner's collision checks against MuJoCo's collision pipeline and coal; parts of `truth.py`.
+"""Check the planner's collision tests against MuJoCo and coal; parts of `truth.py`.
 
 Stances, steps and plans that the planner calls free are put into the exported MuJoCo scene, motions
-as dense samples, and every pair of shapes that MuJoCo finds in contact is counted; coal measures
-the least distance of all compared pairs. Stances that are called blocked are looked at in the same
-way, and obstacles are put next to where steps lead.
+as dense samples, and every pair of shapes in contact is counted; coal measures the minimum distance
+of the compared pairs. Stances that are called blocked are checked in the same way, and obstacles
+are placed next to random steps.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from collision_judge import At, Judge
-from processes import Processes
-from reports import pair_graph
+from collision_judge import HeldPoints, Judge
+from reports import Processes, pair_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_walks import random_walk, whole_graph
@@ -34,14 +33,14 @@ HALVES = {
     "box": (0.05, 0.08, 0.03),
     "beam": (0.02, 0.02, 0.4),
 }
-"""Half edges of the obstacles [m]."""
+"""Half edge lengths of the obstacles [m]."""
 
 FARTHEST_GAP = 0.05
-"""Largest distance of an obstacle from the capsule that it is put next to [m]."""
+"""Maximum distance of an obstacle from the capsule that it is placed next to [m]."""
 
 
-def sampled(graph: PairGraph, plan: Plan, samples: int) -> list[tuple[Configuration, At]]:
-    """Configurations along each step of a plan, with the limbs that are at a point."""
+def sampled(graph: PairGraph, plan: Plan, samples: int) -> list[tuple[Configuration, HeldPoints]]:
+    """Return configurations along each step of a plan, with the limbs that are at a point."""
     out = []
     for k, step in enumerate(plan.steps):
         motion = step_motion(graph, plan, k, samples)
@@ -55,20 +54,20 @@ def sampled(graph: PairGraph, plan: Plan, samples: int) -> list[tuple[Configurat
     return out
 
 
-def penetrating(judge: Judge, places: list[tuple[Configuration, At]]) -> int:
-    """In how many configurations MuJoCo finds shapes in each other."""
+def penetrating(judge: Judge, places: list[tuple[Configuration, HeldPoints]]) -> int:
+    """Count the configurations in which MuJoCo finds penetrating shapes."""
     return sum(bool(judge.penetrations(*place)) for place in places)
 
 
 def study_stances(
     graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Random free stances, and the best postures of those that only collisions rule out."""
+    """Check random free stances, and the best postures of stances that only collisions rule out."""
     touching, least = 0, []
     chosen = rng.choice(len(graph), count, replace=False)
     for s in tqdm(chosen, desc="free stances", mininterval=2.0):
         a, b = graph.points[s].tolist()
-        # A random one of the branches that each limb may hold on.
+        # A random branch among those on which each limb may hold.
         branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.mask[s]]
         here = graph.configuration(State((a, b), tuple(1 << int(branch) for branch in branches)))
         touching += bool(judge.penetrations(here, [(0, a), (1, b)]))
@@ -93,7 +92,7 @@ def study_stances(
 
 
 def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
-    """The plan of a single step, put together as any plan is."""
+    """Return the plan of a single step, made as any plan is."""
     entry = int(graph.edge_masks(held, s0, np.array([s1]))[0])
     stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
     masks = [graph.mask[s].tolist() for s in (s0, s1)]
@@ -106,7 +105,7 @@ def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
 def random_step(
     graph: PairGraph, free: PairGraph, rng: np.random.Generator
 ) -> tuple[int, int, int]:
-    """The limb that holds and two stances of a step that is possible without collisions."""
+    """Return support limb and both stances of a random step that is possible without collisions."""
     while True:
         s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
         row = graph.row(held, s0)
@@ -121,8 +120,8 @@ def random_step(
 def study_steps(
     graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Random free steps, and the share of steps that are blocked."""
-    looked = bad = done = drawn = possible = 0
+    """Check random free steps, and measure the share of steps that are blocked."""
+    configurations = bad = done = drawn = possible = 0
     bar = tqdm(total=count, desc="free steps", mininterval=2.0)
     while done < count:
         held, s0, s1 = random_step(graph, free, rng)
@@ -133,12 +132,13 @@ def study_steps(
         plan = one_step(graph, s0, s1, held)
         if plan is not None:
             places = sampled(graph, plan, 60)
-            looked, bad, done = looked + len(places), bad + penetrating(judge, places), done + 1
+            configurations, bad = configurations + len(places), bad + penetrating(judge, places)
+            done += 1
             bar.update()
     bar.close()
     return {
         "free": done,
-        "configurations": looked,
+        "configurations": configurations,
         "penetrating": bad,
         "share_blocked": 1 - possible / drawn,
     }
@@ -147,27 +147,27 @@ def study_steps(
 def study_plans(
     graph: PairGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Random plans of both costs, sampled densely."""
+    """Check dense samples of random plans of both costs."""
     planner, kinds = Planner(graph), Counter[str]()
-    looked = bad = steps = 0
+    configurations = bad = steps = 0
     for k in tqdm(range(count), desc="plans", mininterval=2.0):
         start, goal = sample_task(graph, rng, 0.2)
         plan = planner.plan(start.stance, goal, ("base", "steps")[k % 2]).unwrap()
         steps += len(plan.steps)
         kinds.update(step.swing for step in plan.steps)
         places = sampled(graph, plan, 30)
-        looked, bad = looked + len(places), bad + penetrating(judge, places)
+        configurations, bad = configurations + len(places), bad + penetrating(judge, places)
     return {
         "plans": count,
         "steps": steps,
-        "configurations": looked,
+        "configurations": configurations,
         "penetrating": bad,
         "swings": dict(kinds),
     }
 
 
 def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
-    """Random stances, steps and plans."""
+    """Check random stances, steps and plans."""
     graph, free = pair_graph(), pair_graph(collisions=False)
     judge, rng = Judge(graph), np.random.default_rng(2026)
     return {
@@ -178,8 +178,8 @@ def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
     }
 
 
-def beside(judge: Judge, here: Configuration, kind: str, rng: np.random.Generator) -> Box:
-    """An obstacle next to a random capsule of a limb, in a random direction."""
+def obstacle_beside(judge: Judge, here: Configuration, kind: str, rng: np.random.Generator) -> Box:
+    """Return an obstacle next to a random capsule of a limb, in a random direction."""
     ends, half = capsule_ends(judge.robot, judge.shapes, here), HALVES[kind]
     limb, c = int(rng.integers(len(ends))), int(rng.integers(len(judge.shapes.radii)))
     a, b = ends[limb][c]
@@ -194,13 +194,11 @@ def beside(judge: Judge, here: Configuration, kind: str, rng: np.random.Generato
     return Box("beside", "obstacle", (x, y, z), half, Box.rows(turn))
 
 
-def past_an_obstacle(seed: int) -> tuple[str, str, int, float]:
-    """A random step with an obstacle beside it: the obstacle, and what came of the step.
+def step_past_obstacle(seed: int) -> tuple[str, str, int, float]:
+    """Place an obstacle next to a random step and check the step again.
 
-    Returns
-    -------
-    tuple[str, str, int, float]
-        Kind of the obstacle, `blocked` or `made`, configurations looked at, least distance [m].
+    Return the kind of the obstacle, `blocked` or `made`, the number of sampled configurations, and
+    their minimum distance [m].
     """
     graph, rng = whole_graph(), np.random.default_rng([8, seed])
     judge = Judge(graph)
@@ -210,7 +208,7 @@ def past_an_obstacle(seed: int) -> tuple[str, str, int, float]:
         plan = plan_of(graph, states, np.zeros(3), 0.0, "astar") if len(states) == 2 else None
     kind = str(rng.choice(list(HALVES)))
     places = sampled(graph, plan, 500)
-    box = beside(judge, places[int(rng.integers(len(places)))][0], kind, rng)
+    box = obstacle_beside(judge, places[int(rng.integers(len(places)))][0], kind, rng)
     graph.add_obstacles([box])
     try:
         made = _made(graph, states)
@@ -224,7 +222,7 @@ def past_an_obstacle(seed: int) -> tuple[str, str, int, float]:
 
 
 def _made(graph: PairGraph, states: list[State]) -> Plan | None:
-    """The plan of the same step among the obstacles that there are now."""
+    """Return the plan of the same step among the present obstacles, or None if it is blocked."""
     stance, after = states[0].stance, states[1].stance
     s = graph.find(stance)
     if not graph.mask[s].all() or not graph.mask[graph.find(after)].all():
@@ -235,14 +233,14 @@ def _made(graph: PairGraph, states: list[State]) -> Plan | None:
 
 
 def study_clearance(number: int, processes: Processes) -> dict[str, Any]:
-    """Random steps past obstacles, looked at with coal."""
+    """Measure distances along random steps past obstacles with coal."""
     out: dict[str, Any] = {"clearance": whole_graph().settings.clearance}
     kinds = {kind: {"steps": 0, "made": 0, "configurations": 0, "least": np.inf} for kind in HALVES}
-    found = processes.answers(past_an_obstacle, range(number), "steps past obstacles")
-    for kind, told, looked, least in found:
+    found = processes.answers(step_past_obstacle, range(number), "steps past obstacles")
+    for kind, outcome, configurations, least in found:
         row = kinds[kind]
         row["steps"] += 1
-        row["made"] += told == "made"
-        row["configurations"] += looked
+        row["made"] += outcome == "made"
+        row["configurations"] += configurations
         row["least"] = min(row["least"], least)
     return out | {"obstacles": kinds}

@@ -1,4 +1,4 @@
-"""Whether what is legal can be carried out, and whether plans are optimal; parts of `truth.py`."""
+"""Check that legal walks can be executed and that plans are optimal; parts of `truth.py`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from processes import Processes
-from reports import pair_graph
+from reports import Processes, pair_graph
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
@@ -34,19 +33,19 @@ STEPS = 10
 """Steps of a random walk."""
 
 COSTS = (("base", None), ("steps", None), ("weighted", 0.2))
-"""Costs that plans are asked for, with the price of a step [m]."""
+"""Costs of the queries, with the price of a regrasp [m]."""
 
 
 @cache
 def whole_graph() -> PairGraph:
-    """The stance graph of the JEM with every step known, once for a process."""
+    """Return the stance graph of the JEM with all steps known, once per process."""
     graph = pair_graph()
     step_tables(graph)
     return graph
 
 
 def random_walk(graph: StanceGraph, rng: np.random.Generator, steps: int = STEPS) -> list[State]:
-    """States of a walk of random legal steps."""
+    """Return the states of a walk of random legal steps."""
     states = [random_state(graph, rng)]
     for _ in range(steps):
         steps_from = graph.successors(states[-1])
@@ -57,7 +56,7 @@ def random_walk(graph: StanceGraph, rng: np.random.Generator, steps: int = STEPS
 
 
 def walk(seed: int) -> tuple[bool, bool, Counter[str]]:
-    """Whether a random walk went on to its end and was put together, and its swings."""
+    """Return whether a random walk has all its steps and a motion, and its swing kinds."""
     graph = whole_graph()
     states = random_walk(graph, np.random.default_rng([1, seed]))
     motion = committed_motion(graph, states).motion
@@ -66,7 +65,7 @@ def walk(seed: int) -> tuple[bool, bool, Counter[str]]:
 
 
 def executed_walk(seed: int) -> tuple[str, int]:
-    """How a random walk ends in the simulation, and its steps."""
+    """Return how a random walk ends in the simulation, and its number of steps."""
     graph = whole_graph()
     states = random_walk(graph, np.random.default_rng([2, seed]))
     plan = plan_of(graph, states, np.zeros(3), 0.0, "astar")
@@ -77,7 +76,7 @@ def executed_walk(seed: int) -> tuple[str, int]:
 
 
 def executed_step(seed: int) -> tuple[str, int]:
-    """How a random step ends that the simulated robot may take, from a random state."""
+    """Return how a random step from a random state ends in the simulation, and 1 (0 if none)."""
     graph, rng = whole_graph(), np.random.default_rng([3, seed])
     robot = physical_walk(graph)
     robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
@@ -92,7 +91,7 @@ def executed_step(seed: int) -> tuple[str, int]:
 
 
 def study_walks(number: int, processes: Processes) -> dict[str, Any]:
-    """Random walks of legal steps: all go on to their end, all are put together."""
+    """Count the random walks of legal steps that have all their steps and a motion."""
     whole_graph()
     ended, together, swings = 0, 0, Counter[str]()
     for goes_on, done, kinds in processes.answers(walk, range(number), "walks"):
@@ -108,7 +107,7 @@ def study_walks(number: int, processes: Processes) -> dict[str, Any]:
 
 
 def study_execution(walks: int, steps: int, processes: Processes) -> dict[str, Any]:
-    """Random walks, and random steps from random states, carried out in MuJoCo."""
+    """Simulate random walks, and random steps from random states."""
     whole_graph()
     out: dict[str, Any] = {"pace": "at the default limits"}
     for name, work, number in (("walks", executed_walk, walks), ("steps", executed_step, steps)):
@@ -121,13 +120,13 @@ def study_execution(walks: int, steps: int, processes: Processes) -> dict[str, A
 
 
 class StateGraph:
-    """All states that can be reached from the stances of a graph, and the steps between them.
+    """All states reachable from the stances of a graph, with their steps, for SciPy's Dijkstra.
 
-    Worked out by `successors` alone, for SciPy's Dijkstra.
+    It is computed by `successors` alone.
     """
 
     def __init__(self, graph: PairGraph) -> None:
-        """Ask for the steps of every state once."""
+        """Compute the successors of every state once."""
         self.index: dict[State, int] = {}
         todo = [graph.state(points.tolist()) for points in graph.points]
         self.index = {state: k for k, state in enumerate(todo)}
@@ -151,16 +150,16 @@ class StateGraph:
         self.rows, self.cols, self.moved = np.array(rows), np.array(cols), np.concatenate(moved)
 
     def costs(self, start: State, cost: Cost) -> Array:
-        """Least cost from a state to every other."""
+        """Return the minimum cost from a state to every other one."""
         n = len(self.index)
-        # SciPy takes a zero for no edge.
+        # SciPy interprets a zero as a missing edge.
         weights = np.maximum(cost.base_weight * self.moved + cost.step_weight, 1e-300)
         steps = csr_array((weights, (self.rows, self.cols)), shape=(n, n))
         return np.asarray(dijkstra(steps, indices=self.index[start]))
 
 
 def study_optimality(queries: int, starts: int) -> dict[str, Any]:
-    """Plans on the JEM with every second point against SciPy's Dijkstra over `successors`."""
+    """Compare plans on half the points of the JEM with SciPy's Dijkstra over `successors`."""
     whole = jem_map()
     sparse = whole.subset(np.arange(len(whole)) % 2 == 0, "every second point")
     graph = pair_graph(sparse)
@@ -169,11 +168,11 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     out, worst, reached = Counter[str](), 0.0, 0
     for n in tqdm(range(starts), desc="queries", mininterval=5.0):
         name, price = COSTS[n % len(COSTS)]
-        # After a step a limb that held is on some of its branches only.
+        # After a step, the label of a support limb holds only some of its branches.
         start = random_walk(graph, rng, int(rng.integers(3)))[-1]
         costs = states.costs(start, Cost.named(name, price))
         for _ in range(queries // starts):
-            # Most places of the cabin have no stance near them.
+            # Most positions in the cabin are far from any stance.
             goal = graph.base_in_world[rng.integers(len(graph))] + rng.normal(size=3) * 0.05
             goal = np.clip(goal, *sparse.cabin)
             radius = float(rng.choice([0.05, 0.2]))
@@ -199,7 +198,7 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
 
 
 def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, float]:
-    """Least cost to every state that can be reached, over `successors`, by `heapq` alone."""
+    """Return the minimum cost to every reachable state, by `successors` and `heapq` alone."""
     best, done, order = {start: 0.0}, dict[State, float](), count()
     heap = [(0.0, next(order), start)]
     while heap:
@@ -219,7 +218,7 @@ def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, 
 
 
 def small_map(rng: np.random.Generator) -> GraspMap:
-    """Six points of the JEM that lie near each other."""
+    """Return a map of six points of the JEM that lie close to each other."""
     whole = jem_map()
     middle = whole.positions[rng.integers(len(whole))]
     close = np.argsort(np.linalg.norm(whole.positions - middle, axis=1))[:24]
@@ -229,9 +228,9 @@ def small_map(rng: np.random.Generator) -> GraspMap:
 
 
 def small_query(seed: int) -> tuple[str, float]:
-    """One query with three or four limbs on a small map: what came of it, and how far it is off.
+    """Compare a query of three or four limbs on a small map with Dijkstra: outcome and error.
 
-    Of four seeds two check collisions, and two have a goal that need not be reachable.
+    Half of the seeds check collisions; half have a goal that need not be reachable.
     """
     rng, limbs = np.random.default_rng([5, seed]), 3 + seed % 2
     collisions, anywhere = seed // 2 % 2 == 0, seed // 4 % 2 == 0
@@ -242,7 +241,7 @@ def small_query(seed: int) -> tuple[str, float]:
     states = [graph.state(s) for s in starts if graph.is_node(graph.posture(s))[0]]
     if not states:
         return "no stance", 0.0
-    # Most states that a step leaves are better to compare than those that none leaves.
+    # States that some step leaves are preferred, since the others test little.
     start = next((state for state in states[:40] if graph.successors(state)), states[0])
     cost = Cost.named(name, price)
     truth = plain_dijkstra(graph, start, cost)
@@ -257,14 +256,14 @@ def small_query(seed: int) -> tuple[str, float]:
         return f"{world}: existence differs", np.inf
     if found.plan is None:
         return f"{world}: neither finds a plan", 0.0
-    told = "no step leads away" if len(truth) == 1 else "both find one"
-    return f"{world}: {told}", abs(found.plan.statistics.cost - min(reached))
+    outcome = "no step leads away" if len(truth) == 1 else "both find one"
+    return f"{world}: {outcome}", abs(found.plan.statistics.cost - min(reached))
 
 
 def study_small_maps(number: int, processes: Processes) -> dict[str, Any]:
-    """Plans of three and four limbs on small maps, collisions on and off, by a plain Dijkstra."""
+    """Compare plans of three and four limbs on small maps with Dijkstra in plain Python."""
     out, worst = Counter[str](), 0.0
-    for told, off in processes.answers(small_query, range(number), "small maps"):
-        out[told] += 1
+    for outcome, off in processes.answers(small_query, range(number), "small maps"):
+        out[outcome] += 1
         worst = max(worst, off)
     return {"maps": number, "outcomes": dict(out), "largest_difference": worst}

@@ -1,15 +1,15 @@
-"""The picture of the viewer in `docs/viewer.md`: a point is blocked and planned round.
+"""Take the screenshot of the viewer in `docs/viewer.md`, with a plan around an occupied point.
 
     python experiments/viewer_picture.py [--out docs/pictures]
 
-writes `viewer.png` with the extras `viewer` and `docs` and the Chromium of the system.
+Needs the extras `viewer` and `docs` and an installed Chromium. Writes `viewer.png`.
 """
 
 from __future__ import annotations
 
-import argparse
 import shutil
-from pathlib import Path
+
+from reports import command_line
 
 from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
@@ -19,26 +19,24 @@ from mlivr_gym.viewer.panel import add_panel
 from mlivr_gym.viewer.viewer import Viewer
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""The query of the command's example."""
+"""Start and goal of the example of `mlivr-gym plan`."""
 
 SHOWN = 5.0
-"""Time of the plan that the picture shows [s]."""
+"""Time along the plan that the picture shows [s]."""
 
 FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-"""Without a GPU."""
+"""Options of Chromium for machines without a GPU."""
 
 WIDTH, HEIGHT = 1440, 810
 """Size of the picture [px]."""
 
 DRAWN = 8000
-"""How long the page may take to draw all [ms]."""
+"""Time given to the page to draw everything [ms]."""
 
 
 def main() -> None:
-    """Serve the page, and take a picture of it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
-    out = parser.parse_args().out
+    """Serve the page and write its screenshot."""
+    out = command_line(__doc__, out="docs/pictures").parse_args().out
     live = LivePlan(stance_graph(), LiveQuery(START, GOAL, "steps"))
     live.replan()
     assert live.plan is not None
@@ -52,7 +50,7 @@ def main() -> None:
 
 
 def picture(address: str) -> bytes:
-    """A picture of a page, once it is drawn."""
+    """Return a screenshot of a page once it is drawn."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -60,7 +58,7 @@ def picture(address: str) -> bytes:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.goto(address)
-        page.locator(".mantine-Notification-closeButton").click()  # that there is no GPU
+        page.locator(".mantine-Notification-closeButton").click()  # a warning about the missing GPU
         page.wait_for_timeout(DRAWN)
         taken: bytes = page.screenshot()
         browser.close()
