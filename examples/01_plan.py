@@ -1,4 +1,4 @@
-"""Plan a walk and look at it."""
+"""Plan a walk, print its steps, refine it, and draw it."""
 
 from mlivr_gym import stance_graph
 from mlivr_gym.pictures.plan_figure import plan_figure
@@ -6,7 +6,7 @@ from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
-graph = stance_graph()  # measured JEM, two UR5e, the paper's thresholds, collisions checked
+graph = stance_graph()  # measured JEM, two UR5e limbs, thresholds and collisions
 planner = Planner(graph)
 for cost in ("base", "steps"):
     plan = planner.plan(START, GOAL, cost).unwrap()

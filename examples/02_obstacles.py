@@ -1,4 +1,4 @@
-"""Plan, close the way with a box and two occupied points, and plan again."""
+"""Plan, block the way with a box and occupied points, and plan again."""
 
 import time
 
@@ -11,11 +11,11 @@ graph = stance_graph()
 planner = Planner(graph)
 
 
-def replan(what: str) -> None:
-    """Plan in the world as it is now."""
+def replan(world: str) -> None:
+    """Plan in the present world, and print the result or why there is no plan."""
     began = time.perf_counter()
     result = planner.plan(START, GOAL, "steps")
-    print(f"{what}: {result.message} ({1e3 * (time.perf_counter() - began):.0f} ms)")
+    print(f"{world}: {result.message} ({1e3 * (time.perf_counter() - began):.0f} ms)")
     if not result:
         print("  because:", planner.why_not(START, GOAL).message)
 
@@ -23,15 +23,15 @@ def replan(what: str) -> None:
 replan("free module")
 
 graph.add_obstacles([Box.between("cargo", "obstacle", (3.4, -1.0, -1.0), (3.7, 1.0, 0.2))])
-replan("cargo bag in the way")
+replan("a box in the way")
 
 graph.occupy(["D3a:3", "D3a:4"])
-replan("and two points taken")
+replan("two points occupied, too")
 
 goal_points = [point for point in graph.grasp_map.ids if point[1] in "56"]
 graph.occupy(goal_points)
-replan("and every point about the goal taken")
+replan("every point near the goal occupied")
 
 graph.remove_obstacles()
 graph.vacate()
-replan("everything cleared")
+replan("free module again")

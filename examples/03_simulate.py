@@ -11,13 +11,13 @@ execution = execute(graph, plan, progress=lambda done: print(f"{done} steps carr
 
 for capture in execution.captures:
     print(
-        f"{capture.time:6.1f} s: limb {capture.limb} took hold of {capture.point}, "
-        f"{1e3 * capture.distance:.2f} mm off"
+        f"{capture.time:6.1f} s: limb {capture.limb} grasped {capture.point}, "
+        f"position error {1e3 * capture.distance:.2f} mm"
     )
 if execution.failure is not None:
     print("failed:", execution.failure.message)
 peaks = execution.peaks
 print(f"joint torque at most {peaks.joint_torque.max():.1f} N m")
 print(f"grasp force at most {peaks.grasp_force.max():.1f} N")
-print(f"base at most {1e3 * peaks.base_error:.2f} mm off")
+print(f"base position error at most {1e3 * peaks.base_error:.2f} mm")
 execution.save("simulation.npz")

@@ -1,4 +1,4 @@
-"""A map of your own: a corner of two walls with rails, and a locker in it."""
+"""Plan on a map of your own: a floor and a wall with rails, and a locker in the corner."""
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.planners import Planner
@@ -18,7 +18,7 @@ grasp_map = GraspMap.from_dict(
         "spacing": 0.2,
         "boxes": [
             {"id": "locker", "min": [1.2, 0.5, 0], "max": [1.5, 0.9, 0.5]},
-            {"id": "wall itself", "min": [3.02, -1, 0], "max": [3.1, 1, 3]},
+            {"id": "wall", "min": [3.02, -1, 0], "max": [3.1, 1, 3]},
         ],
     }
 )

@@ -1,7 +1,7 @@
-"""Train with MaskablePPO of sb3-contrib, as its documentation shows (extra [agents]).
+"""Train with MaskablePPO of sb3-contrib, as in its documentation (extra [agents]).
 
-One task on a part of the module, so that there is something to see within a minute; policies for
-any task are trained with `mlivr-gym train`, which imitates the expert first.
+The program trains for one task on a part of the module, so that results appear within a minute.
+For policies that solve any task use `mlivr-gym train`.
 """
 
 import gymnasium
@@ -19,14 +19,14 @@ START, GOAL, STEPS = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0), 16_000
 
 
 class OneTask:
-    """Always the same task; an object with this method is all that `tasks` needs."""
+    """Task generator that always returns the same task; it needs only the method `draw`."""
 
     def draw(self, graph, rng, tolerance, start=None):
-        """From the deck to the aft wall."""
+        """Return the task from the deck to the aft wall."""
         return Task(graph.state(START), np.array(GOAL))
 
 
-torch.set_num_threads(1)  # small networks lose time with more
+torch.set_num_threads(1)  # small networks are slower with more threads
 points = jem_map()
 near = points.subset((points.positions[:, 0] > 1.0) & (points.positions[:, 0] < 3.5), "two racks")
 print(mlivr_gym.__version__, near)

@@ -1,6 +1,6 @@
-"""Masked PPO in a single file, in the style of CleanRL, on the vector environment.
+"""Train with masked PPO in a single file, in the style of CleanRL, on the vector environment.
 
-One task on a part of the module, so that there is something to see within a minute.
+The program trains for one task on a part of the module, so that results appear within a minute.
 """
 
 import gymnasium
@@ -20,10 +20,10 @@ START, GOAL = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0)
 
 
 class OneTask:
-    """Always the same task; an object with this method is all that `tasks` needs."""
+    """Task generator that always returns the same task; it needs only the method `draw`."""
 
     def draw(self, graph, rng, tolerance, start=None):
-        """From the deck to the aft wall."""
+        """Return the task from the deck to the aft wall."""
         return Task(graph.state(START), np.array(GOAL))
 
 
@@ -39,7 +39,7 @@ print(mlivr_gym.__version__, near)
 
 
 def flat(observation, info):
-    """Observation and mask as tensors."""
+    """Return observation and mask as tensors."""
     parts = [np.asarray(observation[key], dtype=np.float32) for key in KEYS]
     state = torch.from_numpy(np.concatenate(parts, axis=1))
     return state, torch.from_numpy(np.asarray(info["action_mask"], dtype=bool))
@@ -54,7 +54,7 @@ optimiser = torch.optim.Adam(weights, RATE)
 
 
 def act(state, mask):
-    """Distribution over the possible actions, and the value."""
+    """Return the distribution over the possible actions, and the value."""
     hidden = trunk(state)
     scores = policy(hidden).masked_fill(~mask, -1e9)
     return Categorical(logits=scores), value(hidden).squeeze(-1)
@@ -68,7 +68,7 @@ for update in range(UPDATES):
             chances, worth = act(state, mask)
             action = chances.sample()
         observation, reward, terminated, truncated, info = envs.step(action.numpy())
-        live = torch.from_numpy(~over)  # the step after an episode's end only starts the next one
+        live = torch.from_numpy(~over)  # the step after the end of an episode resets it
         over = terminated | truncated
         end = torch.from_numpy(over).float()
         gain = torch.from_numpy(np.asarray(reward, dtype=np.float32))

@@ -1,4 +1,4 @@
-"""The environment in TorchRL, with masked actions; needs `pip install torchrl`."""
+"""Use the environment with masked actions in TorchRL; needs `pip install torchrl`."""
 
 import gymnasium
 import torch
@@ -42,7 +42,7 @@ with torch.no_grad():
     walk = env.rollout(30, policy)
 print(f"a walk of {len(walk)} steps with keys {sorted(walk.keys(), key=str)}")
 
-# A few updates by REINFORCE, to show that gradients flow through masks.
+# A few updates by REINFORCE show that gradients pass through the mask.
 optimiser = torch.optim.Adam(network.parameters(), 1e-3)
 for update in range(5):
     walks = [env.rollout(30, policy) for _ in range(8)]

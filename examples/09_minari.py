@@ -1,6 +1,6 @@
-"""Write walks of the expert as a Minari data set and read them again (extra [data]).
+"""Write episodes of the expert as a Minari data set, and read them (extra [data]).
 
-Data sets lie where Minari keeps them: `~/.minari`, or the folder of `MINARI_DATASETS_PATH`.
+Minari stores data sets in `~/.minari`, or in the folder that `MINARI_DATASETS_PATH` names.
 """
 
 import minari
@@ -17,7 +17,7 @@ points = jem_map()
 near = points.subset((points.positions[:, 0] > 1.0) & (points.positions[:, 0] < 3.5), "two racks")
 write_dataset(NAME, episodes=20, env_arguments={"map": near})
 
-dataset = load_dataset(NAME)  # as `minari.load_dataset`, and refuses walks of other rules
+dataset = load_dataset(NAME)  # `minari.load_dataset` with a check of the graph rules
 print(f"{dataset.total_episodes} episodes, {dataset.total_steps} steps")
 for episode in dataset.sample_episodes(3):
     masks = episode.observations["action_mask"]

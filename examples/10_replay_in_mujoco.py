@@ -1,7 +1,7 @@
-"""Replay a walk in MuJoCo alone: the simulation model as MJCF, the trajectory as CSV.
+"""Replay a walk with MuJoCo alone, from a model in MJCF and a trajectory in CSV.
 
-The first half makes the two files, as `mlivr-gym render --mjcf` and `simulate` do; the second half
-reads them without this package, as another simulator or controller would.
+The first half writes the two files, as `mlivr-gym render --mjcf` and `mlivr-gym simulate` do. The
+second half reads them without this package, as another simulator or controller would.
 """
 
 import csv
@@ -23,7 +23,7 @@ points = graph.indices(plan.stances[0])
 model = exported_model(graph.grasp_map, graph.robot, plan.configuration(0), points)
 Path("scene.xml").write_text(model)
 
-# From here on MuJoCo alone.
+# From here on only MuJoCo is used.
 model = mujoco.MjModel.from_xml_path("scene.xml")
 data = mujoco.MjData(model)
 with open("walk.csv") as stream:
