@@ -16,6 +16,7 @@ from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
+from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, LimbKind
 from mlivr_gym.schema import (
     Anything,
     Choice,
@@ -111,6 +112,8 @@ def kind_in_words(kind: Any) -> str:
             return "pair of " + ", ".join(f"`{' '.join(pair)}`" for pair in kind.pairs)
         case SizeOrEdges():
             return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
+        case LimbKind():
+            return "object"
         case Named():
             return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
                 f"`{name}`" for name in ARMS
@@ -190,7 +193,8 @@ def tables() -> dict[str, str]:
         "fields_robot": "\n".join(
             (
                 fields(robot),
-                fields(LIMB, title="A limb:"),
+                fields(LIMB, title="A limb of the UR family, three parallel axes:"),
+                fields(SPHERICAL_WRIST_LIMB, title="A limb with a spherical wrist:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
+from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
+from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, LimbKind
 from mlivr_gym.schema import Choice, Listed, Maybe, Numbers, Rotation, Struct, Text, Whole
 from mlivr_gym.values import LONGEST_TEXT
 
@@ -47,6 +49,8 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
             return {"anyOf": [json_schema_of(kind.kind), {"type": "null"}]}
         case Named():
             return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
+        case LimbKind():
+            return {"anyOf": [json_schema_of(LIMB), json_schema_of(SPHERICAL_WRIST_LIMB)]}
         case SizeOrEdges():
             return {"anyOf": [json_schema_of(kind.edge), json_schema_of(kind.edges)]}
         case PairOf():

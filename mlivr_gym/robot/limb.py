@@ -192,8 +192,10 @@ class Limb(LimbBase):
 
     @property
     def side_offsets(self) -> tuple[float, float] | None:
-        """Distances of the wrist point from the forearm's plane and of the flange axis from wrist 1
-        [m], by which these links keep clear of each other; None if nothing keeps them clear.
+        """Distances by which links keep clear of each other [m]; None if nothing keeps them clear.
+
+        They are that of the wrist point from the forearm's plane, and of the flange axis from
+        wrist 1.
         """
         return self.d4, self.d5
 
