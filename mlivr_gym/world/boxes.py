@@ -1,4 +1,4 @@
-"""Boxes that stand round the robot, for the planner's checks and for the MuJoCo scene."""
+"""Boxes around the robot, for the collision checks and for the MuJoCo scene."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, Listed, Rotation, 
 from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST, Triple, triple, unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
-"""What a box can be."""
+"""Kinds of boxes."""
 
 BOX, POINT = "box/", "point/"
-"""What the names of boxes and of graspable points begin with in the MuJoCo scene."""
+"""Prefixes of the names of boxes and of graspable points in the MuJoCo scene."""
 
 UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Rows of the unit matrix."""
 
 
 def scene_name(kind: str, name: str) -> str:
-    """The name in the MuJoCo scene of a box or point, by `BOX` or `POINT` and its id.
+    """Return the name of a box or a point in the MuJoCo scene, from `BOX` or `POINT` and its id.
 
-    No name that a user gives can be taken for one of the robot's, `"body"` and `"limb..."`.
+    The prefix keeps ids of users apart from the names of the robot, `"body"` and `"limb..."`.
     """
     return kind + name
 
@@ -76,7 +76,7 @@ class Box:
     def between(
         cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = ""
     ) -> Box:
-        """A box along the world's axes from its lower to its upper corner [m]."""
+        """Return an axis-aligned box from its lower to its upper corner [m]."""
         place = FieldPath(f"box {shortened(id)}", ShapeError)
         lower = np.array(CORNER.read(low, place.field("min")))
         upper = np.array(CORNER.read(high, place.field("max")))
@@ -88,7 +88,7 @@ class Box:
 
     @classmethod
     def from_dict(cls, data: Any, kind: str = "obstacle") -> Box:
-        """A box from plain data.
+        """Build a box from plain data.
 
         Fields: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if
         wanted.
@@ -101,7 +101,7 @@ class Box:
         return Boxes(kind).box(data, FieldPath("", ShapeError))
 
     def to_dict(self) -> dict[str, Any]:
-        """The box as plain data, the inverse of `from_dict`."""
+        """Return the box as plain data, the inverse of `from_dict`."""
         return {
             "id": self.id, "kind": self.kind, "centre": list(self.centre), "half": list(self.half),
             "rotation": [list(row) for row in self.rotation], "face": self.face,
@@ -109,7 +109,7 @@ class Box:
 
     @cached_property
     def bounds(self) -> Array:
-        """Lower and upper corner in the world of the smallest upright box round it [m], (2, 3)."""
+        """Corners of the axis-aligned bounding box in the world [m], shape (2, 3)."""
         centre, half = np.array(self.centre), np.abs(np.array(self.rotation)) @ np.array(self.half)
         return np.stack([centre - half, centre + half])
 
@@ -150,13 +150,13 @@ class Boxes:
     kind: str = "obstacle"
 
     def read(self, value: object, place: FieldPath) -> tuple[Box, ...]:
-        """The boxes."""
+        """Return the boxes."""
         boxes = Listed(Via(self.box)).read(value, place)
         unique([box.id for box in boxes], f"{place.path}: box", place.error)
         return boxes
 
     def box(self, value: object, place: FieldPath) -> Box:
-        """One box: `min` and `max`, or `centre`, `half` and, if turned, `rotation`."""
+        """Return one box from `min` and `max`, or `centre`, `half` and, if rotated, `rotation`."""
         if not isinstance(value, dict):
             return BOX_DATA.read(value, place)
         if {"centre", "half", "rotation"} & value.keys():

@@ -1,4 +1,4 @@
-"""Graspable points: where a limb may hold on.
+"""Graspable points of a module, and the structure around them.
 
 A `GraspMap` is a frozen set of points in a frame of its own; the JEM's has its origin on the
 centreline at the Node 2 end bulkhead, +x port, +y aft, +z overhead.
@@ -43,12 +43,12 @@ from mlivr_gym.world.rails import Handrail, Segment
 
 
 def _point_number(value: object) -> bool:
-    """Whether a value may be the index of a point."""
+    """Return whether a value may be the index of a point."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def _point(value: Any, place: FieldPath) -> str | int:
-    """A point by id or index."""
+    """Return a point by id or index."""
     if not isinstance(value, str) and not _point_number(value):
         raise place.refused(value, "the id of a point, or its index")
     point: str | int = value
@@ -86,7 +86,7 @@ class GraspMap:
     handrails
         Handrails.
     boxes
-        What stands round the points: tracks and handrails, racks and walls.
+        Structure around the points: tracks, handrails, racks and walls.
     """
 
     ids: tuple[str, ...]
@@ -125,14 +125,14 @@ class GraspMap:
     _index: dict[str, int] = field(init=False, compare=False, default_factory=dict)
 
     def __repr__(self) -> str:
-        """Name and sizes, in one line."""
+        """Return name and sizes in one line."""
         return (
             f"<GraspMap {self.name!r}: {len(self)} points, {len(self.segments)} segments, "
             f"{len(self.handrails)} handrails, {len(self.boxes)} boxes>"
         )
 
     def __len__(self) -> int:
-        """Number of points."""
+        """Return the number of points."""
         return len(self.ids)
 
     @cached_property
@@ -141,7 +141,7 @@ class GraspMap:
         return self.rotations[:, :, 2]
 
     def index(self, point: str | int) -> int:
-        """Index of a point given by id (or by index, which is checked).
+        """Return the index of a point given by id, or by index, which is checked.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class GraspMap:
         raise UnknownPointError(point, self.ids)
 
     def subset(self, keep: BoolArray, name: str | None = None) -> GraspMap:
-        """Map with only the points where `keep`, shape (m,), is true."""
+        """Return the map with only the points for which `keep`, shape (m,), is true."""
         chosen = np.flatnonzero(keep)
         return replace(
             self,
@@ -171,7 +171,7 @@ class GraspMap:
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
-        """Half of the points by a seeded draw, rounded down: the map of the paper's Case 4.
+        """Draw half of the points, rounded down, as in Case 4 of the paper.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class GraspMap:
         return digest.hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """The map as plain data for JSON, from which `from_dict` makes the same map."""
+        """Return the map as plain data for JSON, from which `from_dict` builds the same map."""
         return {
             "name": self.name, "ids": list(self.ids), "faces": list(self.faces),
             "positions": self.positions.tolist(), "rotations": self.rotations.tolist(),
@@ -333,12 +333,12 @@ _PLACE = FieldPath("map", MapError)
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
-    """Measured seat tracks of the JEM: 331 points with the default arguments."""
+    """Return the measured seat tracks of the JEM, 331 points with the default arguments."""
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
 def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
-    """A map as it is, from plain data or a file, or the measured JEM for None.
+    """Return a map as it is, from plain data or a file, or the measured JEM for None.
 
     Raises
     ------

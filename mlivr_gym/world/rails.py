@@ -1,4 +1,4 @@
-"""Rails along which points may be grasped, and handrails, with the boxes that they are."""
+"""Rails with graspable points, and handrails, together with their boxes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mlivr_gym.values import LONGEST, SMALLEST, Triple, triple
 from mlivr_gym.world.boxes import CORNER, Box
 
 INTO_BAR = 0.008
-"""How far a post of a handrail reaches into its bar [m]."""
+"""Overlap of a handrail's post with its bar [m]."""
 
 
 @dataclass(frozen=True)
