@@ -101,7 +101,7 @@ def point_row(data: dict[str, Any], place: FieldPath) -> Row:
 
 
 def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) -> list[Row]:
-    """Return points at multiples of `spacing` [m] from the segment's middle, about `most` at most."""
+    """Return points at multiples of `spacing` [m] from the middle of a segment, up to `most`."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(place, end - start, np.array(segment.normal))
