@@ -19,14 +19,21 @@ OUT = ROOT / "docs" / "inside.png"
 STAGES = (
     ("stance", "points of the limbs", "stances/pair_graph.py"),
     ("posture", "base pose, branches\nand their w_m, w_b", "postures/selection.py"),
-    ("certificate", "branches on which limbs\nthat hold can follow it", "kinematics/holding.py"),
+    ("certificate", "branches on which support\nlimbs can follow it", "kinematics/holding.py"),
     ("release", "branches on which limbs\ncan be released, folds", "transitions/release.py"),
-    ("step", "motions of the limb that\nmoves, limbs that hold", "transitions/steps.py"),
+    ("step", "motions of the moving\nlimb, supporting limbs", "transitions/steps.py"),
     ("edge", "branches kept, path, swing", "stances/pair_table.py"),
 )
 """Stages in order: name, result, and the module that computes it."""
 
-RECORDS = ("points", "HeldStance -> Posture", "BasePath", "Release", "Step, Motion", "PairEdge")
+RECORDS = (
+    "points",
+    "HeldStance -> Posture",
+    "BasePath",
+    "ReleaseRecord",
+    "StepRecord, SweptMotion",
+    "PairEdge",
+)
 """Records that each stage passes on."""
 
 
