@@ -165,7 +165,7 @@ class Limb(LimbBase):
 
     @property
     def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's base [m], from it on."""
+        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
         d1, a2, a3, d4, d5, d6 = np.abs(self.lengths).tolist()
         return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
 
@@ -184,8 +184,9 @@ class Limb(LimbBase):
 
     @property
     def side_offsets(self) -> tuple[float, float] | None:
-        """Distances of the wrist point from the forearm's plane and of the flange axis from wrist 1
-        [m], by which these links keep clear of each other; None if nothing keeps them clear.
+        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
+
+        By these the links keep clear of each other; None if nothing keeps them clear.
         """
         return self.d4, self.d5
 

@@ -291,5 +291,5 @@ def test_bad_limbs_are_refused(changes, told):
     with pytest.raises(RobotError, match=told):
         RobotSpec.from_dict({"limb": {"family": "spherical_wrist"} | changes})
     six = {"held_joint": None, "held_angle": 0.4}
-    with pytest.raises(RobotError, match="limb.held_angle is 0.4, but no joint is held"):
+    with pytest.raises(RobotError, match=r"limb\.held_angle is 0\.4, but no joint is held"):
         replace(SIX, **six)
