@@ -15,6 +15,7 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
@@ -31,6 +32,7 @@ __all__ = [
     "MlivrError",
     "RobotSpec",
     "Settings",
+    "SphericalWristLimb",
     "State",
     "__version__",
     "jem_map",

@@ -80,17 +80,17 @@ class JointAxes(Record):
 
 @kernel
 def in_window(angle: float, low: float) -> float:
-    """The winding of a joint angle on which it lies in its window [rad].
+    """Return the winding of a joint angle that lies in the joint's window [rad].
 
-    A window is less than a turn, so there is one winding at most: a posture of a limb that holds
-    tells the joint angles, whatever way led there.
+    A window is less than a turn, so one winding at most lies in it: a posture of a limb that holds
+    determines its joint angles, whatever motion led there.
 
     Parameters
     ----------
     angle
         The angle [rad].
     low
-        Where the window begins [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
+        Where the window starts [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
     """
     least = low - LIMIT_TOLERANCE
     winding: float = angle - TURN * np.floor((angle - least) / TURN)

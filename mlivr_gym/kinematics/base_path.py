@@ -55,7 +55,7 @@ CLOSEST_PIVOT = 1e-3
 
 
 class BasePath(Record):
-    """A base path from one posture to another, in the world, worked out once."""
+    """A base path from one posture to another, in the world, computed once."""
 
     first: Pose
     """Base at the start."""
@@ -119,7 +119,7 @@ def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) 
 
 @kernel
 def _half_turn_axis(first: Pose, last: Pose, axis: Triple) -> Triple:
-    """The axis of a half turn, of which both senses are equally short, in the first pose's axes.
+    """Return the axis of a half turn, whose senses are equally short, in the first pose's axes.
 
     The sense is such that the path back is the path there: of the turn that begins where the base
     comes first by coordinates, the axis leans to `LEANING` in the world.
@@ -172,7 +172,7 @@ def lift_path(path: BasePath, base: Pose, grasp: Grasp, lift: float) -> None:
 
 @kernel
 def velocity_on_path(path: BasePath, s: float) -> Triple:
-    """Velocity of the base in the world at `s` on a path of unit duration [m]."""
+    """Return the velocity of the base in the world at `s` on a path of unit duration [m]."""
     start, end = vector(path.first.position), vector(path.last.position)
     if path.kind == STRAIGHT:
         return minus(end, start)
@@ -195,7 +195,7 @@ def velocity_on_path(path: BasePath, s: float) -> Triple:
 
 @kernel
 def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple) -> float:
-    """How far a point that rests in the world travels, seen from the base, on half an interval.
+    """Bound the travel, seen from the base, of a point at rest in the world on half an interval.
 
     Its speed y seen from the base, v being the base's, w its turn and t'' its acceleration, grows
     by y' <= w y + w v + |t''|; so after s it is at most exp(w s) (y0 + (w v + |t''|) s).
@@ -216,7 +216,7 @@ def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple
     Returns
     -------
     float
-        A bound of the way to either end [m].
+        A bound of the distance travelled to either end [m].
     """
     seen, velocity = seen_from(base, point), into(base, velocity_on_path(path, s))
     x, y, z = vector(path.axis)
@@ -238,7 +238,7 @@ def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple
 
 @kernel
 def turn_seen(path: BasePath, base: Pose, half: float, direction: Triple) -> float:
-    """How far a direction that rests in the world turns, seen from the base, on half an interval.
+    """Bound the turn, seen from the base, of a direction at rest in the world on half an interval.
 
     The base turns about an axis that rests in it, so the rate is the same all along.
 
@@ -267,7 +267,7 @@ def turn_seen(path: BasePath, base: Pose, half: float, direction: Triple) -> flo
 
 @kernel
 def position_on_path(path: BasePath, s: float) -> Triple:
-    """Base position in the world at `s` on a path [m]."""
+    """Return the base position in the world at `s` on a path [m]."""
     start, end = vector(path.first.position), vector(path.last.position)
     if path.kind == STRAIGHT:
         return along(start, s, minus(end, start))
@@ -286,7 +286,7 @@ def position_on_path(path: BasePath, s: float) -> Triple:
 
 @kernel
 def pose_on_path(path: BasePath, s: float, out: Pose) -> None:
-    """Base pose in the world at `s` on a path, into `out`."""
+    """Compute the base pose in the world at `s` on a path, into `out`."""
     out.position[0], out.position[1], out.position[2] = position_on_path(path, s)
     axis, rotation = vector(path.axis), path.first.rotation
     c, sine = np.cos(s * path.angle), np.sin(s * path.angle)
@@ -298,7 +298,7 @@ def pose_on_path(path: BasePath, s: float, out: Pose) -> None:
 
 @entry
 def poses_along(path: BasePath, s: Array, out: Any) -> None:
-    """Base poses in the world at many places on a path.
+    """Compute base poses in the world at many places on a path.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def poses_along(path: BasePath, s: Array, out: Any) -> None:
 
 
 def base_path(first: Pose, last: Pose, kind: int, pivot: Array) -> BasePath:
-    """The base path from one base pose in the world to another.
+    """Return the base path from one base pose in the world to another.
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ def base_path(first: Pose, last: Pose, kind: int, pivot: Array) -> BasePath:
 
 
 def base_poses(path: BasePath, s: Array) -> tuple[Array, Array]:
-    """Base positions, shape (k, 3) [m], and rotations (k, 3, 3) at path parameters, shape (k,)."""
+    """Return base positions (k, 3) [m] and rotations (k, 3, 3) at path parameters, shape (k,)."""
     out = Pose.rows(len(s))
     poses_along(path, np.ascontiguousarray(s, dtype=np.float64), out)
     return out["position"], out["rotation"]

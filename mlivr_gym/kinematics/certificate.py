@@ -37,21 +37,21 @@ DEPTH = 12
 """Number of halvings after which an interval counts as failed."""
 
 MOST_PIECES = 64
-"""Most intervals of the first division."""
+"""Maximum number of intervals of the first division."""
 
 FIRST_INTERVAL = 0.2
 """Wrist travel that an interval of the first division covers [m]; a matter of speed only."""
 
 
 class Proof(Record):
-    """Room for a proof."""
+    """Scratch of a proof."""
 
     middle: Annotated[Array, (DEPTH + 2,)]
-    """Middles of the intervals that wait."""
+    """Middles of the intervals that are pending."""
     half: Annotated[Array, (DEPTH + 2,)]
     """Half their lengths."""
     terms: Annotated[Array, (4, 4)]
-    """What `branch_terms` fills."""
+    """Filled by `branch_terms`."""
     base: Pose
     """Base in the world in the middle of an interval."""
 
@@ -60,7 +60,7 @@ class Proof(Record):
 def certify(
     limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, scratch: Proof
 ) -> int:
-    """Branches on which a holding limb can follow a base path.
+    """Return the branches on which a limb that holds is proved to follow a base path.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def certify(
     floor
         Least `|det J|` on the path [m^3].
     mask
-        Branches and flips to look at.
+        Branches and flips to check.
     scratch
         Scratch.
 

@@ -43,7 +43,7 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of one branch, `out` being `JointAxes`; whether it is not singular."""
+    """Find the joint axes of a branch, `JointAxes` in `out`; return whether it is not singular."""
     if arm.family == UR:
         return ur.joint_axes(arm, flange, branch, out)
     return spherical_wrist.joint_axes(arm, flange, branch, out)
@@ -95,7 +95,7 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
-    """Compute the frames of the links of one branch; whether it is not singular.
+    """Compute the frames of the links of one branch; return whether it is not singular.
 
     `axes` is `JointAxes`, for scratch; `frames` are filled like by `link_frames`.
     """

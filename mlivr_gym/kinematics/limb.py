@@ -36,14 +36,14 @@ class Angles(Record):
 
 @kernel
 def wrap(angle: float) -> float:
-    """The angle plus whole turns that lies nearest to zero [rad]."""
+    """Return the angle plus whole turns that lies nearest to zero [rad]."""
     wrapped: float = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
     return wrapped
 
 
 @kernel
 def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis, Triple]:
-    """A flange pose as the limb sees it.
+    """Return a flange pose in the limb base frame.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis,
 def angles_at(
     limb: MountedArm, base: Pose, flange: Pose, branch: int, slack: float, q: Joints
 ) -> bool:
-    """Joint angles with which a limb holds a flange pose; see `ur.branch_angles`.
+    """Compute the joint angles with which a limb holds a flange pose.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def angles_at(
     branch
         Branch label.
     slack
-        See `ur.branch_angles`.
+        See `families.branch_angles`.
     q
         Filled, shape (6,) [rad].
     """
@@ -91,7 +91,7 @@ def angles_at(
 
 @entry
 def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) -> None:
-    """Joint angles with which N limbs hold at k stances, on the windings in their windows.
+    """Compute the joint angles with which N limbs hold at k stances, in their windows.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) 
 
 @entry
 def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
-    """Joint angles of every branch of limb `i` with flip 0, NaN where there are none.
+    """Compute the joint angles of every branch of limb `i` with flip 0, NaN if none exist.
 
     They are on the windings in the joints' windows, see `arm.in_window`, and are written into
     `out`, rows of `Angles`, shape (8,). `robots` is a row of `Robot`, shape (1,); other arguments

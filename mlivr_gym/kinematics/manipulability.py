@@ -4,7 +4,7 @@
 1985; Chiacchio 1991 as extended by the paper) in NumPy. The planner uses the
 compiled forms below, which agree with them wherever no limb is singular:
 
-    w_m = |a2 a3 s3 s5 u| / l_c^3
+    w_m = |det J| / l_c^3, det J by `families.branch_terms`
     w_b = det(sum_i K_i^-1)^(-1/2),   K_i = (S A_i)(S A_i)^T
 
 where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c,
@@ -27,12 +27,12 @@ from mlivr_gym.kinematics.limb import MountedArm
 
 
 def scaling(characteristic_length: float) -> Array:
-    """S, which divides linear rows by the characteristic length [m]; shape (6, 6)."""
+    """Return S, which divides linear rows by the characteristic length [m]; shape (6, 6)."""
     return np.diag([1.0 / characteristic_length] * 3 + [1.0] * 3)
 
 
 def limb_manipulability(jacobian: Array, characteristic_length: float) -> float:
-    """`w_m = sqrt(det(SJ (SJ)^T))` of a limb Jacobian of shape (6, n), linear rows first."""
+    """Return `w_m = sqrt(det(SJ (SJ)^T))` of a limb Jacobian of shape (6, n), linear rows first."""
     normalised = scaling(characteristic_length) @ jacobian
     return float(np.sqrt(max(np.linalg.det(normalised @ normalised.T), 0.0)))
 
@@ -40,7 +40,7 @@ def limb_manipulability(jacobian: Array, characteristic_length: float) -> float:
 def base_manipulability(
     limb_jacobians: Array, grasps_from_base: Array, characteristic_length: float
 ) -> float:
-    """`w_b` by its null-space definition.
+    """Return `w_b` by its null-space definition.
 
     Rigid grasps give `J_b v_b + J_sup qdot = 0`. `N_c` spans the null space of
     `(I - J_b J_b^+) J_sup`, `J_eq = -J_b^+ J_sup N_c`, `w_b = sqrt(det(S J_eq (S J_eq)^T))`.
@@ -74,7 +74,7 @@ def base_manipulability(
 
 
 class Inversion(Record):
-    """Room for the inversion of a limb's Jacobian."""
+    """Scratch of the inversion of a limb's Jacobian."""
 
     axes: JointAxes
     matrix: Annotated[Array, (6, 12)]
@@ -85,7 +85,7 @@ class Inversion(Record):
 def limb_information(
     limb: MountedArm, flange: FlangeAxis, branch: int, l_c: float, scratch: Inversion, out: Array
 ) -> bool:
-    """`K^-1` of one limb in base axes.
+    """Compute `K^-1` of one limb in base axes.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def limb_information(
 
 @kernel
 def inverse_root_determinant(work: Array) -> float:
-    """`det(m)^(-1/2)` of a symmetric positive definite matrix by Cholesky.
+    """Return `det(m)^(-1/2)` of a symmetric positive definite matrix by Cholesky.
 
     The matrix is `work[0]`, shape (6, 6); its root is written into `work[1]`.
     """

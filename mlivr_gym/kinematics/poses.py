@@ -24,7 +24,7 @@ class Pose(Record):
 
 
 def pose(position: Array, rotation: Array) -> Pose:
-    """A pose of a position, shape (3,) [m], and a rotation, shape (3, 3)."""
+    """Return a pose of a position, shape (3,) [m], and a rotation, shape (3, 3)."""
     out: Pose = Pose.row()
     out["position"], out["rotation"] = position, rotation
     return out
@@ -32,13 +32,13 @@ def pose(position: Array, rotation: Array) -> Pose:
 
 @kernel
 def vector(a: Array) -> Triple:
-    """The three numbers of an array, shape (3,)."""
+    """Return the three numbers of an array, shape (3,)."""
     return a[0], a[1], a[2]
 
 
 @kernel
 def columns(a: Array) -> tuple[Triple, Triple, Triple]:
-    """The three columns of an array, shape (3, 3)."""
+    """Return the three columns of an array, shape (3, 3)."""
     return (
         (a[0, 0], a[1, 0], a[2, 0]),
         (a[0, 1], a[1, 1], a[2, 1]),
@@ -48,7 +48,7 @@ def columns(a: Array) -> tuple[Triple, Triple, Triple]:
 
 @kernel
 def into(frame: Pose, v: Triple) -> Triple:
-    """A vector seen in the axes of a frame."""
+    """Return a vector in the axes of a frame."""
     r, (x, y, z) = frame.rotation, v
     return (
         r[0, 0] * x + r[1, 0] * y + r[2, 0] * z,
@@ -77,7 +77,7 @@ def out_of(frame: Pose, p: Triple) -> Triple:
 
 @kernel
 def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
-    """A vector turned about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
+    """Rotate a vector about the unit `axis` by an angle of cosine `c` and sine `s` (Rodrigues)."""
     (kx, ky, kz), (x, y, z) = axis, v
     dot = (kx * x + ky * y + kz * z) * (1.0 - c)
     return (
@@ -144,7 +144,7 @@ def minus(a: Triple, b: Triple) -> Triple:
 
 @kernel
 def along(a: Triple, share: float, b: Triple) -> Triple:
-    """`a` plus a share of `b`."""
+    """Return `a` plus a share of `b`."""
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.compiled.bit_sets import CLASSES
+from mlivr_gym.compiled.bit_sets import CLASSES, class_of
 from mlivr_gym.compiled.kernels import kernel
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def seen_from_forearm(arm: Arm, bend: Bend, v: Triple) -> Triple:
 def _bend_at(arm: Arm, flange: FlangeAxis, branch: int) -> tuple[Elbow, Bend]:
     """Return a branch at a flange position and axis; joint 4 is 0 where the wrist is singular."""
     wrist = wrist_seen(arm, flange)
-    elbow = elbow_at(arm, wrist, branch >> 1)
+    elbow = elbow_at(arm, wrist, class_of(branch))
     bend = _arm_at(arm, wrist, elbow)
     x, c5, z = seen_from_forearm(arm, bend, flange.z)
     s5, c4, s4 = np.sqrt(x * x + z * z), 1.0, 0.0
@@ -290,18 +290,9 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
         Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z; x and y
         of link 6 are any pair across the flange axis.
     """
-    bend = Bend(
-        np.cos(q[0]),
-        np.sin(q[0]),
-        np.cos(q[1]),
-        np.sin(q[1]),
-        np.cos(q[2]),
-        np.sin(q[2]),
-        np.cos(q[3]),
-        np.sin(q[3]),
-        np.cos(q[4]),
-        np.sin(q[4]),
-    )
+    c1, c2, c3, c4, c5 = np.cos(q[0]), np.cos(q[1]), np.cos(q[2]), np.cos(q[3]), np.cos(q[4])
+    s1, s2, s3, s4, s5 = np.sin(q[0]), np.sin(q[1]), np.sin(q[2]), np.sin(q[3]), np.sin(q[4])
+    bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
     _set_frames(arm, bend, frames)
 
 
@@ -379,19 +370,15 @@ def forward_kinematics(q: Array, lengths: Array) -> Array:
     cosine, sine = np.cos(held), np.sin(held)
     roll = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     forth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    steps = (
-        ((0.0, 0.0, d1), np.eye(3)),
-        ((a1, 0.0, 0.0), forth),
-        ((0.0, a2, d2), roll),
-        ((a3, d4, 0.0), forth.T),
-        ((0.0, 0.0, 0.0), forth),
-        ((0.0, d6, 0.0), forth.T),
-    )
+    offsets = np.zeros((6, 3))
+    offsets[0, 2], offsets[1, 0], offsets[2, 1:], offsets[3, :2] = d1, a1, (a2, d2), (a3, d4)
+    offsets[5, 1] = d6
+    turns = np.eye(3), forth, roll, forth.T, forth, forth.T
     frames = np.tile(np.eye(4), (7, 1, 1))
-    for k, (offset, turn) in enumerate(steps):
+    for k, (offset, turn) in enumerate(zip(offsets, turns, strict=True)):
         c, s = np.cos(q[k]), np.sin(q[k])
         before, frame = frames[k], frames[k + 1]
-        frame[:3, 3] = before[:3, 3] + before[:3, :3] @ np.array(offset)
+        frame[:3, 3] = before[:3, 3] + before[:3, :3] @ offset
         frame[:3, :3] = before[:3, :3] @ turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     return frames
 

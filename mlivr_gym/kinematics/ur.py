@@ -59,7 +59,7 @@ class Wrist(NamedTuple):
 
 @kernel
 def squared_u(arm: Arm, flange: FlangeAxis) -> float:
-    """`u^2` of a flange position and axis [m^2]; below zero out of reach of joint 1."""
+    """Return `u^2` of a flange position and axis [m^2]; below zero out of reach of joint 1."""
     p, z = flange.p, flange.z
     x, y = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1]
     return x * x + y * y - arm.d4 * arm.d4
@@ -67,7 +67,7 @@ def squared_u(arm: Arm, flange: FlangeAxis) -> float:
 
 @kernel
 def wrist_at(arm: Arm, flange: FlangeAxis, u: float) -> Wrist:
-    """The wrist at a flange position and axis, for one sign of `u`."""
+    """Return the wrist at a flange position and axis, for one sign of `u`."""
     p, z = flange.p, flange.z
     x, y, height = p[0] - arm.d6 * z[0], p[1] - arm.d6 * z[1], p[2] - arm.d6 * z[2] - arm.d1
     square = x * x + y * y
@@ -80,7 +80,7 @@ def wrist_at(arm: Arm, flange: FlangeAxis, u: float) -> Wrist:
 def forearm_end(
     arm: Arm, wrist: Wrist, sin_theta: float, cos_theta: float
 ) -> tuple[float, float, float]:
-    """The forearm end in the arm's plane, seen from the shoulder, and the cosine of joint 3.
+    """Return the forearm end in the arm's plane, from the shoulder, and the cosine of joint 3.
 
     `theta` is the angle of joints 2 to 4 together: axis 5 points along (sin, -cos) of it.
     """
@@ -92,7 +92,7 @@ def forearm_end(
 
 @kernel
 def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
-    """Squares that decide reach and singularity of the four shoulder and wrist choices.
+    """Fill in the squares that decide reach and singularity of the four classes of branches.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Joint axes of one branch, without forming joint angles.
+    """Find the joint axes of one branch, without forming joint angles.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
 def branch_angles(
     arm: Arm, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array
 ) -> bool:
-    """Joint angles of one branch.
+    """Compute the joint angles of one branch.
 
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is given; the
     solution with the forearm end nearest to the shoulder is taken.
@@ -245,7 +245,7 @@ def branch_angles(
 
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
-    """Frames of the links in the limb base frame.
+    """Compute the frames of the links in the limb base frame.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
-    """Frames of the links of one branch, without forming joint angles.
+    """Compute the frames of the links of one branch, without forming joint angles.
 
     Parameters
     ----------
@@ -334,7 +334,7 @@ def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: 
 
 @kernel
 def _fixed_frames(arm: Arm, c1: float, s1: float, frames: Array) -> None:
-    """Frames of the limb's base and of the shoulder, whose joint has cosine `c1` and sine `s1`."""
+    """Fill in the frames of limb base and shoulder by cosine and sine of joint 1."""
     for link in range(2):
         for row in range(4):
             for k in range(3):
@@ -356,7 +356,7 @@ def _complete(frames: Array, link: int, axis: int) -> None:
 
 
 def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Frames 0 to 6 of a UR arm in the limb base frame.
+    """Return the frames 0 to 6 of a UR arm in the limb base frame.
 
     Parameters
     ----------
@@ -390,7 +390,7 @@ def forward_kinematics(q: Array, lengths: Array) -> Array:
 
 
 def jacobian(q: Array, lengths: Array) -> Array:
-    """Geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
+    """Return the geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
 
     Linear rows come first.
     """

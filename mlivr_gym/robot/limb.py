@@ -192,10 +192,9 @@ class Limb(LimbBase):
 
     @property
     def side_offsets(self) -> tuple[float, float] | None:
-        """Distances by which links keep clear of each other [m]; None if nothing keeps them clear.
+        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
 
-        They are that of the wrist point from the forearm's plane, and of the flange axis from
-        wrist 1.
+        By these the links keep clear of each other; None if nothing keeps them clear.
         """
         return self.d4, self.d5
 
