@@ -120,13 +120,30 @@ def links_apart(
         ("base", "upper_arm"): _beside(shapes["upper_arm"], limb.d1 - farthest("base", _height))
         - farthest("base", across),
         ("forearm", "wrist_2"): limb.d4
-        - farthest("forearm", _height)
-        - farthest("wrist_2", lambda points: np.linalg.norm(points, axis=1)),
+        - _highest(shapes["forearm"], limb.a3, abs(limb.d5) + farthest("wrist_2", _size))
+        - farthest("wrist_2", across),
         ("wrist_1", "wrist_3"): beside_wrist - farthest("wrist_3", across),
         # A capsule of wrist 3 that bulges out counts as the gripper's, see `_link_of`.
         ("wrist_1", "gripper"): beside_wrist - max(gripper, farthest("wrist_3", across)),
     }
     return tuple(pair for pair in APART if gaps[pair] > 0.0)
+
+
+def _size(points: Array) -> Array:
+    return np.linalg.norm(points, axis=1)
+
+
+def _highest(shapes: list[Solid], x: float, radius: float) -> float:
+    """Return the largest height over z = 0 of what is nearer to the line at x, y = 0 [m].
+
+    Of the forearm, that is what wrist 2 can reach, which turns about its end.
+    """
+    most = -np.inf
+    for shape in shapes:
+        points = _samples(shape)
+        close = np.hypot(points[:, 0] - x, points[:, 1]) - shape.radius < radius
+        most = max(most, float(points[close, 2].max(initial=-np.inf)) + shape.radius)
+    return most
 
 
 def _height(points: Array) -> Array:

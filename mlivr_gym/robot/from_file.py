@@ -30,6 +30,9 @@ from mlivr_gym.values import Triple
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
 
+FREE = 0.03
+"""Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
+
 R = TypeVar("R", bound=DerivedFigures)
 
 
@@ -137,7 +140,7 @@ def read_robot(
         or, if it has none, for the default gripper of 0.05 m.
     mount_radius
         Distance of an arm's base from the body's z axis [m], if the file is one arm; by default
-        half the body's edge.
+        half the body's longest edge, and more if its upper arm could not turn there.
     body_size
         Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes
         of a whole robot's body.
@@ -211,7 +214,7 @@ def _of_one_arm(
 ) -> RobotFile:
     """Return a robot of equal arms mounted evenly round a box."""
     if build["mount_radius"] is None:
-        build["mount_radius"] = 0.5 * float(np.min(build["body_size"]))
+        build["mount_radius"] = 0.5 * float(np.max(build["body_size"])) + _stand_off(limb)
     count = build["limbs"] if isinstance(build["limbs"], int) else 1
     return RobotFile(
         _fields(file, (limb,), fields, build),
@@ -222,6 +225,19 @@ def _of_one_arm(
         0.0,
         limb.position_error,
     )
+
+
+def _stand_off(limb: FileLimb) -> float:
+    """Return how far from the body an arm must stand for its upper arm to turn freely [m].
+
+    What counts are the capsules about joint 2, which come equally close at every angle.
+    """
+    lows = [0.0]
+    for capsule in limb.capsules:
+        far = max(float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end))
+        if capsule.link == "upper_arm" and far < capsule.radius:
+            lows.append(far + capsule.radius + FREE - limb.limb.d1)
+    return round(max(lows), 3)
 
 
 def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> RobotFile:
