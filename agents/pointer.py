@@ -35,7 +35,7 @@ LENGTH = 3.0
 ARRIVAL = 8.0
 """Unit of the arrivals inside the network."""
 
-SHARPNESS = 0.005 / LENGTH
+SIGMOID_WIDTH = 0.005 / LENGTH
 """Width of the sigmoid that approximates whether a distance is within the goal tolerance."""
 
 AHEAD = 0.8 / LENGTH
@@ -138,7 +138,7 @@ class PointerNetwork(nn.Module):
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
         """Return about 1 where a distance to the goal is within the tolerance, else about 0."""
-        return torch.sigmoid((goal[..., 4:5] - distance) / SHARPNESS)
+        return torch.sigmoid((goal[..., 4:5] - distance) / SIGMOID_WIDTH)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
         """Return the score of each action, shape (k, N m)."""

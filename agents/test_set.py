@@ -1,4 +1,4 @@
-"""The frozen test set: starts and goals in four splits, which are never used in training."""
+"""The frozen test set: starts and goals in four splits, whose goals imitation leaves out."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
 
 
 def held_out_goals() -> Array:
-    """Return the goals of the shipped test set [m], shape (g, 3), which no training may use."""
+    """Return the goals of the shipped test set [m], shape (g, 3), which imitation leaves out."""
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
 

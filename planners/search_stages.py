@@ -18,8 +18,8 @@ class SearchStage(NamedTuple):
     parameters: SearchParameters
     """Parameters of each search of the stage."""
     proves_bound: bool = False
-    """Whether edges keep their upper bounds, as relaxed steps do, so that no plan costs less than
-    the walk."""
+    """Whether the result is a valid lower bound of the cost of all plans. With three and more limbs
+    the results of checked edges are then ignored."""
     only_after_exhaustion: bool = False
     """Whether the stage is skipped unless the stage before exhausted its queue without a walk."""
 

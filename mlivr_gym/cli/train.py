@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     settings = hyperparameters(args.method, args.hyperparameters)
     if "ppo" not in settings:
         refuse_without_effect(
-            args, f"with --method {args.method}, which uses no rewards", "shaping"
+            args, f"with --method {args.method}, which uses no shaping", "shaping"
         )
     torch.set_num_threads(args.threads)
     with Progress("checking all steps of the map", quiet=args.quiet) as progress:

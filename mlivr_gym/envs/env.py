@@ -87,7 +87,7 @@ class MlivrEnv(StanceGraphEnv):
 
     ## Rewards
     `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
-    [m], and for a masked-out action minus `max_step`, the largest displacement of any step. An
+    [m], and for a masked-out action minus `max_step`, an upper bound of the displacement. An
     object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus` is
     added when the goal is reached. Without shaping the return of an episode without masked-out
     actions is minus the cost of its plan, plus the bonus.
@@ -104,7 +104,7 @@ class MlivrEnv(StanceGraphEnv):
     * `start`: ids of the points held, and `goal`: x, y, z [m]; one that is not given is drawn.
     * `start_pose`: x, y, z [m] and quaternion w, x, y, z, and `start_joints`, shape (N, 6) [rad],
       for a robot that is not in the posture of the stance `start`.
-    * `task`: number of a fixed task, which is the same in every process and in no training.
+    * `task`: number of a fixed task, the same in every process, for evaluation.
     * `plan`, with `dynamics="mujoco"`: start and goal of a plan, whose joint angles and swings are
       used as long as the actions follow it.
 

@@ -114,6 +114,6 @@ class TaskReward(NamedTuple):
 
     def _potential(self, distance: float | Array) -> float | Array:
         """Return the potential phi at a distance from the goal."""
-        inside: Any = distance > self.tolerance
-        potential: float | Array = -distance * inside
+        is_outside: Any = distance > self.tolerance
+        potential: float | Array = -distance * is_outside
         return potential

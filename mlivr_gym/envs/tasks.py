@@ -130,7 +130,7 @@ FIXED_NUMBER = Whole(0, MAX_FIXED_TASKS - 1)
 
 
 def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:
-    """Return the fixed task of a number, the same in every process and not used in any training.
+    """Return the fixed task of a number, the same in every process, from seeds kept for evaluation.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class CommittedMotion(NamedTuple):
     motion: Motion | None
     """The motion; None if a step cannot be executed."""
     failed: int | None
-    """Index of the step for which no swing exists, or None."""
+    """Index of the step for which no swing was found, or None."""
     edges: tuple[Edge, ...] = ()
     """The edge of each step on the chosen branches; empty if steps are not checked."""
 

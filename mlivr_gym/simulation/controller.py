@@ -63,8 +63,8 @@ class Controller(Figures):
     guidance
         Gain of the guidance: rate at which the measured error is removed [1/s].
     patience
-        Longest time for which the gripper waits in front of the point for the measured error to
-        become small and the gripper to come to rest [s].
+        Longest time for which the gripper waits at the end of the approach until the measured
+        error is small and the gripper is at rest [s].
     tries
         Largest number of approaches. On all but the last the gripper must also be close to the
         point by its own sensor before it grasps.

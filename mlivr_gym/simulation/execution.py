@@ -63,7 +63,7 @@ class Execution:
     preparation_time
         Computing time of the trajectories [s].
     simulation_time
-        Computing time of the simulation [s].
+        Computing time of the run in the simulation, compilation of the model included [s].
     """
 
     plan: Plan
@@ -153,10 +153,10 @@ def execute(
     physics
         Parameters of grasps and failures.
     progress
-        A function that is called after each step with the number of steps executed.
+        A function that is called after each step with the number of steps begun.
     simulation
         A simulation of the plan's robot, map and obstacles, with another controller or
-        disturbance, or to be used again. Its own `physics` apply.
+        disturbance, or to be used again. The argument `physics` is then ignored.
 
     Returns
     -------

@@ -17,7 +17,7 @@ SATURATION_SHARE = 0.999
 
 
 class FailureMonitor:
-    """Detects the first failure during one step of a walk."""
+    """Detects the first failure during one run of a step: its motion, a wait, or a second try."""
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
         """Monitor step number `step` of a walk of `robot`."""

@@ -13,7 +13,7 @@ from mlivr_gym.arrays import Array, IntArray
 FAILURES = (
     "missed grasp", "saturation", "collision", "lost hold", "joint limit", "divergence", "no swing",
 )  # fmt: skip
-"""Kinds of failure. `"no swing"` is a step of an environment for which no swing exists."""
+"""Kinds of failure. `"no swing"` is a step of an environment without a swing or a trajectory."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Execution of trajectories in MuJoCo.
 
-The controller reads encoders and commands torques at its own rate. Afterwards every time step is
-checked for failures; a failure ends the walk at the time step at which it occurs.
+The controller reads encoders and commands torques at its own rate. The simulation runs up to
+`CHUNK` time steps, finds the first failure among them, and returns to the time step at which it
+occurs, which ends the walk.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ CHUNK = 500
 
 
 class ExecutedStep(NamedTuple):
-    """The result of one regrasp in simulation."""
+    """The result of one run of the simulation: a regrasp, or a time in which the robot holds."""
 
     recording: Recording
     """Samples of the measurements."""
@@ -246,7 +247,7 @@ class Simulation:
         return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
 
     def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Hold in front of the point until the gripper is close and at rest, or patience ends."""
+        """Hold the end of the approach until the gripper is close and at rest, or patience ends."""
         if not self.controller.guided or self._guidance.is_close:
             return []
         patience = self.controller.patience
@@ -343,7 +344,7 @@ class Simulation:
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
     def _restore(self, state: Array, time: float) -> None:
-        """Set the simulation back to a state at a time [s]."""
+        """Set positions and velocities, and nothing else, back to a state at a time [s]."""
         self.time, self._steps = time, round(time / self.physics.timestep)
         self.data.time = state[0]
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
