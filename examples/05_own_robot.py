@@ -1,8 +1,8 @@
-"""Robots of your own: longer arms, and three of them."""
+"""Robots of your own: longer arms, three of them, and one from a URDF."""
 
 import dataclasses
 
-from mlivr_gym import Limb, RobotSpec, stance_graph
+from mlivr_gym import Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.planners import Planner
 
 # Lengths of the UR10e, standard DH convention [m]; its shapes are the UR5e's, stretched.
@@ -21,3 +21,11 @@ result = Planner(graph).plan(
     ("D2a:2", "D2b:2", "D2b:6"), (3.1, 0.0, -0.4), "weighted", regrasp_price=0.1
 )
 print(f"{three.name}: {result.message}")
+
+# A robot from a file: here a URDF that the package writes; your own serves as well.
+robot_spec("mlivr2").to_urdf("two_arms.urdf")
+described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
+print(f"{described.name}: lengths {described.limb.lengths} m, masses {described.dynamics_source}")
+graph = stance_graph(robot=described)
+result = Planner(graph).plan(("D2a:4", "D2b:4"), (3.5, 0.0, -0.1), "steps")
+print(f"{described.name}: {result.message}")
