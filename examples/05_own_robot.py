@@ -1,11 +1,11 @@
-"""Plan with robots of your own: one with longer arms, and one with three limbs."""
+"""Robots of your own: longer arms, three of them, and one from a URDF."""
 
 import dataclasses
 
-from mlivr_gym import Limb, RobotSpec, stance_graph
+from mlivr_gym import Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.planners import Planner
 
-# Lengths of the UR10e in the standard DH convention [m]; the capsules of the UR5e are stretched.
+# Lengths of the UR10e, standard DH convention [m]; its shapes are the UR5e's, stretched.
 arm = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
 long_arms = RobotSpec(name="long arms", limb=arm, heights=(0.8, 0.9, 1.0, 1.1), span=3.2)
 
@@ -14,10 +14,18 @@ print(f"{long_arms.name}: {len(graph)} stances")
 plan = Planner(graph).plan(("D2a:4", "D2b:4"), (4.6, 0.0, -0.1), "steps").unwrap()
 print(plan)
 
-# With more than two limbs the first plan that is found is returned.
+# More than two limbs: nothing is worked out beforehand, the search is inflated.
 three = dataclasses.replace(RobotSpec(), name="three limbs", limbs=3)
 graph = stance_graph(robot=three)
 result = Planner(graph).plan(
     ("D2a:2", "D2b:2", "D2b:6"), (3.1, 0.0, -0.4), "weighted", regrasp_price=0.1
 )
 print(f"{three.name}: {result.message}")
+
+# A robot from a file: here a URDF that the package writes; your own serves as well.
+robot_spec("mlivr2").to_urdf("two_arms.urdf")
+described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
+print(f"{described.name}: lengths {described.limb.lengths} m, masses {described.dynamics_source}")
+graph = stance_graph(robot=described)
+result = Planner(graph).plan(("D2a:4", "D2b:4"), (3.5, 0.0, -0.1), "steps")
+print(f"{described.name}: {result.message}")

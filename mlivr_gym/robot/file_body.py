@@ -119,7 +119,9 @@ def _even_frame(
         if np.abs(outward @ z).max() > EVEN:
             continue
         x = outward[0]
-        angles = np.arctan2(outward @ np.cross(z, x), outward @ x) % (2.0 * np.pi - EVEN)
+        angles = np.arctan2(outward @ np.cross(z, x), outward @ x)
+        # What rounding leaves below 0 stays there, so that limb 0 comes first.
+        angles = (angles + EVEN) % (2.0 * np.pi) - EVEN
         order = np.argsort(angles)
         gaps = np.diff([*angles[order], 2.0 * np.pi])
         if np.abs(gaps - 2.0 * np.pi / count).max() <= 10.0 * EVEN:

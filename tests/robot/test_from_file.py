@@ -1,0 +1,303 @@
+"""Robots from URDF and MJCF: Pinocchio and MuJoCo tell where flanges are and how links move."""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from robot_texts import UR10E, one_arm, whole_robot
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.simulation.scene import compiled, robot_alone
+
+
+def written(tmp_path, text, name="arm.urdf"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+def place(position, axis, beside=(0.3, 0.4, 0.5)):
+    """A frame whose z axis is an axis, and whose x axis is across another one."""
+    frame = np.eye(4)
+    z = np.array(axis) / np.linalg.norm(axis)
+    x = np.cross(beside, z)
+    x /= np.linalg.norm(x)
+    frame[:3, :3], frame[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), position
+    return frame
+
+
+@pytest.mark.parametrize("seed", [None, *range(8)])
+def test_lengths_are_found_whatever_the_frames_signs_and_zeros_of_a_file(tmp_path, seed):
+    file = read_robot(written(tmp_path, one_arm(seed=seed)))
+    limb = file.fields["limb"]
+    # Where the base stands on joint 1 is the author's choice: d1 alone may differ.
+    np.testing.assert_allclose(limb.lengths[1:], UR10E[1:], atol=1e-8)
+    assert file.position_error < 1e-8
+    if seed is None:
+        assert limb.d1 == pytest.approx(UR10E[0], abs=1e-9)
+        np.testing.assert_array_equal(file.offsets, 0.0)
+        np.testing.assert_array_equal(file.signs, 1.0)
+
+
+@pytest.mark.parametrize("seed", [None, 3, 4])
+def test_flanges_are_where_pinocchio_has_them(tmp_path, seed):
+    pinocchio = pytest.importorskip("pinocchio")
+    text = one_arm(seed=seed)
+    file = read_robot(written(tmp_path, text))
+    model = pinocchio.buildModelFromXML(text)
+    data, tool = model.createData(), model.getFrameId("tool0")
+    rng, seen = np.random.default_rng(1), []
+    for _ in range(20):
+        angles = rng.uniform(-3.0, 3.0, 6)
+        pinocchio.framesForwardKinematics(model, data, angles)
+        ours = forward_kinematics(file.from_file_angles(angles)[0], file.fields["limb"].lengths)[-1]
+        seen.append(data.oMf[tool].homogeneous @ np.linalg.inv(ours))
+        np.testing.assert_allclose(file.to_file_angles(file.from_file_angles(angles))[0], angles)
+    # All postures agree on where the limb's base is, which lies on joint 1.
+    np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (20, 4, 4)), atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", [None, 5])
+def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, seed):
+    """The joint-space inertia of a limb on a fixed base, at random postures."""
+    path = written(tmp_path, one_arm(seed=seed))
+    file = read_robot(path, rotor_inertia=0.0)
+    robot = RobotSpec.from_urdf(path, rotor_inertia=0.0, gripper_mass=0.0)
+    theirs = mujoco.MjSpec.from_file(path).compile()
+    ours = compiled(robot_alone(robot))
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        angles = rng.uniform(-3.0, 3.0, 6)
+        there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
+        there.qpos[:] = angles
+        here.qpos[:7] = 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0
+        here.qpos[7:13] = file.from_file_angles(angles)[0]
+        full = []
+        for model, data in ((theirs, there), (ours, here)):
+            mujoco.mj_forward(model, data)
+            dense = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, dense)
+            full.append(dense)
+        signs = np.outer(file.signs[0], file.signs[0])
+        np.testing.assert_allclose(full[1][6:12, 6:12], full[0] * signs, atol=1e-6)
+
+
+def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
+    robot = robot_spec(written(tmp_path, one_arm()))
+    dynamics = robot.limb_dynamics
+    assert robot.limb.joint_limits[2] == (-3.1, 3.0)
+    assert dynamics.torque_limits == (100.0, 101.0, 102.0, 103.0, 104.0, 105.0)
+    assert dynamics.speed_limits == (2.0,) * 6
+    assert (*dynamics.masses, dynamics.base_mass) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 4.0)
+    assert robot.dynamics_source == "given with the robot"
+    assert "rotor inertias of 0.1 kg m^2 assumed" in robot.source
+    assert robot_spec("mlivr2").dynamics_source == "those of the ur5e, by its lengths"
+
+
+def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
+    places = [place([0.15, 0.0, 0.01], [1, 0.2, 0.1]), place([-0.15, 0.02, 0.0], [-1, 0, 0.3])]
+    small = tuple(0.7 * length for length in UR10E)
+    path = written(tmp_path, whole_robot(places, [UR10E, small]))
+    file, robot = read_robot(path), RobotSpec.from_urdf(path)
+    assert robot.limbs == 2
+    assert not robot.is_symmetric
+    np.testing.assert_allclose(robot.body_edges, [0.3, 0.2, 0.1], atol=1e-9)
+    assert robot.body_mass == pytest.approx(20.0)
+    np.testing.assert_allclose(robot.body_centre, [0.01, 0.02, 0.03], atol=1e-9)
+    for limb, lengths in zip(robot.every_limb, (UR10E, small), strict=True):
+        np.testing.assert_allclose(limb.lengths, lengths, atol=1e-8)
+    np.testing.assert_allclose(
+        robot.mount_rotations[:, :, 2], [p[:3, 2] for p in places], atol=1e-9
+    )
+    # Where MuJoCo has the flanges of the file, ours are too.
+    spec = mujoco.MjSpec.from_file(path)
+    spec.compiler.fusestatic = False
+    theirs, ours = spec.compile(), compiled(robot_alone(robot))
+    angles = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 6))
+    there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
+    for k, name in enumerate(n for names in file.joint_names for n in names):
+        there.joint(name).qpos = angles.ravel()[k]
+    here.qpos[:7], here.qpos[7:] = [0, 0, 0, 1, 0, 0, 0], file.from_file_angles(angles).ravel()
+    mujoco.mj_kinematics(theirs, there)
+    mujoco.mj_kinematics(ours, here)
+    for k in range(2):
+        np.testing.assert_allclose(
+            here.site(f"limb{k}/flange").xpos, there.body(f"arm{k}_tool0").xpos, atol=1e-8
+        )
+    assert RobotSpec.from_urdf(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_evenly_mounted_arms_are_recognised(tmp_path, count):
+    """Their zero angles point alike, so that they have the same limits."""
+    places = []
+    for angle in 2.0 * np.pi * np.arange(count) / count:
+        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
+        across = np.array([-0.5 * np.sin(angle), 0.5 * np.cos(angle), np.sqrt(0.75)])
+        places.append(place(0.2 * axis, axis, np.cross(axis, across)))
+    robot = RobotSpec.from_urdf(written(tmp_path, whole_robot(places)))
+    assert robot.mounts is None
+    assert robot.limbs == count
+    assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+@pytest.mark.parametrize("name", ["mlivr2", "mlivr3", "unequal"])
+def test_a_robot_written_and_read_is_the_same(tmp_path, name, kind):
+    robot = robot_spec("mlivr3" if name == "mlivr3" else "mlivr2")
+    if name == "unequal":
+        tilt = Rotation.from_euler("y", 20, degrees=True).as_matrix()
+        mounts = [
+            {"position": p.tolist(), "rotation": (r @ tilt).tolist()}
+            for p, r in zip(robot.mount_positions, robot.mount_rotations, strict=True)
+        ]
+        mounts[1]["limb"] = "ur10e"
+        robot = robot_spec({"name": "unequal", "mounts": mounts})
+    path = str(tmp_path / f"robot.{kind}")
+    (robot.to_urdf if kind == "urdf" else robot.to_mjcf)(path)
+    again = robot_spec(path)
+    assert again.limbs == robot.limbs
+    assert again.is_symmetric == robot.is_symmetric
+    for i in range(robot.limbs):
+        close(robot.every_limb[i].lengths, again.every_limb[i].lengths)
+        close(robot.mount_positions[i], again.mount_positions[i])
+        close(robot.mount_rotations[i], again.mount_rotations[i])
+        for figure in ("masses", "centres", "inertias", "rotor_inertias", "base_size"):
+            close(getattr(robot.dynamics_of(i), figure), getattr(again.dynamics_of(i), figure))
+        for one, other in zip(robot.mounted[i].capsules, again.mounted[i].capsules, strict=True):
+            assert one.link == other.link
+            close([*one.start, *one.end, one.radius], [*other.start, *other.end, other.radius])
+    for figure in ("joint_limits", "torque_limits", "speed_limits", "body_edges", "heights",
+                   "tool_length", "gripper_mass", "span", "characteristic_length"):  # fmt: skip
+        close(getattr(robot, figure), getattr(again, figure))
+
+
+def close(one, other):
+    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9)
+
+
+def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):
+    jsonschema = pytest.importorskip("jsonschema")
+    from mlivr_gym.envs_assets import asset_path
+    from mlivr_gym.robot.json_schema import robot_schema
+
+    schema = json.loads(asset_path("robot.schema.json").read_text())
+    assert schema == json.loads(json.dumps(robot_schema()))
+    path = tmp_path / "saved.json"
+    for robot in (robot_spec("mlivr3"), robot_spec(written(tmp_path, one_arm()))):
+        robot.save(path)
+        jsonschema.validate(json.loads(path.read_text()), schema)
+        assert robot_spec(str(path)) == robot
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"limbz": 2}, schema)
+
+
+def five(text):
+    cut = text.index('<joint name="joint6"')
+    end = text.index("</robot>")
+    return text[:cut] + text[end:]
+
+
+def seven(text):
+    more = """<joint name="joint7" type="revolute"><parent link="link6"/><child link="link7"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+    <link name="link7"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
+    iyz="0"/></inertial></link></robot>"""
+    return text.replace("</robot>", more)
+
+
+def loop(text):
+    return text.replace("</robot>", """<joint name="again" type="fixed"><parent link="base_link"/>
+    <child link="link4"/></joint></robot>""")  # fmt: skip
+
+
+def crooked(text):
+    return text.replace(
+        '<axis xyz="0.0 0.0 1.0"/><limit lower="-3.1"', '<axis xyz="0 1 1"/><limit lower="-3.1"'
+    )
+
+
+def replaced(old, new):
+    return lambda text: text.replace(old, new)
+
+
+def in_millimetres(text):
+    return one_arm(lengths=tuple(1000.0 * length for length in UR10E))
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "words"),
+    [
+        (replaced('type="revolute"', 'type="fixed"'), {}, "the file has no limb"),
+        (five, {}, r"'joint1' to 'joint5' .* it has 5 joints, not 6.*axes of its joints: joint1"),
+        (seven, {}, r"it has 7 joints, not 6"),
+        (crooked, {}, r"axis .* of joint 'joint3' is not parallel to axis .* of joint 'joint2'"),
+        (loop, {}, "link 'link4' is the child of 2 joints; .* tree"),
+        (
+            replaced('name="joint4" type="revolute"', 'name="joint4" type="floating"'),
+            {}, "joint 'joint4' is floating; only the whole robot may float",
+        ),
+        (
+            replaced('name="joint4" type="revolute"', 'name="joint4" type="prismatic"'),
+            {}, "joint 'joint4' is prismatic; .* must be revolute",
+        ),
+        (
+            replaced('<axis xyz="0.0 0.0 1.0"/><limit lower="-3.1"',
+                     '<axis xyz="0 0 1"/><mimic joint="joint2"/><limit lower="-3.1"'),
+            {}, "joint 'joint3' mimics joint 'joint2'",
+        ),
+        (
+            replaced('<mass value="3.0"/>', '<mass value="0"/>'),
+            {}, "link 'link3' has no mass; give it an",
+        ),
+        (replaced('velocity="2"', ""), {}, "joint 'joint1' has no speed limit; give speed_limits"),
+        (replaced('effort="102"', 'effort="0"'), {}, "joint 'joint3' has no torque limit"),
+        (replaced('lower="-3.1" upper="3.0"', ""), {}, "joint 'joint3' has no limits; give it"),
+        (in_millimetres, {}, "m long; it must be at most 100 m: .* in millimetres"),
+        (replaced("", ""), {"mount_radius": 40.0}, r"limbs 0 and 1 are mounted 80.* m apart"),
+        (replaced("", ""), {"body_size": 0.5, "mount_radius": 0.01}, "inside the body, a box of"),
+        (replaced("", ""), {"tool_frame": "hand"}, "no link or site 'hand'; it has links base"),
+        (replaced("", ""), {"limbs": 1}, "limbs is 1"),
+        (replaced("", ""), {"wheels": 2}, "unknown field 'wheels'"),
+        (replaced("<sphere", "<mesh filename='package://gone/a.stl'/><sphere"), {},
+         "6 meshes of collision shapes .* the first is 'package://gone/a.stl'; .*package_dirs"),
+        (replaced("<robot", "<model"), {}, "not XML"),
+        (lambda _: "<sdf/>", {}, "outermost element is <sdf>; it must be <robot>"),
+    ],
+)  # fmt: skip
+def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options, words):
+    path = written(tmp_path, change(one_arm()))
+    with pytest.raises(RobotError, match=words) as caught:
+        RobotSpec.from_urdf(path, **options)
+    assert "\n" not in str(caught.value)
+    assert "arm.urdf" in str(caught.value)
+
+
+def test_limbs_that_meet_at_rest_are_refused(tmp_path):
+    shapes = one_arm().replace('radius="0.03"', 'radius="0.3"')
+    with pytest.raises(RobotError, match=r"limbs 0 and 1 meet at rest: .* overlap by .* m"):
+        RobotSpec.from_urdf(written(tmp_path, shapes), limbs=8, body_size=0.1, mount_radius=0.05)
+
+
+def test_a_loop_of_an_mjcf_and_its_speeds(tmp_path):
+    text = robot_spec("mlivr2").to_mjcf()
+    weld = '<equality><weld body1="limb0/gripper" body2="limb1/gripper"/></equality>'
+    path = written(tmp_path, text.replace("</mujoco>", f"{weld}</mujoco>"), "loop.xml")
+    with pytest.raises(RobotError, match=r"equality .* closes a loop"):
+        robot_spec(path)
+    without = text.replace('name="speed_limits"', 'name="others"')
+    path = written(tmp_path, without, "slow.xml")
+    with pytest.raises(RobotError, match="'limb0/joint1' has no speed limit; give speed_limits"):
+        robot_spec(path)
+    assert RobotSpec.from_mjcf(path, speed_limits=1.5).speed_limits.max() == 1.5
+
+
+def test_another_family_can_be_added_as_a_row():
+    from mlivr_gym.robot.recognition import FAMILIES
+
+    assert [family.joints for family in FAMILIES] == [6]

@@ -1,0 +1,110 @@
+"""URDF texts of arms, from published lengths, in poses and conventions of other authors."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+UR10E = (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655)
+"""Lengths of the UR10e [m]: Universal_Robots_ROS2_Description, config/ur10e (BSD-3-Clause)."""
+
+JOINT = """<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="{xyz}" rpy="{rpy}"/>{more}</joint>"""
+LIMITS = '<axis xyz="{axis}"/><limit lower="{low}" upper="{high}" effort="{torque}" velocity="2"/>'
+INERTIAL = """<inertial><origin xyz="0.01 0.02 0.03" rpy="0.1 0.2 0.3"/><mass value="{mass}"/>
+<inertia ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"/></inertial>"""
+SHAPE = (
+    """<collision><origin xyz="0 0 0"/><geometry><sphere radius="0.03"/></geometry></collision>"""
+)
+
+
+def told(values):
+    return " ".join(repr(float(value)) for value in np.ravel(values))
+
+
+def frames_of(lengths):
+    """Frames of the joints and the flange of a UR arm at angles 0, standard DH convention."""
+    d1, a2, a3, d4, d5, d6 = lengths
+    frame, out = np.eye(4), []
+    rows = ((d1, 0, 90), (0, a2, 0), (0, a3, 0), (d4, 0, 90), (d5, 0, -90), (d6, 0, 0))
+    for d, a, alpha in rows:
+        out.append(frame)
+        step = np.eye(4)
+        step[:3, :3] = Rotation.from_euler("x", alpha, degrees=True).as_matrix()
+        step[:3, 3] = a, 0, d
+        frame = frame @ step
+    return [*out, frame]
+
+
+def arm_urdf(lengths=UR10E, seed=None, prefix="", root="base_link", links=True):
+    """An arm as URDF text; with a seed the frames, signs and zero angles are drawn at random.
+
+    Every link then has a frame of its own, whose joint axis is any unit vector, turned either way.
+    """
+    rng = None if seed is None else np.random.default_rng(seed)
+    frames, parts = frames_of(lengths), []
+    mine = [np.eye(4)] + [frame.copy() for frame in frames[:6]]
+    axes = [np.array([0.0, 0.0, 1.0])] * 6
+    if rng is not None:
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.random(rng=rng).as_matrix()
+        angles = rng.uniform(-1.5, 1.5, 6)
+        moved = np.eye(4)
+        out = []
+        for k in range(6):
+            step = frames[k] if k == 0 else np.linalg.inv(frames[k - 1]) @ frames[k]
+            moved = moved @ step
+            turn = np.eye(4)
+            turn[:3, :3] = Rotation.from_rotvec([0, 0, angles[k]]).as_matrix()
+            moved = moved @ turn
+            out.append(moved.copy())
+        tip = moved @ np.linalg.inv(frames[5]) @ frames[6]
+        mine, axes = [np.eye(4)], []
+        for k in range(6):
+            loose = np.eye(4)
+            loose[:3, :3] = Rotation.random(rng=rng).as_matrix()
+            sign = rng.choice([-1.0, 1.0])
+            place = out[k].copy()
+            place[:3, 3] += rng.uniform(-0.1, 0.1) * place[:3, 2]
+            mine.append(place @ loose)
+            axes.append(sign * loose[:3, :3].T[:, 2])
+        frames = [*frames[:6], tip]
+    for k in range(6):
+        step = np.linalg.inv(mine[k]) @ mine[k + 1]
+        low, high = (-3.1, 3.0) if k == 2 else (-6.0, 6.1)
+        more = LIMITS.format(axis=told(axes[k]), low=low, high=high, torque=100 + k)
+        parent = root if k == 0 else f"{prefix}link{k}"
+        parts.append(joint_of(f"{prefix}joint{k + 1}", "revolute", parent, f"{prefix}link{k + 1}",
+                              step, more))  # fmt: skip
+        inertial = INERTIAL.format(mass=1.0 + k)
+        parts.append(f'<link name="{prefix}link{k + 1}">{inertial}{SHAPE if links else ""}</link>')
+    step = np.linalg.inv(mine[6]) @ frames[6]
+    parts.append(joint_of(f"{prefix}fixed", "fixed", f"{prefix}link6", f"{prefix}tool0", step, ""))
+    parts.append(f'<link name="{prefix}tool0"/>')
+    return "\n".join(parts)
+
+
+def joint_of(name, kind, parent, child, step, more):
+    """A joint between two links, which lie to each other as a homogeneous transform says."""
+    rpy = Rotation.from_matrix(step[:3, :3]).as_euler("xyz")
+    return JOINT.format(name=name, kind=kind, parent=parent, child=child, xyz=told(step[:3, 3]),
+                        rpy=told(rpy), more=more)  # fmt: skip
+
+
+def one_arm(**options):
+    """A URDF of one arm."""
+    base = f'<link name="base_link">{INERTIAL.format(mass=4.0)}</link>'
+    return f'<robot name="arm">{base}{arm_urdf(**options)}</robot>'
+
+
+def whole_robot(places, lengths=UR10E):
+    """A URDF of a body with an arm at each of some frames, (4, 4), of one or of several kinds.
+
+    The body is a box of 0.3 m, 0.2 m and 0.1 m.
+    """
+    box = '<collision><geometry><box size="0.3 0.2 0.1"/></geometry></collision>'
+    parts = [f'<link name="body">{INERTIAL.format(mass=20.0)}{box}</link>']
+    each = [lengths] * len(places) if np.ndim(lengths) == 1 else lengths
+    for k, (place, mine) in enumerate(zip(places, each, strict=True)):
+        parts.append(joint_of(f"mount{k}", "fixed", "body", f"foot{k}", place, ""))
+        parts.append(f'<link name="foot{k}"/>')
+        parts.append(arm_urdf(mine, prefix=f"arm{k}_", root=f"foot{k}"))
+    return f'<robot name="whole">{"".join(parts)}</robot>'
