@@ -130,7 +130,8 @@ def links_apart(
 
 
 def _size(points: Array) -> Array:
-    return np.linalg.norm(points, axis=1)
+    sizes: Array = np.linalg.norm(points, axis=1)
+    return sizes
 
 
 def _highest(shapes: list[Solid], x: float, radius: float) -> float:

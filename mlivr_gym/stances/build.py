@@ -33,7 +33,7 @@ def stance_graph(
     grasp_map
         The map, the path of its JSON file, or plain data; by default the measured JEM.
     robot
-        Name, path of a JSON file, plain data, or description.
+        Name, path of a JSON, URDF or MJCF file, plain data, or description.
     settings
         Thresholds and switches; by default those of the paper, with steps checked.
 
