@@ -14,6 +14,7 @@ from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.specification import ROBOT
+from mlivr_gym.robot.spherical_wrist_limb import LimbKind
 from mlivr_gym.schema import (
     Anything,
     Choice,
@@ -97,7 +98,7 @@ def kind_in_words(kind: Any) -> str:
             return "list of boxes"
         case Listed():
             return _listed(kind)
-        case Struct():
+        case Struct() | LimbKind():
             return "object"
         case Fields():
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
