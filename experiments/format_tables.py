@@ -102,7 +102,7 @@ def kind_in_words(kind: Any) -> str:
             return "list of boxes"
         case Listed():
             return _listed(kind)
-        case Struct():
+        case Struct() | LimbKind():
             return "object"
         case Fields():
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)

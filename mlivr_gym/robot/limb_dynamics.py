@@ -134,7 +134,9 @@ def arm_limb(name: str) -> Limb:
 
 def arm_of(limb: LimbBase) -> str | None:
     """Return the name of the arm that ships with the lengths of a limb, or None."""
-    for name in ARMS if isinstance(limb, Limb) else ():
+    if not isinstance(limb, Limb):
+        return None
+    for name in ARMS:
         apart: Array = limb.lengths - arm_limb(name).lengths
         if np.abs(apart).max() < SAME_LENGTH:
             return name
