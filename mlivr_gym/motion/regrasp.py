@@ -189,7 +189,7 @@ class RegraspPath:
         return values[:, 0], values[:, 1:]
 
     def _serves_in_task_space(self) -> bool:
-        limits = self.graph.robot.joint_limits[self.limb]
+        limits = self.graph.robot.joint_limits[self.regrasp.limb]
         try:
             joints = self._in_a_straight_line(np.linspace(0.0, 1.0, TASK_SPACE_SAMPLES))
         except PlanError:

@@ -119,7 +119,7 @@ def moved_solid(solid: Solid, position: Array, rotation: Array) -> Solid:
 def capsules_of(solid: Solid) -> list[FittedCapsule]:
     """Return capsules that together contain a solid, few of them if they fit well.
 
-    The piece with the largest excess is cut again until each fits or a cut no longer brings it down.
+    The piece with the largest excess is cut until each fits or a cut no longer helps.
     """
     pieces = [(_fitted(solid), solid)]
     done = 0

@@ -48,7 +48,7 @@ class DerivedFigures:
                 shapes = stretched_capsules(limb, self.tool_length)
             places = self.mount_radius * turns[:, :, 2]
             return tuple(
-                Mount(*place, limb, shapes, self.dynamics)  # type: ignore[arg-type]
+                Mount(*place, limb, shapes, self.dynamics)
                 for place in zip(places.tolist(), turns.tolist(), strict=True)
             )
         return tuple(map(self._completed, self.mounts))

@@ -196,8 +196,8 @@ def limb_of(
         rotors = _of_limb(file, ROTORS, number)
     elif None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
-    rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
-    dynamics = replace(dynamics, rotor_inertias=rotors)
+    inertias = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
+    dynamics = replace(dynamics, rotor_inertias=inertias)
     apart: tuple[tuple[str, str], ...] = ()
     if options.capsules is None:
         capsules, excess = fitted_capsules(file, members, frames, length)
@@ -317,7 +317,8 @@ def _with_gripper(
 
 def _same(first: RigidBody, second: RigidBody) -> bool:
     """Return whether two bodies move alike."""
-    return all(np.allclose(a, b, rtol=1e-9, atol=1e-9) for a, b in zip(first, second, strict=True))
+    figures = [(body.mass, *body.centre, *body.inertia) for body in (first, second)]
+    return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
 
 
 def _position_error(
@@ -358,7 +359,7 @@ def _only_turned(frame: Array) -> Array:
 def _alike(first: Capsule, second: Capsule) -> bool:
     """Return whether two capsules are equal but for rounding."""
     figures = [(*c.start, *c.end, c.radius) for c in (first, second)]
-    return first.link == second.link and np.allclose(*figures, atol=1e-6)
+    return first.link == second.link and np.allclose(figures[0], figures[1], atol=1e-6)
 
 
 def _same_dynamics(first: LimbDynamics, second: LimbDynamics) -> bool:

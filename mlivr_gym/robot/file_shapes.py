@@ -130,7 +130,8 @@ def links_apart(
 
 
 def _size(points: Array) -> Array:
-    return np.linalg.norm(points, axis=1)
+    size: Array = np.linalg.norm(points, axis=1)
+    return size
 
 
 def _highest(shapes: list[Solid], x: float, radius: float) -> float:

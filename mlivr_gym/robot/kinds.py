@@ -10,7 +10,6 @@ import numpy as np
 from mlivr_gym.schema import FieldPath, Tuples
 from mlivr_gym.values import LONGEST_ROBOT
 
-
 APART = (
     ("base", "upper_arm"),
     ("forearm", "wrist_2"),

@@ -14,7 +14,9 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
-from mlivr_gym.robot.model import ROBOT, STEEL_COLOUR, SURROUNDINGS, quaternion_of, robot_spec_alone
+from mlivr_gym.robot.model import ROBOT as ROBOT
+from mlivr_gym.robot.model import STEEL_COLOUR, quaternion_of, robot_spec_alone
+from mlivr_gym.robot.model import SURROUNDINGS as SURROUNDINGS
 from mlivr_gym.robot.model import rgba as rgba
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco

@@ -28,7 +28,7 @@ UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def scene_name(kind: str, name: str) -> str:
-    """The name in the MuJoCo scene of a box or point, by `BOX` or `POINT` and its id.
+    """Return the name in the MuJoCo scene of a box or point, by `BOX` or `POINT` and its id.
 
     No name that a user gives can be taken for one of the robot's, `"body"` and `"limb..."`.
     """
@@ -68,7 +68,7 @@ class Box:
 
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
-        """Rows of a rotation matrix, shape (3, 3), as tuples."""
+        """Return the rows of a rotation matrix, shape (3, 3), as tuples."""
         x, y, z = (triple(row) for row in rotation)
         return (x, y, z)
 
@@ -76,7 +76,7 @@ class Box:
     def between(
         cls, id: str, kind: str, low: Sequence[float], high: Sequence[float], face: str = ""
     ) -> Box:
-        """A box along the world's axes from its lower to its upper corner [m]."""
+        """Return a box along the world's axes from its lower to its upper corner [m]."""
         place = FieldPath(f"box {shortened(id)}", ShapeError)
         lower = np.array(CORNER.read(low, place.field("min")))
         upper = np.array(CORNER.read(high, place.field("max")))
@@ -88,7 +88,7 @@ class Box:
 
     @classmethod
     def from_dict(cls, data: Any, kind: str = "obstacle") -> Box:
-        """A box from plain data.
+        """Return a box from plain data.
 
         Fields: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if
         wanted.
@@ -101,7 +101,7 @@ class Box:
         return Boxes(kind).box(data, FieldPath("", ShapeError))
 
     def to_dict(self) -> dict[str, Any]:
-        """The box as plain data, the inverse of `from_dict`."""
+        """Return the box as plain data, the inverse of `from_dict`."""
         return {
             "id": self.id, "kind": self.kind, "centre": list(self.centre), "half": list(self.half),
             "rotation": [list(row) for row in self.rotation], "face": self.face,
@@ -109,7 +109,7 @@ class Box:
 
     @cached_property
     def bounds(self) -> Array:
-        """Lower and upper corner in the world of the smallest upright box round it [m], (2, 3)."""
+        """Return the corners of the smallest upright box round it [m], lower first, (2, 3)."""
         centre, half = np.array(self.centre), np.abs(np.array(self.rotation)) @ np.array(self.half)
         return np.stack([centre - half, centre + half])
 
@@ -150,13 +150,13 @@ class Boxes:
     kind: str = "obstacle"
 
     def read(self, value: object, place: FieldPath) -> tuple[Box, ...]:
-        """The boxes."""
+        """Return the boxes."""
         boxes = Listed(Via(self.box)).read(value, place)
         unique([box.id for box in boxes], f"{place.path}: box", place.error)
         return boxes
 
     def box(self, value: object, place: FieldPath) -> Box:
-        """One box: `min` and `max`, or `centre`, `half` and, if turned, `rotation`."""
+        """Return one box: `min` and `max`, or `centre`, `half` and, if turned, `rotation`."""
         if not isinstance(value, dict):
             return BOX_DATA.read(value, place)
         if {"centre", "half", "rotation"} & value.keys():
@@ -173,7 +173,7 @@ OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": Listed(NAME, most=MOST_POI
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
-    """Boxes and ids of occupied points from a JSON file.
+    """Read boxes and ids of occupied points from a JSON file.
 
     It holds `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 

@@ -44,12 +44,12 @@ from mlivr_gym.world.rails import Handrail, Segment
 
 
 def _point_number(value: object) -> bool:
-    """Whether a value may be the index of a point."""
+    """Return whether a value may be the index of a point."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def _point(value: Any, place: FieldPath) -> str | int:
-    """A point by id or index."""
+    """Return a point by id or index."""
     if not isinstance(value, str) and not _point_number(value):
         raise place.refused(value, "the id of a point, or its index")
     point: str | int = value
@@ -126,14 +126,14 @@ class GraspMap:
     _index: dict[str, int] = field(init=False, compare=False, default_factory=dict)
 
     def __repr__(self) -> str:
-        """Name and sizes, in one line."""
+        """Return name and sizes, in one line."""
         return (
             f"<GraspMap {self.name!r}: {len(self)} points, {len(self.segments)} segments, "
             f"{len(self.handrails)} handrails, {len(self.boxes)} boxes>"
         )
 
     def __len__(self) -> int:
-        """Number of points."""
+        """Return the number of points."""
         return len(self.ids)
 
     @cached_property
@@ -142,7 +142,7 @@ class GraspMap:
         return self.rotations[:, :, 2]
 
     def index(self, point: str | int) -> int:
-        """Index of a point given by id (or by index, which is checked).
+        """Return the index of a point given by id (or by index, which is checked).
 
         Raises
         ------
@@ -157,7 +157,7 @@ class GraspMap:
         raise UnknownPointError(point, self.ids)
 
     def subset(self, keep: BoolArray, name: str | None = None) -> GraspMap:
-        """Map with only the points where `keep`, shape (m,), is true."""
+        """Return the map with only the points where `keep`, shape (m,), is true."""
         chosen = np.flatnonzero(keep)
         return replace(
             self,
@@ -172,7 +172,7 @@ class GraspMap:
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
-        """Half of the points by a seeded draw, rounded down: the map of the paper's Case 4.
+        """Return half of the points by a seeded draw, rounded down: the map of the paper's Case 4.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class GraspMap:
         return digest.hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """The map as plain data for JSON, from which `from_dict` makes the same map."""
+        """Return the map as plain data for JSON, from which `from_dict` makes the same map."""
         return {
             "name": self.name, "ids": list(self.ids), "faces": list(self.faces),
             "positions": self.positions.tolist(), "rotations": self.rotations.tolist(),
@@ -294,12 +294,12 @@ _PLACE = FieldPath("map", MapError)
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
-    """Measured seat tracks of the JEM: 331 points with the default arguments."""
+    """Return the measured seat tracks of the JEM: 331 points with the default arguments."""
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
 def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
-    """A map as it is, from plain data or a file, or the measured JEM for None.
+    """Return a map as it is, from plain data or a file, or the measured JEM for None.
 
     Raises
     ------
@@ -322,7 +322,7 @@ MAP = Raising(MapError, Via(as_map))
 
 
 def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
-    """What a caller says in place of a file."""
+    """Return the figures that a caller gives in place of a file's."""
     kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
     return {
         name: kind.read(value, FieldPath(name, SettingError))
@@ -332,7 +332,7 @@ def _given(spacing: float | None, clearance: float | None) -> dict[str, float]:
 
 
 def _built(data: Any, given: dict[str, float], name: str) -> GraspMap:
-    """A map from plain data; see `GraspMap.from_dict`."""
+    """Return a map from plain data; see `GraspMap.from_dict`."""
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
         return GraspMap(**POINTS.read(data, root))

@@ -85,13 +85,13 @@ def _frame(place: FieldPath, rail: Array, normal: Array) -> Array:
 
 
 def point_row(data: dict[str, Any], place: FieldPath) -> Row:
-    """A point that `POINT` has read, its rail without width."""
+    """Return a point that `POINT` has read, its rail without width."""
     frame = _frame(place, np.array(data["rail"]), np.array(data["normal"]))
     return data["id"], data["face"], np.array(data["position"]), frame, 0.0
 
 
 def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) -> list[Row]:
-    """Points at multiples of `spacing` [m] from the segment's middle, about `most` at most."""
+    """Return points at multiples of `spacing` [m] from the segment's middle, about `most` at most."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(place, end - start, np.array(segment.normal))
@@ -112,7 +112,7 @@ def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) ->
 def clear_of_handrails(
     rows: list[Row], handrails: tuple[Handrail, ...], clearance: float
 ) -> list[Row]:
-    """Points whose rail keeps `clearance` [m] from the footprint of each handrail on the face."""
+    """Return points whose rail keeps `clearance` [m] from the footprint of each handrail on the face."""
     if not rows:
         return []
     faces, positions = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
