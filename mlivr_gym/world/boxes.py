@@ -68,7 +68,7 @@ class Box:
 
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
-        """Rows of a rotation matrix, shape (3, 3), as tuples."""
+        """Return the rows of a rotation matrix, shape (3, 3), as tuples."""
         x, y, z = (triple(row) for row in rotation)
         return (x, y, z)
 
@@ -173,7 +173,7 @@ OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": Listed(NAME, most=MOST_POI
 
 
 def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
-    """Boxes and ids of occupied points from a JSON file.
+    """Read boxes and ids of occupied points from a JSON file.
 
     It holds `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 

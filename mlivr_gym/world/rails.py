@@ -36,7 +36,7 @@ class Segment:
 
     @property
     def box(self) -> Box:
-        """The strip of a seat track, its face in the plane of the grasps."""
+        """Return the strip of a seat track, its face in the plane of the grasps."""
         start, end, normal = (np.array(v) for v in (self.start, self.end, self.normal))
         length = float(np.linalg.norm(end - start))
         along = (end - start) / length
@@ -74,7 +74,7 @@ class Handrail:
 
     @property
     def boxes(self) -> tuple[Box, ...]:
-        """A bar on two posts; only the bounding box where the bar is not known."""
+        """Return a bar on two posts, or only the bounding box if the bar is not known."""
         if self.bar_min is None or self.bar_max is None:
             return (Box.between(self.id, "handrail", self.min, self.max, self.face),)
         bar = Box.between(self.id, "handrail", self.bar_min, self.bar_max, self.face)
