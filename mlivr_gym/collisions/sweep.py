@@ -3,10 +3,9 @@
 **Conservative advancement.** A motion is divided into intervals. At the midpoint of an interval the
 shapes are placed and compared with everything that they can meet, see `against_boxes`. If every
 distance exceeds the radii and the clearance by more than the shapes can move from the midpoint to
-either end, see `placement`, they keep the clearance on the whole interval; no shape is too thin to
-be seen. If a distance is below the radii and the clearance, the motion is blocked. Otherwise the
-interval is bisected, down to `2^-MOST_HALVINGS` of the motion, where an undecided interval counts
-as blocked. On each half only the comparisons that were not clear are repeated.
+either end, see `placement`, they keep the clearance on the whole interval, however thin they are.
+If a distance is below the radii and the clearance, the motion is blocked. Otherwise the interval is
+bisected, down to `2^-MOST_HALVINGS` of the motion, where an undecided interval counts as blocked.
 
 **Motions.** A limb departs from a grasp along the surface normal, swings along a line in joint
 space, or holds its grasp; the base stands still or follows a path. The limb is compared with boxes,

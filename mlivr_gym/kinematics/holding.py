@@ -1,8 +1,9 @@
-"""On which branches a limb that holds can follow a base path (compiled).
+"""Branches on which a support limb can follow a base path (compiled).
 
-A step is an edge of the stance graph only if the limbs that hold can follow the base from the first
+A step is an edge of the stance graph only if the support limbs can follow the base from the first
 to the second posture, on a straight line or on an arc about the held grasps, see `base_path`, with
-every joint in its window, see `arm.in_window`.
+every joint in its window, see `arm.in_window`. That `w_m` stays above a floor is proved, see
+`certificate`; joints are followed at samples of the path less than an eighth of a turn apart.
 """
 
 from __future__ import annotations

@@ -132,10 +132,7 @@ class PostureSolver:
         return Surroundings(self.grasps, grid, self.settings.clearance)
 
     def hands_touch(self, grid: BoxGrid) -> IntArray:
-        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,).
-
-        A point counts whose surroundings a hand of any limb touches.
-        """
+        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,)."""
         out = np.zeros((len(self.shapes.hands), len(self.grasp_map)), dtype=np.int64)
         for rows, causes in zip(self.shapes.hands, out, strict=True):
             check_hands(rows, self.surroundings(grid), QueryScratch.rows(1), causes)
@@ -318,9 +315,7 @@ class PostureSolver:
     def in_reach(
         self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
     ) -> BoolArray:
-        """Return which sets of points may be held at once, see `in_reach`.
-
-        The points of every node, and so of every state, are such a set.
+        """Return which sets of points, as those of every node, may be held at once; see `in_reach`.
 
         Parameters
         ----------

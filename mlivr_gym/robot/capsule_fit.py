@@ -39,7 +39,7 @@ SEGMENTS = 48
 """Number of corners that stand for the rim of a cylinder."""
 
 
-class Solid(NamedTuple):
+class Hull(NamedTuple):
     """The convex hull of balls; of a mesh, the union of its triangles."""
 
     points: Array
@@ -63,25 +63,25 @@ class FittedCapsule(NamedTuple):
     """Largest distance of a point of the capsule from the solid's convex hull [m]."""
 
 
-def solid_of(mujoco: Any, model: Any, geom: int) -> Solid | None:
+def solid_of(mujoco: Any, model: Any, geom: int) -> Hull | None:
     """Return a geom of a model in its own frame, None for a plane or another unbounded shape."""
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_SPHERE:
-        return Solid(np.zeros((1, 3)), float(size[0]))
+        return Hull(np.zeros((1, 3)), float(size[0]))
     if kind == kinds.mjGEOM_CAPSULE:
-        return Solid(np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0]))
+        return Hull(np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0]))
     if kind == kinds.mjGEOM_BOX:
-        return Solid(np.array(list(product((-1.0, 1.0), repeat=3))) * size, 0.0)
+        return Hull(np.array(list(product((-1.0, 1.0), repeat=3))) * size, 0.0)
     if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_ELLIPSOID):
-        return Solid(_round_points(size, kind == kinds.mjGEOM_CYLINDER), 0.0)
+        return Hull(_round_points(size, kind == kinds.mjGEOM_CYLINDER), 0.0)
     if kind == kinds.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
         triangles = points[model.mesh_face[first : first + count]]
-        return _hull(points, 0.0, triangles) or Solid(points, 0.0, triangles)
+        return _hull(points, 0.0, triangles) or Hull(points, 0.0, triangles)
     return None
 
 
@@ -110,13 +110,13 @@ def directions() -> Array:
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
 
 
-def moved_solid(solid: Solid, position: Array, rotation: Array) -> Solid:
+def moved_solid(solid: Hull, position: Array, rotation: Array) -> Hull:
     """Return a solid in the frame in which its own has a position and a rotation."""
     triangles = None if solid.triangles is None else solid.triangles @ rotation.T + position
-    return Solid(solid.points @ rotation.T + position, solid.radius, triangles)
+    return Hull(solid.points @ rotation.T + position, solid.radius, triangles)
 
 
-def capsules_of(solid: Solid) -> list[FittedCapsule]:
+def capsules_of(solid: Hull) -> list[FittedCapsule]:
     """Return capsules that together contain a solid, few of them if they fit well.
 
     The piece with the largest excess is cut again until each fits or a cut no longer lowers it.
@@ -137,7 +137,7 @@ def capsules_of(solid: Solid) -> list[FittedCapsule]:
     return [smallest_capsule(piece) for _, piece in pieces]
 
 
-def _fitted(solid: Solid) -> FittedCapsule:
+def _fitted(solid: Hull) -> FittedCapsule:
     """Return the best capsule along a principal axis of the points or an axis of the frame."""
     points, radius = solid.points, solid.radius
     if len(points) <= 2:
@@ -153,7 +153,7 @@ def _best_along(points: Array) -> tuple[Array, Array, float]:
     return min((_along(points, centre, axis) for axis in (*principal.T, *np.eye(3))), key=_volume)
 
 
-def smallest_capsule(solid: Solid) -> FittedCapsule:
+def smallest_capsule(solid: Hull) -> FittedCapsule:
     """Return a capsule of small volume that contains a solid.
 
     The search begins with the best capsule along a principal axis of the points.
@@ -182,13 +182,13 @@ def smallest_capsule(solid: Solid) -> FittedCapsule:
     return min(best, other, key=lambda fit: _volume(fit[:3]))
 
 
-def capsule_on_axis(solid: Solid) -> FittedCapsule:
+def capsule_on_axis(solid: Hull) -> FittedCapsule:
     """Return the smallest capsule on the z axis that contains a solid."""
     start, end, radius = _along(solid.points, np.zeros(3), np.array([0.0, 0.0, 1.0]), False)
     return _with_excess(solid, start, end, radius + solid.radius)
 
 
-def _with_excess(solid: Solid, start: Array, end: Array, radius: float) -> FittedCapsule:
+def _with_excess(solid: Hull, start: Array, end: Array, radius: float) -> FittedCapsule:
     """Return a capsule with its excess over a solid."""
     u = directions()
     of_capsule = np.maximum(u @ start, u @ end) + radius
@@ -236,7 +236,7 @@ def _volume(capsule: tuple[Array, Array, float]) -> float:
     return float(np.pi * radius * radius * (length + 4.0 / 3.0 * radius))
 
 
-def _halves(solid: Solid) -> list[Solid]:
+def _halves(solid: Hull) -> list[Hull]:
     """Return a solid cut in two where two capsules fit best, empty if it cannot be cut."""
     points = solid.points
     _, principal = np.linalg.eigh(np.cov((points - points.mean(axis=0)).T))
@@ -249,7 +249,7 @@ def _halves(solid: Solid) -> list[Solid]:
             sides = [_points_kept(solid, middle, side * axis) for side in (1.0, -1.0)]
             if not all(map(len, sides)):
                 continue
-            fits = [_with_excess(Solid(side, 0.0), *_best_along(side)) for side in sides]
+            fits = [_with_excess(Hull(side, 0.0), *_best_along(side)) for side in sides]
             excess = max(fit.excess for fit in fits)
             if excess < least:
                 least, best = excess, (middle, axis)
@@ -259,7 +259,7 @@ def _halves(solid: Solid) -> list[Solid]:
     return [piece for piece in pieces if piece is not None]
 
 
-def _points_kept(solid: Solid, point: Array, axis: Array) -> Array:
+def _points_kept(solid: Hull, point: Array, axis: Array) -> Array:
     """Return points whose hull is that of the part on the side that an axis points to, (k, 3)."""
     if solid.triangles is None:
         a, b = (solid.points[k] for k in np.triu_indices(len(solid.points), 1))
@@ -272,11 +272,11 @@ def _points_kept(solid: Solid, point: Array, axis: Array) -> Array:
     return np.zeros((0, 3)) if hull is None else hull.points
 
 
-def _kept(solid: Solid, point: Array, axis: Array) -> Solid | None:
+def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
     """Return the part of a solid on the side of a plane that an axis points to."""
     if solid.triangles is None:
         points = _points_kept(solid, point, axis)
-        return Solid(points, solid.radius) if len(points) else None
+        return Hull(points, solid.radius) if len(points) else None
     heights = (solid.triangles - point) @ axis
     whole = solid.triangles[(heights >= 0.0).all(axis=1)]
     cut = solid.triangles[(heights >= 0.0).any(axis=1) & (heights < 0.0).any(axis=1)]
@@ -285,7 +285,7 @@ def _kept(solid: Solid, point: Array, axis: Array) -> Solid | None:
     return _hull(triangles.reshape(-1, 3), solid.radius, triangles)
 
 
-def _hull(points: Array, radius: float, triangles: Array | None) -> Solid | None:
+def _hull(points: Array, radius: float, triangles: Array | None) -> Hull | None:
     """Return a solid whose points are corners of the convex hull alone; None if it is flat."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -293,7 +293,7 @@ def _hull(points: Array, radius: float, triangles: Array | None) -> Solid | None
         corners = ConvexHull(points).vertices
     except (QhullError, ValueError):
         return None
-    return Solid(points[corners], radius, triangles)
+    return Hull(points[corners], radius, triangles)
 
 
 def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:

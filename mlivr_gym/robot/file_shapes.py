@@ -11,7 +11,7 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsule_fit import (
     ROUNDED,
     FittedCapsule,
-    Solid,
+    Hull,
     capsule_on_axis,
     capsules_of,
     directions,
@@ -27,7 +27,7 @@ from mlivr_gym.robot.mounts import MOST_CAPSULES
 from mlivr_gym.robot.stretched import gripper_capsule
 
 
-def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Solid]:
+def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Hull]:
     """Return the collision shapes of bodies in a frame of the world, shape (4, 4)."""
     import mujoco
 
@@ -134,7 +134,7 @@ def _size(points: Array) -> Array:
     return sizes
 
 
-def _highest(shapes: list[Solid], x: float, radius: float) -> float:
+def _highest(shapes: list[Hull], x: float, radius: float) -> float:
     """Return the largest height over z = 0 of what is nearer to the line at x, y = 0 [m].
 
     Of the forearm, that is what wrist 2 can reach, which turns about its end.
@@ -151,7 +151,7 @@ def _height(points: Array) -> Array:
     return points[:, 2]
 
 
-def _beside(shapes: list[Solid], radius: float) -> float:
+def _beside(shapes: list[Hull], radius: float) -> float:
     """Return the least height over the plane z = 0 of what is farther from the z axis [m].
 
     Along joint 2, the upper arm's z axis, only what is farther from it than the base lies below can
@@ -165,7 +165,7 @@ def _beside(shapes: list[Solid], radius: float) -> float:
     return least
 
 
-def _samples(shape: Solid) -> Array:
+def _samples(shape: Hull) -> Array:
     """Return points spread over a shape's triangles, or over the lines between its corners."""
     if shape.triangles is None:
         a, b = (shape.points[k] for k in np.triu_indices(len(shape.points)))
@@ -194,7 +194,7 @@ def _rounded(link: str, fit: FittedCapsule) -> Capsule:
     return Capsule(link, start, end, max(radius, ROUNDED))
 
 
-def box_round(shapes: list[Solid], symmetric: bool) -> tuple[Array, Array, float]:
+def box_round(shapes: list[Hull], symmetric: bool) -> tuple[Array, Array, float]:
     """Return middle and half edges of the box round shapes, and how far it exceeds them [m].
 
     Parameters

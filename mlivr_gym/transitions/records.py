@@ -70,7 +70,7 @@ class StepContext(NamedTuple):
 
     stances: StanceSet
     robots: Any
-    """A row of `Robot`, shape (1,)."""
+    """A row of `RobotModel`, shape (1,)."""
     world: WorldRecord
 
 

@@ -121,7 +121,7 @@ def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScr
 
 @kernel
 def _each_follows(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
-    """Return whether every support limb can follow a path on one of the branches `now`."""
+    """Return whether every support limb can follow a path on a branch in `scratch.selected`."""
     for i in range(robot.limb_count):
         if i != step.limb and scratch.holds[kind, i] & scratch.selected[i] == 0:
             return False
