@@ -329,13 +329,12 @@ class PostureSolver:
         tolerance
             How near to it [m].
         """
-        robot = self.robot
+        robot, out = self.robot, np.full(len(sets), not self.robot.is_symmetric)
         if not robot.is_symmetric:
-            return np.ones(len(sets), dtype=np.bool_)
+            return out
         tries = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))[1:]
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, tries, target, tolerance)
-        out = np.zeros(len(sets), dtype=np.bool_)
         world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
         in_parallel(len(sets), sets_in_reach, sets, world, out, scratch_rows=ReachScratch.rows)
         return out

@@ -91,7 +91,7 @@ def point_row(data: dict[str, Any], place: FieldPath) -> Row:
 
 
 def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) -> list[Row]:
-    """Return points at multiples of `spacing` [m] from the segment's middle, about `most` at most."""
+    """Return points at multiples of `spacing` [m] from the segment's middle, about `most`."""
     start, end = np.array(segment.start), np.array(segment.end)
     length = float(np.linalg.norm(end - start))
     frame = _frame(place, end - start, np.array(segment.normal))
@@ -112,7 +112,7 @@ def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) ->
 def clear_of_handrails(
     rows: list[Row], handrails: tuple[Handrail, ...], clearance: float
 ) -> list[Row]:
-    """Return points whose rail keeps `clearance` [m] from the footprint of each handrail on the face."""
+    """Return points whose rail keeps `clearance` [m] from each handrail's footprint on the face."""
     if not rows:
         return []
     faces, positions = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
