@@ -326,7 +326,7 @@ class PostureSolver:
         tolerance
             Maximum distance of the base from it [m].
         """
-        robot, out = self.robot, np.full(len(sets), not self.robot.is_symmetric)
+        robot = self.robot
         if not robot.is_symmetric:
             return np.ones(len(sets), dtype=np.bool_)
         candidates = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))
