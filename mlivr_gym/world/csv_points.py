@@ -37,6 +37,8 @@ def read_points(path: str | Path) -> dict[int, dict[str, Any]]:
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             return _points(csv.reader(stream), Path(path).stem)
+    except MapError as fault:
+        raise MapError(f"map {path_shown(path)}: {fault}") from None
     except OSError as fault:
         reason = fault.strerror or str(fault)
     except UnicodeDecodeError:

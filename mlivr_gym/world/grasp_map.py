@@ -250,12 +250,14 @@ class GraspMap:
             If the file cannot be read or any entry is faulty; the message names the
             entry.
         """
-        given, folder, name = overrides(spacing, clearance), Path(path).parent, Path(path).stem
-        if Path(path).suffix.lower() == ".csv":
-            return cls.from_csv(path)
-        return load(
-            path, "map", MapError, lambda data: cls(**map_fields(data, given, name, folder))
-        )
+        given, file = overrides(spacing, clearance), _file(path)
+        if file.suffix.lower() == ".csv":
+            return cls.from_csv(file)
+
+        def build(data: dict[str, Any]) -> GraspMap:
+            return cls(**map_fields(data, given, file.stem, file.parent))
+
+        return load(path, "map", MapError, build)
 
     @classmethod
     def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
@@ -275,12 +277,13 @@ class GraspMap:
         MapError
             If the file cannot be read or a row is faulty; the message names its line.
         """
+        path = _file(path)
         data: dict[str, Any] = {"points": []}
         for line, point in read_points(path).items():
             place = FieldPath(f"map {path_shown(path)}: line {line}", MapError)
             point_row(POINT.read(point, place), place)
             data["points"].append(point)
-        return cls.from_dict(surroundings | data, name=Path(path).stem)
+        return cls.from_dict(surroundings | data, name=path.stem)
 
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.
@@ -330,6 +333,11 @@ class GraspMap:
 
 
 _PLACE = FieldPath("map", MapError)
+
+
+def _file(path: object) -> Path:
+    """Return the path of a map file."""
+    return Path(FileName().read(path, FieldPath("path", MapError)))
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:

@@ -9,7 +9,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 SOLVED = {}
 """Postures of all stances, and what the solver knows then, by map, robot, settings and stances."""
 
-KNOWN_BY_SOLVER = ("_rows", "_rejected", "_solved")
+KNOWN_BY_SOLVER = ("_index_of", "_rejected", "_solved")
 
 
 @contextmanager
