@@ -13,9 +13,14 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.arm import UR
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
+
+FAMILIES = ("ur", "spherical_wrist")
+"""Families of limbs by the names in robot files, in the order of their numbers in `kinematics.arm`.
+
+They are not imported from there, since robots are described without a compiler.
+"""
 
 FARTHEST_TURN = 100.0
 """Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
@@ -152,7 +157,7 @@ class Limb(LimbBase):
     @property
     def family_code(self) -> int:
         """Number of the family, see `kinematics.arm`."""
-        return UR
+        return FAMILIES.index("ur")
 
     @property
     def default_folds(self) -> tuple[tuple[float, ...], ...]:

@@ -8,11 +8,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.arm import SPHERICAL_WRIST
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb import (
     BACK,
     CELLS,
+    FAMILIES,
     FARTHEST_TURN,
     FORTH,
     LENGTH,
@@ -25,9 +25,6 @@ from mlivr_gym.robot.limb import (
 )
 from mlivr_gym.schema import Choice, FieldPath, Maybe, Struct, Tuples, Whole
 from mlivr_gym.values import SMALLEST
-
-FAMILIES = ("ur", "spherical_wrist")
-"""Families of limbs by the names that robot files give them, in the order of their numbers."""
 
 HELD_JOINT = 3
 """The joint of a seven-joint arm that can be held: the roll of the upper arm.
@@ -96,7 +93,7 @@ class SphericalWristLimb(LimbBase):
         `windows`.
     """
 
-    family: str = FAMILIES[SPHERICAL_WRIST]
+    family: str = FAMILIES[1]
     d1: float = 0.36
     a1: float = 0.0
     d2: float = 0.0
@@ -165,7 +162,7 @@ class SphericalWristLimb(LimbBase):
     @property
     def family_code(self) -> int:
         """Number of the family, see `kinematics.arm`."""
-        return SPHERICAL_WRIST
+        return FAMILIES.index(self.family)
 
     @property
     def default_folds(self) -> tuple[tuple[float, ...], ...]:
@@ -257,7 +254,7 @@ class SphericalWristLimb(LimbBase):
 SPHERICAL_WRIST_LIMB = Struct(
     SphericalWristLimb,
     {
-        "family": Choice(FAMILIES[SPHERICAL_WRIST:]),
+        "family": Choice(FAMILIES[1:]),
         **dict.fromkeys(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), LENGTH),
         "held_joint": Maybe(Whole(HELD_JOINT, HELD_JOINT)),
         "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
