@@ -12,7 +12,7 @@ demo: $(VENV)/.core
 	@echo "about 2 minutes, 1 more where the kernels are compiled first. All files go to demo/."
 	@$(BIN)/mlivr-gym table1 --out demo
 	@$(BIN)/mlivr-gym simulate --case 3 --out demo/walk > demo/walk.txt || { cat demo/walk.txt; exit 1; }
-	@grep "carried out" demo/walk.txt
+	@grep "steps executed" demo/walk.txt
 	@echo "Look at demo/case3_collisions.png (the plan), demo/walk/walk.gif (the walk in MuJoCo),"
 	@echo "demo/walk/simulation.png (torques, forces), demo/table1.md (all figures), demo/walk.txt (each step)."
 
