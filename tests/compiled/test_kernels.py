@@ -37,7 +37,7 @@ ENTRIES = (
 def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
     monkeypatch.setattr(table_search, "FIRST_EXPANSION_LIMIT", 1)
-    before = {one.py_func.__name__: set(one.signatures) for one in ENTRIES}  # of other tests
+    before = {one: set(one.signatures) for one in ENTRIES}  # of other tests
     graph = stance_graph(small_map)
     start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
     box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))
@@ -52,7 +52,7 @@ def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     three.successors(random_state(three, np.random.default_rng(0)))
     for one in ENTRIES:
         assert len(one.signatures) >= 1
-        assert len(set(one.signatures) - before[one.py_func.__name__]) <= 1, one
+        assert len(set(one.signatures) - before[one]) <= 1, one
 
 
 class Room(Record):
