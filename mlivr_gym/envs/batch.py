@@ -58,6 +58,27 @@ class StepParameters(NamedTuple):
     """Displacement that an action costs if it is masked out [m]."""
 
 
+class ActionResults(NamedTuple):
+    """What one action does in each of k states; `advance` writes it."""
+
+    moved: Array
+    """Base displacement that the action costs [m], shape (k,); 0 where none is taken."""
+    masked_out: BoolArray
+    """Whether the action is not possible, shape (k,)."""
+    grasp_failed: BoolArray
+    """Whether the attempt to grasp fails, shape (k,)."""
+    edge: IntArray
+    """Index of the step in the tables, or -1, shape (k,)."""
+    after: IntArray
+    """Index of the stance to which the step leads, shape (k,)."""
+
+    @classmethod
+    def of(cls, k: int) -> ActionResults:
+        """Return arrays for k actions."""
+        flags, indices = np.zeros((2, k), dtype=np.bool_), np.empty((2, k), dtype=np.int64)
+        return cls(np.empty(k), flags[0], flags[1], indices[0], indices[1])
+
+
 class TaskDistribution(NamedTuple):
     """Parameters of the distribution of starts and goals."""
 
@@ -107,8 +128,7 @@ def advance(
     parameters: StepParameters,
     tables: StepTables,
     copies: CopyStates,
-    moved: Array,
-    outcome: IntArray,
+    results: ActionResults,
 ) -> None:
     """Take one action in each of k states.
 
@@ -124,36 +144,40 @@ def advance(
         Tables of all steps.
     copies
         The states, which are changed.
-    moved
-        Base displacement of each step [m], shape (k,), written.
-    outcome
-        0 for a step, 1 for an action that is masked out, 2 for a failed grasp; shape (k,), written.
+    results
+        Written; its flags are False before.
     """
-    stances, masks = copies.stances, copies.masks
+    stances, masks, moved = copies.stances, copies.masks, results.moved
     failure = parameters.failure_probability
-    streams, max_step = copies.streams, parameters.max_step
-    m = len(failure)
+    streams, m = copies.streams, len(failure)
+    # Distant memory is read for all copies before it is used, so that the reads overlap.
+    for k in range(len(actions)):
+        results.edge[k] = find_step(stances[k], actions[k] // m, actions[k] % m, tables)
+    for k in range(len(actions)):
+        edge = results.edge[k]
+        results.after[k] = tables.after[edge] if edge >= 0 else stances[k]
+    for k in range(len(actions)):
+        square = 0.0
+        for axis in range(3):
+            before, after = stances[k], results.after[k]
+            square += (tables.base_in_world[before, axis] - tables.base_in_world[after, axis]) ** 2
+        moved[k] = 0.0 if skip[k] else np.sqrt(square)
     for k in range(len(actions)):
         if skip[k]:
             continue
-        moving, point = actions[k] // m, actions[k] % m
+        moving, point, edge = actions[k] // m, actions[k] % m, results.edge[k]
         held, s = 1 - moving, stances[k]
-        e = find_step(s, moving, point, tables)
-        kept = kept_on_edge(masks[k, held], tables.kept[e] if e >= 0 else 0)
+        kept = kept_on_edge(masks[k, held], tables.kept[edge] if edge >= 0 else 0)
         if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
-            moved[k], outcome[k] = max_step, 1
+            moved[k], results.masked_out[k] = parameters.max_step, True
             continue
-        s2, square = tables.after[e], 0.0
-        for axis in range(3):
-            square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
-        moved[k], outcome[k] = np.sqrt(square), 0
         masks[k, held] = kept
         if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
             masks[k, moving] = tables.releasable[s, moving]
-            moved[k], outcome[k] = 2.0 * moved[k], 2
+            moved[k], results.grasp_failed[k] = 2.0 * moved[k], True
             continue
-        masks[k, moving] = tables.releasable[s2, moving]
-        stances[k] = s2
+        stances[k] = results.after[k]
+        masks[k, moving] = tables.releasable[stances[k], moving]
 
 
 @kernel

@@ -19,7 +19,14 @@ from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
-from mlivr_gym.envs.batch import CopyStates, StepParameters, TaskDistribution, advance, draw_tasks
+from mlivr_gym.envs.batch import (
+    ActionResults,
+    CopyStates,
+    StepParameters,
+    TaskDistribution,
+    advance,
+    draw_tasks,
+)
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
@@ -118,10 +125,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
         self._version = self.env.graph.version
-        self.num_envs, self.max_episode_steps = (
-            num_envs,
-            max_episode_steps or np.iinfo(np.int64).max,
-        )
+        self.num_envs = num_envs
+        self.max_episode_steps = max_episode_steps or np.iinfo(np.int64).max
         self.single_action_space: spaces.Space[Any] = self.env.action_space
         self.single_observation_space: spaces.Space[Any] = self.env.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -270,22 +275,22 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 )
             self._draw(restart, False, self.stances, self.masks, self.goals)
             self._start_episodes(restart)
-        moved, outcome = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=np.int64)
         parameters = StepParameters(env.failure_probability, env.graph.max_step)
         copies = CopyStates(self.stances, self.masks, self._streams)
-        advance(actions, restart, parameters, self.tables, copies, moved, outcome)
-        invalid, failed, going = outcome == 1, outcome == 2, ~restart
+        results = ActionResults.of(self.num_envs)
+        advance(actions, restart, parameters, self.tables, copies, results)
+        legal, going = ~results.masked_out, ~restart
         self.steps += going
-        self.base_translation += np.where(invalid, 0.0, moved)
+        self.base_translation += results.moved * legal
         self._observe()
         after = self._seen.goal_distance
         success = after <= env.goal_tolerance
         before = np.where(restart, after, before)
-        step_reward = env.reward(StepOutcome(moved, before, after, success, ~invalid))
+        step_reward = env.reward(StepOutcome(results.moved, before, after, success, legal))
         reward = np.where(restart, 0.0, step_reward)
         terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
         self._ended = terminated | truncated
-        info = self._info(invalid, failed)
+        info = self._info(results.masked_out, results.grasp_failed)
         return self._seen.observation(), reward, terminated, truncated, info
 
     def action_masks(self) -> BoolArray:
