@@ -57,10 +57,10 @@ from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.base_path import pose_on_path, travel_seen, turn_seen
-from mlivr_gym.kinematics.families import held_turns, line_turns, lower_turns, more_turns
+from mlivr_gym.kinematics.families import held_turns
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import along, columns, vector
-from mlivr_gym.kinematics.turns import FlangeMotion
+from mlivr_gym.kinematics.turns import FlangeMotion, line_turns, lower_turns, more_turns
 
 MOST_FIRST_INTERVALS = 512
 """Maximum number of intervals in the initial division of a motion."""

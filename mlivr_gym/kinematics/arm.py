@@ -115,6 +115,7 @@ def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     if family == UR:
         arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
         arm["links"] = abs(arm["a2"] * arm["a3"])
+        arm["c_held"], arm["s_held"] = 1.0, 0.0
     else:
         for name, length in zip(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), lengths, strict=False):
             arm[name] = length

@@ -43,7 +43,24 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of a branch, `JointAxes` in `out`; return whether it is not singular."""
+    """Find the joint axes of one branch, without forming joint angles.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    out
+        `JointAxes`, filled.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach and away from the singularities of elbow and wrist.
+    """
     if arm.family == UR:
         return ur.joint_axes(arm, flange, branch, out)
     return spherical_wrist.joint_axes(arm, flange, branch, out)
@@ -95,9 +112,25 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
-    """Compute the frames of the links of one branch; return whether it is not singular.
+    """Compute the frames of the links of one branch, without forming joint angles.
 
-    `axes` is `JointAxes`, for scratch; `frames` are filled like by `link_frames`.
+    Parameters
+    ----------
+    arm
+        The arm.
+    flange
+        Position and axis of the flange.
+    branch
+        Branch label.
+    axes
+        `JointAxes`, for scratch.
+    frames
+        Filled like by `link_frames`.
+
+    Returns
+    -------
+    bool
+        Whether the pose is within reach and away from the singularities of elbow and wrist.
     """
     if arm.family == UR:
         return ur.branch_frames(arm, flange, branch, axes, frames)
@@ -129,24 +162,6 @@ def stays_above(
 
 
 @kernel
-def line_turns(arm: Arm, change: Joints, turns: Turns) -> None:
-    """Compute the turns on a line in joint space by the change of joint angles to its end [rad]."""
-    if arm.family == UR:
-        ur_bounds.line_turns(change, turns)
-    else:
-        spherical_wrist_bounds.line_turns(arm, change, turns)
-
-
-@kernel
-def more_turns(arm: Arm, change: Joints, turns: Turns) -> None:
-    """Raise turns to those on a line in joint space where these are larger, see `line_turns`."""
-    if arm.family == UR:
-        ur_bounds.more_turns(change, turns)
-    else:
-        spherical_wrist_bounds.more_turns(arm, change, turns)
-
-
-@kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     """Bound how far the joints of a limb turn whose flange moves in its base frame.
 
@@ -169,15 +184,6 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     if arm.family == UR:
         return ur_bounds.held_turns(arm, q, flange, turns)
     return spherical_wrist_bounds.held_turns(arm, q, flange, turns)
-
-
-@kernel
-def lower_turns(arm: Arm, minus: Joints, plus: Joints, turns: Turns) -> None:
-    """Lower the turns on the path by the changes from the middle to both ends [rad]."""
-    if arm.family == UR:
-        ur_bounds.lower_turns(minus, plus, turns)
-    else:
-        spherical_wrist_bounds.lower_turns(arm, minus, plus, turns)
 
 
 @kernel

@@ -165,18 +165,7 @@ def _bend_at(arm: Arm, flange: FlangeAxis, branch: int) -> tuple[Elbow, Bend]:
 
 @kernel
 def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
-    """Fill in the squares that decide reach and singularity of the four classes of branches.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    out
-        Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `cos f` and `(sin f s5 u)^2` [m^2] of class
-        `2 * shoulder + elbow`. The last is `(det J / (a2 L))^2`, and not above zero out of reach.
-    """
+    """Fill in `u^2`, `s5^2`, `cos f` and `(sin f s5 u)^2` of each class `2 * shoulder + elbow`."""
     wrist = wrist_seen(arm, flange)
     for row in range(CLASSES):
         elbow = elbow_at(arm, wrist, row)
@@ -189,24 +178,7 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of one branch, without forming joint angles.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
-    out
-        `JointAxes`, filled.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach and away from the singularities of elbow and wrist.
-    """
+    """Find the joint axes of one branch, without forming joint angles."""
     elbow, bend = _bend_at(arm, flange, branch)
     if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
         return False
@@ -239,26 +211,6 @@ def branch_angles(
 
     At the wrist singularity (joints 4 and 6 in line) joint 4 is 0; where W lies on joint 1's axis
     joint 1 is 0.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    x
-        Its first axis in the limb base frame.
-    branch
-        Branch label.
-    slack
-        0, or `families.SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
-    q
-        Filled with joint angles [rad], shape (6,), on no particular winding.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach.
     """
     elbow, bend = _bend_at(arm, flange, branch)
     if elbow.u2 < -SINGULAR or elbow.cosine * elbow.cosine > 1.0 + slack:
@@ -278,18 +230,7 @@ def branch_angles(
 
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
-    """Compute the frames of the links in the limb base frame.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    q
-        Joint angles [rad], shape (6,).
-    frames
-        Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z; x and y
-        of link 6 are any pair across the flange axis.
-    """
+    """Compute the frames of the links in the limb base frame."""
     c1, c2, c3, c4, c5 = np.cos(q[0]), np.cos(q[1]), np.cos(q[2]), np.cos(q[3]), np.cos(q[4])
     s1, s2, s3, s4, s5 = np.sin(q[0]), np.sin(q[1]), np.sin(q[2]), np.sin(q[3]), np.sin(q[4])
     bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
@@ -298,24 +239,7 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, frames: Array) -> bool:
-    """Compute the frames of the links of one branch, without forming joint angles.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
-    frames
-        Filled like by `link_frames`.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach and away from the singularities of elbow and wrist.
-    """
+    """Compute the frames of the links of one branch, without forming joint angles."""
     elbow, bend = _bend_at(arm, flange, branch)
     if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
         return False

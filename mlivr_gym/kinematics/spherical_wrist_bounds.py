@@ -40,7 +40,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns, come_back
+from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 
 
 class ArmMotion(NamedTuple):
@@ -122,21 +122,7 @@ def _arm_motion(arm: Arm, u2: float, cosine: float, d: float) -> ArmMotion:
 def stays_above(
     arm: Arm, terms: Array, choice: int, change: tuple[float, float], square_floor: float
 ) -> bool:
-    """Return whether the bounds keep a class of branches above the floor on an interval.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    terms
-        Filled by `branch_terms`, in the middle.
-    choice
-        The class.
-    change
-        How far the wrist moves [m] and the flange axis turns [rad] at most.
-    square_floor
-        Least `(sin f s5 u)^2` [m^2].
-    """
+    """Return whether the bounds keep a class of branches above the floor on an interval."""
     d, a = change
     moved = _arm_motion(arm, terms[choice, 0], terms[choice, 2], d)
     s5 = np.sqrt(terms[choice, 1]) - (a + moved.spin)
@@ -145,42 +131,8 @@ def stays_above(
 
 
 @kernel
-def line_turns(arm: Arm, change: Joints, turns: Turns) -> None:
-    """Compute the turns on a line in joint space by the change of joint angles to its end [rad]."""
-    turns.q1, turns.q2, turns.q3 = abs(change[0]), abs(change[1]), abs(change[2])
-    turns.q4, turns.q5, turns.q6 = abs(change[3]), abs(change[4]), abs(change[5])
-    turns.q23 = abs(arm.c_held * change[1] + change[2])
-
-
-@kernel
-def more_turns(arm: Arm, change: Joints, turns: Turns) -> None:
-    """Raise turns to those on a line in joint space where these are larger, see `line_turns`."""
-    turns.q1, turns.q2 = max(turns.q1, abs(change[0])), max(turns.q2, abs(change[1]))
-    turns.q3, turns.q4 = max(turns.q3, abs(change[2])), max(turns.q4, abs(change[3]))
-    turns.q5, turns.q6 = max(turns.q5, abs(change[4])), max(turns.q6, abs(change[5]))
-    turns.q23 = max(turns.q23, abs(arm.c_held * change[1] + change[2]))
-
-
-@kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
-    """Bound how far joints turn on their path from the middle of an interval to its ends.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    q
-        Joint angles in the middle [rad].
-    flange
-        How the flange moves on its path to either end.
-    turns
-        Filled.
-
-    Returns
-    -------
-    bool
-        Whether the bounds hold: the limb stays on its branch, and no joint turns by half a turn.
-    """
+    """Bound how far joints turn on their path from the middle of an interval to its ends."""
     d, a, w = flange
     c3, s3 = np.cos(q[2]), np.sin(q[2])
     cosine, sine = c3 * arm.c_bend + s3 * arm.s_bend, s3 * arm.c_bend - c3 * arm.s_bend
@@ -198,34 +150,8 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
 
 
 @kernel
-def lower_turns(arm: Arm, minus: Joints, plus: Joints, turns: Turns) -> None:
-    """Lower the turns on the path by the changes from the middle to both ends [rad]."""
-    turns.q1 = come_back(turns.q1, minus[0], plus[0])
-    turns.q2 = come_back(turns.q2, minus[1], plus[1])
-    turns.q3 = come_back(turns.q3, minus[2], plus[2])
-    turns.q4 = come_back(turns.q4, minus[3], plus[3])
-    turns.q5 = come_back(turns.q5, minus[4], plus[4])
-    turns.q6 = come_back(turns.q6, minus[5], plus[5])
-    back, forth = arm.c_held * minus[1] + minus[2], arm.c_held * plus[1] + plus[2]
-    turns.q23 = come_back(turns.q23, back, forth)
-
-
-@kernel
 def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
-    """Bound how far links turn and anchors move, seen from the links 0 to 4.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    turns
-        How far its joints turn.
-    shift
-        Shape (5, 4), filled with the travel of limb base, elbow, forearm end and wrist point [m];
-        the limb base is the origin of link 2, the forearm ends in the wrist point.
-    spin
-        Shape (5, 7), filled with the turn of each link [rad].
-    """
+    """Bound how far links turn and anchors move, seen from the links 0 to 4."""
     held, upper = abs(arm.s_held), np.hypot(arm.a2, arm.d2)
     for row in range(5):
         for link in range(7):

@@ -92,19 +92,7 @@ def forearm_end(
 
 @kernel
 def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
-    """Fill in the squares that decide reach and singularity of the four classes of branches.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    out
-        Shape (4, 4), filled with `u^2` [m^2], `s5^2`, `c3` and `(s3 s5 u)^2` [m^2] for choice
-        `2 * shoulder + wrist`. The last is `(det J / (a2 a3))^2`, and not above zero out of
-        reach.
-    """
+    """Fill in `u^2`, `s5^2`, `c3` and `(s3 s5 u)^2` of each class `2 * shoulder + wrist`."""
     z, u2 = flange.z, squared_u(arm, flange)
     if u2 <= 0.0:
         for row in range(4):
@@ -125,24 +113,7 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of one branch, without forming joint angles.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
-    out
-        `JointAxes`, filled.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach and away from the wrist singularity.
-    """
+    """Find the joint axes of one branch, without forming joint angles."""
     p, z, u2 = flange.p, flange.z, squared_u(arm, flange)
     if u2 < 0.0:
         return False
@@ -184,26 +155,6 @@ def branch_angles(
 
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is given; the
     solution with the forearm end nearest to the shoulder is taken.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    x
-        Its first axis in the limb base frame.
-    branch
-        Branch label.
-    slack
-        0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
-    q
-        Filled with joint angles [rad], shape (6,), on no particular winding.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach.
     """
     z, u2 = flange.z, squared_u(arm, flange)
     if u2 < -SINGULAR or (slack == 0.0 and u2 <= 0.0):
@@ -245,19 +196,7 @@ def branch_angles(
 
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
-    """Compute the frames of the links in the limb base frame.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    q
-        Joint angles [rad], shape (6,).
-    frames
-        Shape (7, 4, 3), filled for links 0 (fixed) to 6 with origin [m] and axes x, y, z,
-        those of the manufacturer's link frames; x and y of link 6 are any pair across the
-        flange axis.
-    """
+    """Compute the frames of the links in the limb base frame."""
     c1, s1 = np.cos(q[0]), np.sin(q[0])
     _fixed_frames(arm, c1, s1, frames)
     angle = 0.0
@@ -285,26 +224,7 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
-    """Compute the frames of the links of one branch, without forming joint angles.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
-    axes
-        `JointAxes`, filled.
-    frames
-        Filled like by `link_frames`; x and y of link 6 are any pair across the flange axis.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach.
-    """
+    """Compute the frames of the links of one branch, without forming joint angles."""
     if not joint_axes(arm, flange, branch, axes):
         return False
     axis, point = axes.axis, axes.point

@@ -36,28 +36,14 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns, come_back
+from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 
 
 @kernel
 def stays_above(
     arm: Arm, terms: Array, choice: int, change: tuple[float, float], square_floor: float
 ) -> bool:
-    """Return whether the bounds keep a class of branches above the floor on an interval.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    terms
-        Filled by `branch_terms`, in the middle.
-    choice
-        The class.
-    change
-        How far the wrist moves [m] and the flange axis turns [rad] at most.
-    square_floor
-        Least `(s3 s5 u)^2` [m^2].
-    """
+    """Return whether the bounds keep a class of branches above the floor on an interval."""
     d, a = change
     k2 = arm.a2 * arm.a2 + arm.a3 * arm.a3
     rho = np.sqrt(terms[choice, 0] + arm.d4 * arm.d4)
@@ -77,45 +63,8 @@ def stays_above(
 
 
 @kernel
-def line_turns(change: Joints, turns: Turns) -> None:
-    """Compute the turns on a line in joint space by the change of joint angles to its end [rad]."""
-    turns.q1, turns.q2, turns.q3 = abs(change[0]), abs(change[1]), abs(change[2])
-    turns.q23, turns.q34 = abs(change[1] + change[2]), abs(change[2] + change[3])
-    turns.q234 = abs(change[1] + change[2] + change[3])
-    turns.q4, turns.q5, turns.q6 = abs(change[3]), abs(change[4]), abs(change[5])
-
-
-@kernel
-def more_turns(change: Joints, turns: Turns) -> None:
-    """Raise turns to those on a line in joint space where these are larger, see `line_turns`."""
-    turns.q1, turns.q2 = max(turns.q1, abs(change[0])), max(turns.q2, abs(change[1]))
-    turns.q3, turns.q4 = max(turns.q3, abs(change[2])), max(turns.q4, abs(change[3]))
-    turns.q5, turns.q6 = max(turns.q5, abs(change[4])), max(turns.q6, abs(change[5]))
-    turns.q23 = max(turns.q23, abs(change[1] + change[2]))
-    turns.q34 = max(turns.q34, abs(change[2] + change[3]))
-    turns.q234 = max(turns.q234, abs(change[1] + change[2] + change[3]))
-
-
-@kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
-    """Bound how far joints turn on their path from the middle of an interval to its ends.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    q
-        Joint angles in the middle [rad].
-    flange
-        How the flange moves on its path to either end.
-    turns
-        Filled.
-
-    Returns
-    -------
-    bool
-        Whether the bounds hold: the limb stays on its branch, and no joint turns by half a turn.
-    """
+    """Bound how far joints turn on their path from the middle of an interval to its ends."""
     d, a, w = flange
     c2, c23, s234 = np.cos(q[1]), np.cos(q[1] + q[2]), np.sin(q[1] + q[2] + q[3])
     u, links = abs(arm.a2 * c2 + arm.a3 * c23 + arm.d5 * s234), abs(arm.a2 * arm.a3)
@@ -144,35 +93,8 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
 
 
 @kernel
-def lower_turns(minus: Joints, plus: Joints, turns: Turns) -> None:
-    """Lower the turns on the path by the changes from the middle to both ends [rad]."""
-    turns.q1 = come_back(turns.q1, minus[0], plus[0])
-    turns.q2 = come_back(turns.q2, minus[1], plus[1])
-    turns.q3 = come_back(turns.q3, minus[2], plus[2])
-    turns.q4 = come_back(turns.q4, minus[3], plus[3])
-    turns.q5 = come_back(turns.q5, minus[4], plus[4])
-    turns.q6 = come_back(turns.q6, minus[5], plus[5])
-    turns.q23 = come_back(turns.q23, minus[1] + minus[2], plus[1] + plus[2])
-    turns.q34 = come_back(turns.q34, minus[2] + minus[3], plus[2] + plus[3])
-    back, forth = minus[1] + minus[2] + minus[3], plus[1] + plus[2] + plus[3]
-    turns.q234 = come_back(turns.q234, back, forth)
-
-
-@kernel
 def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
-    """Bound how far links turn and anchors move, seen from the links 0 to 4.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    turns
-        How far its joints turn.
-    shift
-        Shape (5, 4), filled with the travel of limb base, elbow, forearm end and wrist point [m].
-    spin
-        Shape (5, 7), filled with the turn of each link [rad].
-    """
+    """Bound how far links turn and anchors move, seen from the links 0 to 4."""
     reach = np.sqrt(arm.d4**2 + arm.d5**2)
     for row in range(5):
         for link in range(7):

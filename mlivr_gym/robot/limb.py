@@ -6,6 +6,7 @@ a class of its own, as `spherical_wrist_limb.SphericalWristLimb`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -72,20 +73,55 @@ STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HA
 """Quaternions of no turn, and of a quarter turn about x in either sense."""
 
 
-class LimbBase:
-    """Joint limits and windows of a limb of six moving joints, of any family."""
+class LimbBase(ABC):
+    """Joint limits and windows of a limb of any family, of which six joints move.
 
+    A seven-joint arm has one joint that is held at an angle: fields `held_joint`, its number from
+    1, and `held_angle` [rad]. It moves neither while the limb holds nor while it swings.
+    """
+
+    joint_limits: tuple[tuple[float, float], ...]
     window_starts: tuple[float, ...]
+    held_joint: int | None = None
+    held_angle: float = 0.0
 
     @property
+    @abstractmethod
     def lengths(self) -> Array:
         """Lengths of the family [m]."""
-        raise NotImplementedError
 
     @property
     def limits(self) -> Array:
         """Limits of the joints that move [rad], shape (6, 2)."""
-        raise NotImplementedError
+        rows = np.array(self.joint_limits)
+        return rows if self.held_joint is None else np.delete(rows, self.held_joint - 1, axis=0)
+
+    def check_joints(self, place: FieldPath) -> None:
+        """Refuse limits in the wrong order or number, and a held angle outside them.
+
+        Raises
+        ------
+        RobotError
+            Naming the field and what would be valid.
+        """
+        joints = 6 if self.held_joint is None else 7
+        if len(self.joint_limits) != joints:
+            raise place.field("joint_limits").fault(
+                f"has {len(self.joint_limits)} entries; an arm with held_joint "
+                f"{self.held_joint} has {joints} joints"
+            )
+        for joint, (low, high) in enumerate(self.joint_limits):
+            if not low < high:
+                limits = place.field("joint_limits").entry(joint)
+                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        if self.held_joint is None:
+            return
+        low, high = self.joint_limits[self.held_joint - 1]
+        if not low <= self.held_angle <= high:
+            raise place.field("held_angle").fault(
+                f"is {self.held_angle:g} rad; joint {self.held_joint} turns from {low:g} to "
+                f"{high:g} rad"
+            )
 
     @property
     def windows(self) -> Array:
@@ -134,20 +170,12 @@ class Limb(LimbBase):
         for name in ("a2", "a3", "d4"):
             if abs(getattr(self, name)) < SMALLEST:
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
-        for joint, (low, high) in enumerate(self.joint_limits):
-            if not low < high:
-                limits = place.field("joint_limits").entry(joint)
-                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        self.check_joints(place)
 
     @property
     def lengths(self) -> Array:
         """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
         return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
-
-    @property
-    def limits(self) -> Array:
-        """Joint limits [rad], shape (6, 2)."""
-        return np.array(self.joint_limits)
 
     @property
     def reach(self) -> float:

@@ -114,16 +114,7 @@ class SphericalWristLimb(LimbBase):
             raise place.field("a2").fault(f"is {self.a2:g}; the upper arm must have a length")
         if np.hypot(self.a3, self.d4) < SMALLEST:
             raise place.field("d4").fault(f"is {self.d4:g}; the forearm must have a length")
-        joints = 6 if self.held_joint is None else 7
-        if len(self.joint_limits) != joints:
-            raise place.field("joint_limits").fault(
-                f"has {len(self.joint_limits)} entries; an arm with held_joint "
-                f"{self.held_joint} has {joints} joints"
-            )
-        for joint, (low, high) in enumerate(self.joint_limits):
-            if not low < high:
-                limits = place.field("joint_limits").entry(joint)
-                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        self.check_joints(place)
         if self.held_joint is None:
             if self.held_angle != 0.0:
                 raise place.field("held_angle").fault(
@@ -136,23 +127,12 @@ class SphericalWristLimb(LimbBase):
                     f"is {getattr(self, name):g}; it must be 0 where joint {HELD_JOINT} is held, "
                     "the shoulder of a seven-joint arm being spherical"
                 )
-        low, high = self.joint_limits[HELD_JOINT - 1]
-        if not low <= self.held_angle <= high:
-            raise place.field("held_angle").fault(
-                f"is {self.held_angle:g} rad; joint {HELD_JOINT} turns from {low:g} to {high:g} rad"
-            )
 
     @property
     def lengths(self) -> Array:
         """Lengths d1, a1, d2, a2, a3, d4, d6 [m] and the held angle [rad], shape (8,)."""
         named = (self.d1, self.a1, self.d2, self.a2, self.a3, self.d4, self.d6, self.held_angle)
         return np.array(named, dtype=np.float64)
-
-    @property
-    def limits(self) -> Array:
-        """Limits of the six joints that move [rad], shape (6, 2)."""
-        rows = np.array(self.joint_limits)
-        return rows if self.held_joint is None else np.delete(rows, HELD_JOINT - 1, axis=0)
 
     @property
     def reach(self) -> float:

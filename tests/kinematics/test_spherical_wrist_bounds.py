@@ -20,16 +20,13 @@ from mlivr_gym.kinematics.families import (
     forward_kinematics,
     grasp_motion,
     held_turns,
-    line_turns,
     link_frames,
     link_motion,
-    lower_turns,
-    more_turns,
     stays_above,
 )
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.spherical_wrist import jacobian
-from mlivr_gym.kinematics.turns import FlangeMotion, Turns
+from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
 
 each_limb = pytest.mark.parametrize("name", LIMBS)
 NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "q23")

@@ -9,9 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
-from mlivr_gym.kinematics.families import held_turns, line_turns, lower_turns, more_turns
+from mlivr_gym.kinematics.families import held_turns
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.turns import FlangeMotion, Turns
+from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
 from mlivr_gym.kinematics.ur import forward_kinematics
 
 ARM = arm_of(LIMB)
