@@ -12,7 +12,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
-from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.robot.specification import ROBOTS, robot_spec
 from mlivr_gym.schema import FieldPath, Whole
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -107,7 +107,8 @@ def _parent_parser() -> argparse.ArgumentParser:
 def world_arguments() -> argparse.ArgumentParser:
     """Return the parent parser of robot, map and settings."""
     parser = _parent_parser()
-    option(parser, "--robot ROBOT", "mlivr2, mlivr3, mlivr4, or a robot as a JSON file", "mlivr2")
+    text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
+    option(parser, "--robot ROBOT", text, "mlivr2")
     option(parser, "--map FILE", "map as a JSON file (default: the measured JEM)")
     option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
     option(parser, "--no-transitions", "do not check that steps are executable")

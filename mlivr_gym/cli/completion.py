@@ -69,7 +69,7 @@ def _values() -> dict[str, tuple[str, ...]]:
     from mlivr_gym.robot.specification import ROBOTS
 
     return {
-        "--robot": tuple(ROBOTS),
+        "--robot": ROBOTS,
         "--heuristic": HEURISTICS,
         "plan --method": METHODS,
         "simulate --method": METHODS,

@@ -10,12 +10,14 @@ import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arguments import Raising, Via
+from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
@@ -310,8 +312,18 @@ ROBOT = Struct(
 MLIVR2 = RobotSpec(name="mlivr2")
 """Two UR5e on opposite faces of a 0.2 m cube of 20 kg."""
 
-ROBOTS = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
-"""The robots that ship with the package."""
+EVEN = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
+"""Robots with two, three and four UR5e on that cube."""
+
+ROBOTS = (*EVEN, "mlivr2-ur3e", "mlivr2-ur10e", "mlivr2-unequal")
+"""Names of the robots that ship; the others are files in `envs_assets`."""
+
+
+@cache
+def _shipped(name: str) -> RobotSpec:
+    """Return a robot that ships, by one of `ROBOTS`."""
+    return EVEN.get(name) or RobotSpec.load(asset_path(f"{name}.json"))
+
 
 _PLACE = FieldPath("robot", RobotError)
 
@@ -337,7 +349,7 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLAC
     if isinstance(robot, dict):
         return place.build(RobotSpec.from_dict, robot)
     if isinstance(robot, str) and robot in ROBOTS:
-        return ROBOTS[robot]
+        return _shipped(robot)
     if isinstance(robot, str) and os.path.isfile(robot):
         return RobotSpec.load(robot)
     raise RobotError(

@@ -7,7 +7,7 @@ from map_data import BOX, POINT, RAIL, SEGMENT
 
 from mlivr_gym import GraspMap, MlivrError, Settings, jem_map, stance_graph
 from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
-from mlivr_gym.robot.specification import ROBOTS
+from mlivr_gym.robot.specification import EVEN
 from mlivr_gym.world.map_entries import MARGIN
 
 
@@ -122,7 +122,7 @@ def test_without_a_cabin_the_base_may_be_anywhere_near_the_points():
     points = [POINT | {"id": f"P{k}", "position": [0.5 * k, 0, 0.1 * k]} for k in range(3)]
     loaded = GraspMap.from_dict({"points": points})
     np.testing.assert_array_equal(loaded.cabin, [[-1.5, -1.5, -1.5], [2.5, 1.5, 1.7]])
-    for robot in ROBOTS.values():
+    for robot in EVEN.values():
         holding = robot.mount_radius + robot.limb.reach + robot.tool_length
         assert MARGIN - 0.1 < holding < MARGIN
     graph = stance_graph(loaded, settings=Settings(manipulability=False, collisions=False))
