@@ -56,12 +56,11 @@ from mlivr_gym.transitions.state import State
 NODES_CHECKED_AROUND = 200
 """Number of nodes that are checked around a node of a walk that touches an obstacle."""
 
-FIRST_EXPANSION_LIMIT = 100
-"""Labels expanded before the lower bounds are improved by the edges checked; the limit grows
-fourfold each time."""
+FIRST_EXPANSION_LIMIT = 50
+"""Labels that a search expands before one from the other end improves the lower bounds."""
 
-BACKWARD_RATIO = 4
-"""Ratio of backward to forward expansions when lower bounds are improved."""
+LIMIT_GROWTH = 4
+"""Factor by which this limit grows after a search from either end."""
 
 COST_TOLERANCE = 1e-9
 """Relative tolerance of costs: a walk must be cheaper by more than this share to replace
@@ -219,8 +218,8 @@ class _TableSearch:
             if late or self.lower_bound == np.inf or self.expanded >= search.limit:
                 return
             if self._origin_paths[0].states[0].pose is None:
-                goal_bounds = self._backward_bounds(goal_bounds, BACKWARD_RATIO * expansion_limit)
-            expansion_limit *= 4
+                goal_bounds = self._backward_bounds(goal_bounds, expansion_limit)
+            expansion_limit *= LIMIT_GROWTH
 
     def _backward_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
         """Return lower bounds improved by a backward search from the goal that checks its edges.
