@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 from numba import njit
-from reports import spread
+from reports import spread, timed
 from scipy.spatial.transform import Rotation
+from time_shares import medians, time_shares
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
@@ -27,9 +30,12 @@ from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.placement import Placed, place_by_angles, place_in_world
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.pair_graph import PairGraph
+
+AGAIN = 20
+"""Number of changes that are made once more, to measure the parts of a query."""
 
 
 @njit(nogil=True, error_model="numpy")
@@ -118,32 +124,48 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
     }
 
 
-def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
-    """Return the time from ten newly occupied points, or a new box, to the new plan [ms]."""
-    rng, out = np.random.default_rng(0), {}
-    graph = planner.graph
-    free = planner.plan(start, goal).unwrap()
+def changes(
+    planner: Planner, start: tuple[str, ...], goal: Array, kind: str, count: int
+) -> Iterator[tuple[list[str], list[Box]]]:
+    """Yield points that become occupied, five of them on the plan, or a box in its way."""
+    rng = np.random.default_rng(0)
+    free, ids = planner.plan(start, goal).unwrap(), planner.graph.grasp_map.ids
     used = sorted({point for stance in free.stances for point in stance} - set(start))
-    others = [point for point in graph.grasp_map.ids if point not in used and point not in start]
+    others = [point for point in ids if point not in used and point not in start]
+    for _ in range(count):
+        if kind == "points":
+            few = rng.choice(used, min(5, len(used)), replace=False).tolist()
+            yield [*few, *rng.choice(others, 10 - len(few), replace=False).tolist()], []
+        else:
+            middle = 0.5 * (free.motion.base_positions[0, 0] + goal[0])
+            x, z = middle + rng.uniform(-0.6, 0.6), rng.choice([-1.0, 0.2])
+            yield [], [Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))]
+
+
+def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
+    """Return the time from ten newly occupied points, or a new box, to the new plan [ms].
+
+    Each kind also has the time of its parts, over the first of the changes once more.
+    """
+    graph, out = planner.graph, {}
+
+    def replan(taken: list[str], boxes: list[Box]) -> PlanningResult:
+        if taken:
+            graph.occupy(taken)
+        graph.add_obstacles(boxes)
+        return planner.plan(start, goal)
+
     for kind in ("points", "box"):
-        times, unsolved = [], 0
-        for _ in range(count):
-            boxes, taken = [], []
-            if kind == "points":
-                few = rng.choice(used, min(5, len(used)), replace=False).tolist()
-                taken = [*few, *rng.choice(others, 10 - len(few), replace=False).tolist()]
-            else:
-                middle = 0.5 * (free.motion.base_positions[0, 0] + goal[0])
-                x, z = middle + rng.uniform(-0.6, 0.6), rng.choice([-1.0, 0.2])
-                boxes = [Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))]
-            began = time.perf_counter()
-            if taken:
-                graph.occupy(taken)
-            graph.add_obstacles(boxes)
-            result = planner.plan(start, goal)
-            times.append(time.perf_counter() - began)
+        times, unsolved, parts = [], 0, []
+        for number, change in enumerate(changes(planner, start, goal, kind, count)):
+            seconds, result = timed(partial(replan, *change))
+            times.append(seconds)
             unsolved += result.plan is None
             graph.vacate()
             graph.remove_obstacles()
-        out[kind] = spread(times) | {"unsolved": unsolved}
+            if number < AGAIN:
+                parts.append(time_shares(partial(replan, *change)))
+                graph.vacate()
+                graph.remove_obstacles()
+        out[kind] = spread(times) | {"unsolved": unsolved, "parts": medians(parts)}
     return out

@@ -27,6 +27,7 @@ from graph_libraries import LIBRARIES
 from planning_report import markdown
 from reference_planner import TOLERANCE, map_to_plan
 from reports import command_line, pair_graph, publish, spread, timed
+from time_shares import medians, time_shares
 
 from mlivr_gym import State
 from mlivr_gym.arrays import Array
@@ -99,10 +100,15 @@ def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
     preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
     known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
+    parts = [
+        time_shares(partial(knowing.plan, start.stance, goal, cost))
+        for goal in goals
+        for start, _ in tasks[: len(tasks) // 2][-STARTS:]
+    ]
     exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
         "new goal": query_times(Planner(graph), tasks, cost),
-        "known goal": query_times(knowing, known, cost),
+        "known goal": query_times(knowing, known, cost) | {"parts": medians(parts)},
         "unreachable goal": query_times(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
         "prepare": spread(preparing),

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from reports import NOTHING, table
+from time_shares import OTHER, PARTS
 
 OFF = "collisions off"
 
@@ -90,6 +91,17 @@ def series(data: dict[str, Any]) -> Iterator[list[Any]]:
                 ]  # fmt: skip
 
 
+def part_rows(data: dict[str, Any]) -> Iterator[list[str]]:
+    """Yield the parts of the queries that are slower than their targets [ms]."""
+    queries = {
+        f"known goal, {words}": data["collisions on"][cost]["known goal"]
+        for cost, words in COSTS.items()
+    }
+    queries |= {"ten points": data["replanning"]["points"], "a box": data["replanning"]["box"]}
+    for name, found in queries.items():
+        yield [name, *(f"{found['parts'][part]:.2f}" for part in (*PARTS, OTHER))]
+
+
 def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
     """Yield the table rows of this planner and of both libraries."""
     for program, row in data["libraries"].items():
@@ -148,6 +160,12 @@ drawn in the cabin. *Search* is the part of the median without start and motion.
 changes of the world has a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
+What limits them: medians of the time that each part of a query takes, in ms. A plan is returned
+with its whole motion, whose swings are found for steps that the planner has not met before. Points
+and boxes leave the costs to the goal as lower bounds, so that the search goes through what costs
+nearly as little, and steps close to a box are checked.
+
+{table("query | " + " | ".join((*PARTS, OTHER)), part_rows(data))}
 One configuration, both limbs against the cabin, the body, themselves and each other, takes \
 {single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
 (kinematics and collision pipeline, called from Python), over the same \
