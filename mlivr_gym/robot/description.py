@@ -73,6 +73,7 @@ def read_description(
     path: str | Path,
     package_dirs: Sequence[str | Path] = (),
     speeds: float | Sequence[float] | None = None,
+    torques: float | Sequence[float] | None = None,
 ) -> Description:
     """Read a URDF or MJCF file.
 
@@ -85,6 +86,9 @@ def read_description(
     speeds
         Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
         of the file.
+    torques
+        Largest torque of every joint, or of each in the order of the file [N m]; None for those of
+        the file.
 
     Raises
     ------
@@ -129,7 +133,7 @@ def read_description(
         address = model.jnt_qposadr[joint]
         data.qpos[address : address + 7] = model.qpos0[address : address + 7]
     mujoco.mj_kinematics(model, data)
-    joints = _figures(mujoco, model, found, speeds)
+    joints = _figures(mujoco, model, found, (speeds, torques))
     name = tree.get("name") or tree.get("model") or path.stem
     return Description(name, model, data, joints, tuple(missing), _fields(fields))
 
@@ -304,11 +308,20 @@ def _check_masses(spec: Any) -> None:
 
 
 def _figures(
-    mujoco: Any, model: Any, found: dict[str, float], speeds: float | Sequence[float] | None
+    mujoco: Any,
+    model: Any,
+    found: dict[str, float],
+    limits: tuple[float | Sequence[float] | None, float | Sequence[float] | None],
 ) -> dict[int, JointFigures]:
-    """Return the limits of the hinges."""
+    """Return the limits of the hinges; `limits` are speeds and torques that a caller gives."""
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
-    given = _speeds_of(mujoco, model, len(hinges), speeds)
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
+    speeds, torques = limits
+    if speeds is None and number >= 0:
+        start = int(model.numeric_adr[number])
+        speeds = model.numeric_data[start : start + int(model.numeric_size[number])].tolist()
+    given = _each(SPEED_LIMITS, speeds, len(hinges))
+    strong = _each("torque_limits", torques, len(hinges))
     out = {}
     for k, joint in enumerate(hinges):
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint {joint}"
@@ -318,29 +331,23 @@ def _figures(
         out[joint] = JointFigures(
             name,
             (low, high) if limited else None,
-            _torque(mujoco, model, joint),
+            _torque(mujoco, model, joint) if strong is None else strong[k],
             found.get(name) if given is None else given[k],
             float(model.dof_armature[address]) or None,
         )
     return out
 
 
-def _speeds_of(
-    mujoco: Any, model: Any, count: int, speeds: float | Sequence[float] | None
-) -> list[float] | None:
-    """Return the speed limits that were given, or those of the file's `<numeric>`, by joint."""
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
-    if speeds is None and number >= 0:
-        start = int(model.numeric_adr[number])
-        speeds = model.numeric_data[start : start + int(model.numeric_size[number])].tolist()
-    if speeds is None:
+def _each(name: str, limits: float | Sequence[float] | None, count: int) -> list[float] | None:
+    """Return limits that were given joint by joint, None if none were."""
+    if limits is None:
         return None
-    listed = [float(speed) for speed in np.ravel(np.asarray(speeds, dtype=np.float64))]
+    listed = [float(limit) for limit in np.ravel(np.asarray(limits, dtype=np.float64))]
     if len(listed) == 1:
         return listed * count
     if len(listed) != count:
         raise RobotError(
-            f"{SPEED_LIMITS} has {len(listed)} entries; it must have 1, or {count}, one for each "
+            f"{name} has {len(listed)} entries; it must have 1, or {count}, one for each "
             "joint of the file"
         )
     return listed

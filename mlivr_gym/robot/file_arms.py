@@ -10,10 +10,11 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.recognition import JointChain
+from mlivr_gym.robot.joint_chain import HeldJoint, JointChain
+from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
 
 JOINTS = 6
-"""Number of joints of an arm."""
+"""Number of joints of an arm that move; of an arm with one joint more, that one is held."""
 
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
@@ -23,11 +24,13 @@ class FileArm(NamedTuple):
     """An arm of a file, by numbers of bodies and joints in the model."""
 
     joints: tuple[int, ...]
-    """Joints in order from the body."""
+    """Joints that move, in order from the body."""
     links: tuple[int, ...]
-    """Body that each joint moves."""
+    """Body that each of them moves."""
     tool: tuple[int, Array, Array]
     """Body that carries the tool frame, and the frame's position [m] and rotation in it."""
+    held: tuple[int, HeldJoint] | None = None
+    """Joint that is held, which is none of the others, by its number in the model."""
 
     @property
     def first(self) -> int:
@@ -90,8 +93,75 @@ def arms_of(
     return tuple(out)
 
 
+def with_held_joints(
+    file: Description,
+    arms: tuple[FileArm, ...],
+    names: str | Sequence[str] | None,
+    angles: float | Sequence[float],
+) -> tuple[FileArm, ...]:
+    """Return arms with the joints that are held set apart, and bring these to their angles.
+
+    Parameters
+    ----------
+    file
+        The file, whose posture is changed.
+    arms
+        The arms.
+    names
+        Name of the joint that each arm of seven joints holds; None for the third.
+    angles
+        Angle at which it is held, of every arm or of each [rad].
+
+    Raises
+    ------
+    RobotError
+        If a name is none of an arm's seven joints, or an angle lies outside the joint's limits.
+    """
+    import mujoco
+
+    named = names if names is None or not isinstance(names, str) else [names] * len(arms)
+    given = [float(angle) for angle in np.ravel(angles)]
+    for field, count in (("held_joint", len(arms if named is None else named)),
+                         ("held_angle", len(arms) if len(given) == 1 else len(given))):  # fmt: skip
+        if count != len(arms):
+            raise RobotError(f"{field} has {count} entries; the file has {len(arms)} limbs")
+    out = tuple(
+        _with_held_joint(file, arm, None if named is None else named[k], given[k % len(given)])
+        for k, arm in enumerate(arms)
+    )
+    mujoco.mj_kinematics(file.model, file.data)
+    return out
+
+
+def _with_held_joint(file: Description, arm: FileArm, name: str | None, angle: float) -> FileArm:
+    """Return an arm with the joint that it holds set apart, and set the joint's angle."""
+    joints = [file.joints[joint].name for joint in arm.joints]
+    if name is not None and name not in joints:
+        raise RobotError(f"held_joint is {name!r}; the limb's joints are {', '.join(joints)}")
+    if len(joints) != JOINTS + 1:
+        if name is not None:
+            raise RobotError(
+                f"held_joint is {name!r}; of an arm with {len(joints)} joints none is held"
+            )
+        return arm
+    place = HELD_JOINT - 1 if name is None else joints.index(name)
+    figures = file.joints[arm.joints[place]]
+    low, high = figures.limits or (-np.pi, np.pi)
+    if not low <= angle <= high:
+        raise RobotError(
+            f"held_angle is {angle:g} rad; joint {figures.name!r} turns from {low:g} to "
+            f"{high:g} rad"
+        )
+    file.data.qpos[file.model.jnt_qposadr[arm.joints[place]]] = angle
+    return arm._replace(
+        joints=(*arm.joints[:place], *arm.joints[place + 1 :]),
+        links=(*arm.links[:place], *arm.links[place + 1 :]),
+        held=(arm.joints[place], HeldJoint(place, angle, (low, high))),
+    )
+
+
 def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
-    """Return the joints of an arm in the world at the zero posture.
+    """Return the joints of an arm in the world where those that move are at 0.
 
     Parameters
     ----------
@@ -102,14 +172,18 @@ def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
     flange
         Frame of the flange in the world, shape (4, 4).
     """
-    joints = list(arm.joints)
-    parent = int(file.model.body_parentid[arm.first])
+    joints, held = list(arm.joints), None
+    if arm.held is not None:
+        joint, held = arm.held
+        joints.insert(held.place, joint)
+    parent = int(file.model.body_parentid[file.model.jnt_bodyid[joints[0]]])
     return JointChain(
         tuple(file.joints[joint].name for joint in joints),
         file.data.xaxis[joints].copy(),
         file.data.xanchor[joints].copy(),
         body_frame(file.data, parent),
         flange,
+        held,
     )
 
 

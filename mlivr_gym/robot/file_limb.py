@@ -14,11 +14,13 @@ from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
 from mlivr_gym.robot.file_shapes import fitted_capsules, links_apart
-from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
+from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
+from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
-from mlivr_gym.robot.recognition import DECIMALS, RecognisedArm, recognised
+from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.values import LONGEST_ROBOT
 
@@ -49,10 +51,10 @@ class LimbOptions:
 class FileLimb:
     """A limb of a file."""
 
-    limb: Limb
+    limb: AnyLimb
     """Lengths and joint limits."""
     joint_names: tuple[str, ...]
-    """Names of its joints."""
+    """Names of its joints that move."""
     signs: Array
     """Signs of its joint angles, see `recognition.RecognisedArm`."""
     offsets: Array
@@ -172,12 +174,14 @@ def limb_of(
     _check_size(file, arm, tool)
     members = limb_parts(file, arms, number, options.tool_length is None)
     found = recognised(chain_of(file, arm, members.flange))
-    limits = _limits(file, arm, found)
-    limb = Limb(**found.lengths, joint_limits=limits)  # type: ignore[arg-type]
+    limb = found.limb(_limits(file, arm, found))
     if WINDOWS in file.fields:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
     frames = found.mount @ link_frames(limb, found.offsets)
     notes = []
+    if arm.held is not None:
+        joint, held = arm.held
+        notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
     length, gripper_mass = members.tool_length, 0.0
     if not members.gripper:
         length = TOOL_LENGTH if options.tool_length is None else options.tool_length
@@ -206,7 +210,7 @@ def limb_of(
         apart = links_apart(file, members, frames, limb)
     elif isinstance(options.capsules, str):
         capsules, excess = stretched_capsules(limb, length), {}
-        notes.append("collision shapes are the UR5e's, stretched")
+        notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
     error = _position_error(file, arm, limb, found, members.flange)
@@ -231,9 +235,7 @@ def _check_size(file: Description, arm: FileArm, tool: Array) -> None:
         )
 
 
-def _limits(
-    file: Description, arm: FileArm, found: RecognisedArm
-) -> tuple[tuple[float, float], ...]:
+def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple[float, float]]:
     """Return the limits of the limb's joint angles [rad]."""
     out = []
     for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
@@ -246,7 +248,7 @@ def _limits(
         ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
         low, high = sorted(sign * end + offset for end in ends)
         out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
-    return tuple(out)
+    return out
 
 
 def _of_limb(file: Description, name: str, number: int) -> Any:
@@ -322,7 +324,7 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
 
 
 def _position_error(
-    file: Description, arm: FileArm, limb: Limb, found: RecognisedArm, flange: Array
+    file: Description, arm: FileArm, limb: AnyLimb, found: RecognisedArm, flange: Array
 ) -> float:
     """Return the largest distance of the flange from that of the file over random postures [m]."""
     import mujoco

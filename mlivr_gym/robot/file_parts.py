@@ -11,7 +11,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_arms import FileArm, above, body_name, tool_frame_of
-from mlivr_gym.robot.recognition import MEETING
+from mlivr_gym.robot.joint_chain import MEETING
 
 SHORTEST_GRIPPER = 0.01
 """A grasp that is nearer to the first shape behind the flange is the flange itself [m]."""

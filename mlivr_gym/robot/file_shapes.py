@@ -24,6 +24,7 @@ from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
 from mlivr_gym.robot.kinds import APART
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import MOST_CAPSULES
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 from mlivr_gym.robot.stretched import gripper_capsule
 
 
@@ -95,13 +96,15 @@ def fitted_capsules(
 
 
 def links_apart(
-    file: Description, members: LimbParts, frames: Array, limb: Limb
+    file: Description, members: LimbParts, frames: Array, limb: AnyLimb
 ) -> tuple[tuple[str, str], ...]:
     """Return the pairs of `APART` whose shapes in the file never meet, whatever the joint angles.
 
     The upper arm moves in a plane beside joint 1, the wrist point lies beside the forearm by d4,
-    and the flange axis beside wrist 1 by d5.
+    and the flange axis beside wrist 1 by d5. Of arms with a spherical wrist none is sought.
     """
+    if not isinstance(limb, Limb):
+        return ()
     parts = dict(zip(LINKS, members.with_frames(frames), strict=False))
     parts["gripper"] = (members.gripper, frames[6])
     shapes = {link: solids(file, *part) for link, part in parts.items()}

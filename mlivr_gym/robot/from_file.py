@@ -20,7 +20,7 @@ from mlivr_gym.robot.build_checks import check_build
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
-from mlivr_gym.robot.file_arms import arms_of
+from mlivr_gym.robot.file_arms import arms_of, with_held_joints
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
 from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
@@ -45,7 +45,7 @@ class RobotFile:
     fields
         Fields of `RobotSpec`.
     joint_names
-        Names of the joints in the file, N of six; equal limbs of one arm share them.
+        Names of the joints that move in the file, N of six; equal limbs of one arm share them.
     signs
         1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
         offset`.
@@ -115,7 +115,10 @@ def read_robot(
     mount_radius: float | None = None,
     body_size: float | Triple | None = None,
     speed_limits: float | Sequence[float] | None = None,
+    torque_limits: float | Sequence[float] | None = None,
     rotor_inertia: float | None = None,
+    held_joint: str | Sequence[str] | None = None,
+    held_angle: float | Sequence[float] = 0.0,
     capsules: Sequence[Capsule] | str | None = None,
     package_dirs: Sequence[str | Path] = (),
     **fields: Any,
@@ -147,12 +150,21 @@ def read_robot(
     speed_limits
         Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
         of the file. MJCF has no field for them but a `<numeric>` of this name.
+    torque_limits
+        Largest torque of every joint, or of each in the order of the file [N m]; None for those of
+        the file.
     rotor_inertia
         Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
         the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
+    held_joint
+        Name of the joint that an arm of seven joints holds, of each limb if they differ; None for
+        the third joint.
+    held_angle
+        Angle at which it is held, of every limb or of each [rad].
     capsules
         Collision shapes of a limb in its link frames, or `"ur5e"` for those of the UR5e stretched
-        to its lengths; None for capsules fitted to the collision shapes of the file.
+        to its lengths, of another family capsules along its links; None for capsules fitted to the
+        collision shapes of the file.
     package_dirs
         Folders in which the packages of `package://` names lie, in addition to those above the
         file.
@@ -179,8 +191,8 @@ def read_robot(
     options = LimbOptions(tool_length, rotor_inertia, _listed(capsules))
     frames = (tool_frame,) if isinstance(tool_frame, str) else tool_frame
     try:
-        file = read_description(path, package_dirs, speed_limits)
-        arms = arms_of(file, tips, frames)
+        file = read_description(path, package_dirs, speed_limits, torque_limits)
+        arms = with_held_joints(file, arms_of(file, tips, frames), held_joint, held_angle)
         if len(arms) == 1:
             return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
                 "limbs": 2 if limbs is None else limbs,
@@ -282,7 +294,7 @@ def _fields(
 ) -> dict[str, Any]:
     """Return the fields of a robot; those that a caller gives come before those of the file."""
     first = limbs[0]
-    scale = max(abs(limb.limb.a2) + abs(limb.limb.a3) for limb in limbs) / UR5E_ARM
+    scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
     described = {
         "name": file.name,
         "limb": first.limb,

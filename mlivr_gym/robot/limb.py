@@ -183,6 +183,11 @@ class Limb(LimbBase):
         return float(np.abs(self.lengths).sum())
 
     @property
+    def arm_length(self) -> float:
+        """Length of upper arm and forearm together [m]."""
+        return abs(self.a2) + abs(self.a3)
+
+    @property
     def family_code(self) -> int:
         """Number of the family, see `kinematics.arm`."""
         return FAMILIES.index("ur")

@@ -140,6 +140,11 @@ class SphericalWristLimb(LimbBase):
         return self.link_distances[-1]
 
     @property
+    def arm_length(self) -> float:
+        """Length of upper arm and forearm together [m]."""
+        return self.a2 + float(np.hypot(self.a3, self.d4))
+
+    @property
     def family_code(self) -> int:
         """Number of the family, see `kinematics.arm`."""
         return FAMILIES.index(self.family)

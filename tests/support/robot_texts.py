@@ -1,5 +1,7 @@
 """URDF texts of arms, from published lengths, in poses and conventions of other authors."""
 
+import warnings
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -34,31 +36,75 @@ def frames_of(lengths):
     return [*out, frame]
 
 
-def arm_urdf(lengths=UR10E, seed=None, prefix="", root="base_link", links=True):
+def frames_along(steps):
+    """Frames of the joints and the flange of an arm at angles 0, joints turning about z.
+
+    A step is where a frame lies in the one before, and about which axis it is turned by how much.
+    """
+    frame, out = np.eye(4), []
+    for place, axis, degrees in steps:
+        step = np.eye(4)
+        step[:3, :3] = Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
+        step[:3, 3] = place
+        frame = frame @ step
+        out.append(frame)
+    return out
+
+
+IIWA14 = frames_along((
+    ((0.0, 0.0, 0.1575), "x", 0.0), ((0.0, 0.0, 0.2025), "x", -90.0), ((0.0, 0.0, 0.0), "x", 90.0),
+    ((0.0, 0.0, 0.42), "x", 90.0), ((0.0, 0.0, 0.0), "x", -90.0), ((0.0, 0.0, 0.4), "x", -90.0),
+    ((0.0, 0.0, 0.0), "x", 90.0), ((0.0, 0.0, 0.126), "x", 0.0),
+))  # fmt: skip
+"""Joints and flange of a KUKA LBR iiwa 14 R820, whose axes are z, y, z, -y, z, y, z.
+
+By the maker's data sheet (0.36 m, 0.42 m, 0.4 m, 0.126 m), and by `lbr_iiwa_14_r820.urdf` of the
+package kuka_lbr_iiwa_support of ROS-Industrial (Apache-2.0) but for 0.44 mm.
+"""
+
+KR16 = frames_along((
+    ((0.0, 0.0, 0.0), "x", 180.0), ((0.26, 0.0, -0.675), "x", -90.0), ((0.68, 0.0, 0.0), "x", 0.0),
+    ((0.0, -0.035, 0.0), "y", -90.0), ((0.0, 0.0, -0.67), "y", 90.0), ((0.0, 0.0, 0.0), "y", -90.0),
+    ((0.0, 0.0, -0.158), "y", 180.0),
+))  # fmt: skip
+"""Joints and flange of a KUKA KR 16-2 with the arm straight ahead, by `kr16_2.urdf` of the package
+kuka_kr16_support of ROS-Industrial (Apache-2.0)."""
+
+PUMA560 = frames_along((
+    ((0.0, 0.0, 0.0), "x", 0.0), ((0.0, 0.0, 0.6604), "x", -90.0),
+    ((0.4318, 0.0, 0.14909), "x", 0.0), ((0.0203, -0.43307, 0.0), "x", 90.0),
+    ((0.0, 0.0, 0.0), "x", -90.0), ((0.0, 0.0, 0.0), "x", 90.0), ((0.0, 0.0, 0.05625), "x", 0.0),
+))  # fmt: skip
+"""Joints and flange of a PUMA 560: Corke and Armstrong-Helouvry, "A search for consensus among
+model parameters reported for the PUMA 560 robot", ICRA 1994; the base height is Unimation's."""
+
+
+def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True):
     """An arm as URDF text; with a seed the frames, signs and zero angles are drawn at random.
 
-    Every link then has a frame of its own, whose joint axis is any unit vector, turned either way.
+    `frames` are those of the joints, about whose z axes they turn, and the flange's.
+    Drawn ones have joint axes along any unit vector, turned either way.
     """
     rng = None if seed is None else np.random.default_rng(seed)
-    frames, parts = frames_of(lengths), []
-    mine = [np.eye(4)] + [frame.copy() for frame in frames[:6]]
-    axes = [np.array([0.0, 0.0, 1.0])] * 6
+    parts, count = [], len(frames) - 1
+    mine = [np.eye(4)] + [frame.copy() for frame in frames[:count]]
+    axes = [np.array([0.0, 0.0, 1.0])] * count
     if rng is not None:
         pose = np.eye(4)
         pose[:3, :3] = Rotation.random(rng=rng).as_matrix()
-        angles = rng.uniform(-1.5, 1.5, 6)
+        angles = rng.uniform(-1.5, 1.5, count)
         moved = np.eye(4)
         out = []
-        for k in range(6):
+        for k in range(count):
             step = frames[k] if k == 0 else np.linalg.inv(frames[k - 1]) @ frames[k]
             moved = moved @ step
             turn = np.eye(4)
             turn[:3, :3] = Rotation.from_rotvec([0, 0, angles[k]]).as_matrix()
             moved = moved @ turn
             out.append(moved.copy())
-        tip = moved @ np.linalg.inv(frames[5]) @ frames[6]
+        tip = moved @ np.linalg.inv(frames[-2]) @ frames[-1]
         mine, axes = [np.eye(4)], []
-        for k in range(6):
+        for k in range(count):
             loose = np.eye(4)
             loose[:3, :3] = Rotation.random(rng=rng).as_matrix()
             sign = rng.choice([-1.0, 1.0])
@@ -66,8 +112,8 @@ def arm_urdf(lengths=UR10E, seed=None, prefix="", root="base_link", links=True):
             place[:3, 3] += rng.uniform(-0.1, 0.1) * place[:3, 2]
             mine.append(place @ loose)
             axes.append(sign * loose[:3, :3].T[:, 2])
-        frames = [*frames[:6], tip]
-    for k in range(6):
+        frames = [*frames[:count], tip]
+    for k in range(count):
         step = np.linalg.inv(mine[k]) @ mine[k + 1]
         low, high = (-3.1, 3.0) if k == 2 else (-6.0, 6.1)
         more = LIMITS.format(axis=told(axes[k]), low=low, high=high, torque=100 + k)
@@ -76,23 +122,25 @@ def arm_urdf(lengths=UR10E, seed=None, prefix="", root="base_link", links=True):
                               step, more))  # fmt: skip
         inertial = INERTIAL.format(mass=1.0 + k)
         parts.append(f'<link name="{prefix}link{k + 1}">{inertial}{SHAPE if links else ""}</link>')
-    step = np.linalg.inv(mine[6]) @ frames[6]
-    parts.append(joint_of(f"{prefix}fixed", "fixed", f"{prefix}link6", f"{prefix}tool0", step, ""))
+    step, last = np.linalg.inv(mine[-1]) @ frames[-1], f"{prefix}link{count}"
+    parts.append(joint_of(f"{prefix}fixed", "fixed", last, f"{prefix}tool0", step, ""))
     parts.append(f'<link name="{prefix}tool0"/>')
     return "\n".join(parts)
 
 
 def joint_of(name, kind, parent, child, step, more):
     """A joint between two links, which lie to each other as a homogeneous transform says."""
-    rpy = Rotation.from_matrix(step[:3, :3]).as_euler("xyz")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where the pitch is a quarter turn, one of many is taken
+        rpy = Rotation.from_matrix(step[:3, :3]).as_euler("xyz")
     return JOINT.format(name=name, kind=kind, parent=parent, child=child, xyz=told(step[:3, 3]),
                         rpy=told(rpy), more=more)  # fmt: skip
 
 
-def one_arm(**options):
-    """A URDF of one arm."""
+def one_arm(lengths=UR10E, frames=None, **options):
+    """A URDF of one arm, of the UR form or with the frames of its joints and its flange."""
     base = f'<link name="base_link">{INERTIAL.format(mass=4.0)}</link>'
-    return f'<robot name="arm">{base}{arm_urdf(**options)}</robot>'
+    return f'<robot name="arm">{base}{arm_urdf(frames or frames_of(lengths), **options)}</robot>'
 
 
 def whole_robot(places, lengths=UR10E):
@@ -106,5 +154,5 @@ def whole_robot(places, lengths=UR10E):
     for k, (place, mine) in enumerate(zip(places, each, strict=True)):
         parts.append(joint_of(f"mount{k}", "fixed", "body", f"foot{k}", place, ""))
         parts.append(f'<link name="foot{k}"/>')
-        parts.append(arm_urdf(mine, prefix=f"arm{k}_", root=f"foot{k}"))
+        parts.append(arm_urdf(frames_of(mine), prefix=f"arm{k}_", root=f"foot{k}"))
     return f'<robot name="whole">{"".join(parts)}</robot>'

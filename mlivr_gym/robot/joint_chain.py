@@ -1,0 +1,154 @@
+"""A chain of joints as a file has it, and the arm of a family that it is found to be."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
+
+ALIGNED = 1e-3
+"""Largest angle between axes that count as parallel or perpendicular [rad]."""
+
+MEETING = 1e-3
+"""Largest distance of axes that count as crossing each other [m]."""
+
+EXACT = 1e-7
+"""Lengths [m] and angles [rad] below this are rounding errors of a file and count as 0."""
+
+DECIMALS = 9
+"""Lengths are rounded to nanometres, so that a rounded angle of a file leaves no trace in them."""
+
+
+class HeldJoint(NamedTuple):
+    """A joint of a seven-joint arm that is held."""
+
+    place: int
+    """Its place in the chain, from 0."""
+    angle: float
+    """The angle at which it is held, in the terms of the file [rad]."""
+    limits: tuple[float, float]
+    """Its lower and upper limit in the file [rad]."""
+
+
+class JointChain(NamedTuple):
+    """The joints of an arm where those that move are at 0, all in one frame."""
+
+    names: tuple[str, ...]
+    """Names of the joints, n of them."""
+    axes: Array
+    """Unit vectors along them, shape (n, 3)."""
+    anchors: Array
+    """A point on each [m], shape (n, 3)."""
+    base: Array
+    """Frame of the link that carries the first joint, shape (4, 4)."""
+    flange: Array
+    """Frame of the flange, shape (4, 4)."""
+    held: HeldJoint | None
+    """The joint that is held, None if all move."""
+
+    @property
+    def moving(self) -> JointChain:
+        """The joints that move alone."""
+        if self.held is None:
+            return self
+        k = self.held.place
+        names = (*self.names[:k], *self.names[k + 1 :])
+        axes, anchors = (np.delete(rows, k, axis=0) for rows in (self.axes, self.anchors))
+        return JointChain(names, axes, anchors, self.base, self.flange, None)
+
+
+class RecognisedArm(NamedTuple):
+    """An arm in the terms of its family."""
+
+    kind: type[AnyLimb]
+    """Class of the limb."""
+    fields: dict[str, Any]
+    """Its lengths [m], and the joint that is held."""
+    signs: Array
+    """1 or -1 for each joint that moves: an angle of the family is `sign * angle of the file +
+    offset`."""
+    offsets: Array
+    """The offsets [rad], shape (6,)."""
+    mount: Array
+    """Base frame of the limb in the frame of the chain, shape (4, 4)."""
+    held_limits: tuple[float, float] | None = None
+    """Limits of the joint that is held in the terms of the family [rad], if the family has one."""
+
+    def limb(self, limits: list[tuple[float, float]]) -> AnyLimb:
+        """Return the limb, by the limits of the joints that move in the terms of the family."""
+        held = self.fields.get("held_joint")
+        if held is not None and self.held_limits is not None:
+            limits = [*limits[: held - 1], self.held_limits, *limits[held - 1 :]]
+        return self.kind(**self.fields, joint_limits=tuple(limits))
+
+
+def foot(chain: JointChain, k: int, other: int) -> Array:
+    """Return the point of joint `k`'s axis that is nearest to the axis of another joint [m]."""
+    axis, along = chain.axes[k], chain.axes[other]
+    apart = chain.anchors[other] - chain.anchors[k]
+    # The plane through the other axis and the common perpendicular has this normal.
+    beside = np.cross(along, np.cross(axis, along))
+    share = (apart @ beside) / (axis @ beside)
+    nearest: Array = chain.anchors[k] + share * axis
+    return nearest
+
+
+def tool_x(flange: Array, out: Array) -> Array:
+    """Return the flange's first axis across `out`, or its second where the first is along it."""
+    for k in (0, 1):
+        across: Array = flange[:3, k] - (flange[:3, k] @ out) * out
+        size = float(np.linalg.norm(across))
+        if size > 0.5:
+            return across / size
+    raise AssertionError("two axes of a frame cannot both be along one direction")
+
+
+def right_angle_fault(chain: JointChain, k: int, other: int) -> str:
+    """Return why the axes of two joints are not at right angles, empty if they are."""
+    cosine = abs(float(chain.axes[k] @ chain.axes[other]))
+    if cosine <= ALIGNED:
+        return ""
+    angle = np.rad2deg(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    pair = f"the axes of joints {chain.names[k]!r} and {chain.names[other]!r}"
+    return f"{pair} are {angle:.3g} degrees apart, not 90"
+
+
+def crossing_fault(chain: JointChain, k: int, other: int) -> str:
+    """Return why the axes of two joints do not cross at right angles, empty if they do."""
+    fault = right_angle_fault(chain, k, other)
+    across = np.cross(chain.axes[k], chain.axes[other])
+    gap = abs(float((chain.anchors[other] - chain.anchors[k]) @ across))
+    if not fault and gap > MEETING:
+        pair = f"the axes of joints {chain.names[k]!r} and {chain.names[other]!r}"
+        fault = f"{pair} pass each other at {gap:.3g} m and do not cross"
+    return fault
+
+
+def flange_fault(chain: JointChain, wrist: Array) -> str:
+    """Return why the flange does not lie on the last axis, through the wrist, empty if it does."""
+    off = float(np.linalg.norm(np.cross(chain.flange[:3, 3] - wrist, chain.axes[-1])))
+    if off <= MEETING:
+        return ""
+    return (
+        f"the flange lies {off:.3g} m off the axis of joint {chain.names[-1]!r}; it must lie on "
+        "it, choose another with tool_frame"
+    )
+
+
+def rounded(length: float) -> float:
+    """Return a length rounded to nanometres, never -0 [m]."""
+    return round(float(length), DECIMALS) + 0.0
+
+
+def sign_of(length: float, otherwise: float) -> float:
+    """Return the sign that makes a length positive, or another number if the length is 0."""
+    number = length if abs(length) > MEETING else otherwise
+    return -1.0 if number < -ALIGNED else 1.0
+
+
+def told(axis: Array) -> str:
+    """Return an axis for a message."""
+    return "(" + ", ".join(f"{round(float(a), 4) + 0.0:g}" for a in axis) + ")"

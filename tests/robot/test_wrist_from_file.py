@@ -1,0 +1,166 @@
+"""Arms with a spherical wrist from URDF and MJCF: Pinocchio tells where flanges are."""
+
+import mujoco
+import numpy as np
+import pytest
+from robot_texts import IIWA14, KR16, PUMA560, frames_along, one_arm
+
+from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
+from mlivr_gym.simulation.scene import compiled, robot_alone
+
+ARMS = {"iiwa": IIWA14, "kr16": KR16, "puma": PUMA560}
+LENGTHS = {
+    "iiwa": (0.0, 0.0, 0.42, 0.0, 0.4, 0.126),
+    "kr16": (0.26, 0.0, 0.68, 0.035, 0.67, 0.158),
+    "puma": (0.0, 0.14909, 0.4318, 0.0203, 0.43307, 0.05625),
+}
+"""a1, d2, a2, a3, d4, d6 of the arms [m]; of the last, d2 and a3 point either way."""
+CLEAR = 0.2
+"""Mount radius at which the arms stand clear of the body [m]."""
+
+
+def written(tmp_path, text, name="arm.urdf"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+def held_of(name, rng):
+    return {"held_angle": rng.uniform(-1.4, 1.4)} if name == "iiwa" else {}
+
+
+@pytest.mark.parametrize("seed", [None, *range(8)])
+@pytest.mark.parametrize("name", ARMS)
+def test_flanges_are_where_pinocchio_has_them(tmp_path, name, seed):
+    """Whatever the frames, signs and zero angles of the file are, and the angle that is held."""
+    pinocchio = pytest.importorskip("pinocchio")
+    text = one_arm(frames=ARMS[name], seed=seed)
+    rng = np.random.default_rng(1)
+    held = held_of(name, rng)
+    file = read_robot(written(tmp_path, text), **held)
+    limb = file.fields["limb"]
+    np.testing.assert_allclose(np.abs(limb.lengths[1:7]), LENGTHS[name], atol=1e-8)
+    assert file.position_error < 1e-8
+    model = pinocchio.buildModelFromXML(text)
+    data, tool, seen = model.createData(), model.getFrameId("tool0"), []
+    for _ in range(20):
+        angles = rng.uniform(-3.0, 3.0, 6)
+        every = np.insert(angles, 2, held["held_angle"]) if held else angles
+        pinocchio.framesForwardKinematics(model, data, every)
+        ours = file.from_file_angles(angles)[0]
+        np.testing.assert_allclose(file.to_file_angles(ours)[0], angles)
+        flange = forward_kinematics(ours, limb.lengths, limb.family_code)[-1]
+        seen.append(data.oMf[tool].homogeneous @ np.linalg.inv(flange))
+    # All postures agree on where the limb's base is, which lies on joint 1.
+    np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (20, 4, 4)), atol=1e-7)
+
+
+def test_zero_angles_of_the_iiwa_are_the_makers(tmp_path):
+    file = read_robot(written(tmp_path, one_arm(frames=IIWA14)), held_angle=0.8)
+    limb = file.fields["limb"]
+    assert limb == SphericalWristLimb(
+        held_angle=0.8, joint_limits=limb.joint_limits, window_starts=limb.window_starts
+    )
+    np.testing.assert_allclose(file.offsets, 0.0, atol=1e-7)
+    assert file.joint_names[0] == ("joint1", "joint2", "joint4", "joint5", "joint6", "joint7")
+    assert limb.joint_limits[2] == pytest.approx((-3.1, 3.0))
+    assert "joint joint3 held at 0.8 rad" in file.fields["source"]
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
+    """The inertia of a limb on a fixed base; a held joint is at its angle in the file."""
+    path = written(tmp_path, one_arm(frames=ARMS[name], seed=5))
+    options = held_of(name, np.random.default_rng(1)) | {"rotor_inertia": 0.0}
+    file = read_robot(path, **options)
+    robot = RobotSpec.from_urdf(path, gripper_mass=0.0, mount_radius=CLEAR, **options)
+    theirs, ours = mujoco.MjSpec.from_file(path).compile(), compiled(robot_alone(robot))
+    rng = np.random.default_rng(2)
+    moving = [theirs.joint(joint).dofadr[0] for joint in file.joint_names[0]]
+    for _ in range(5):
+        angles = rng.uniform(-3.0, 3.0, 6)
+        there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
+        there.qpos[2] = options.get("held_angle", 0.0)
+        there.qpos[moving] = angles
+        here.qpos[:7] = 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0
+        here.qpos[7:13] = file.from_file_angles(angles)[0]
+        full = []
+        for model, data in ((theirs, there), (ours, here)):
+            mujoco.mj_forward(model, data)
+            dense = np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, dense)
+            full.append(dense)
+        signs = np.outer(file.signs[0], file.signs[0])
+        expected = full[0][np.ix_(moving, moving)] * signs
+        np.testing.assert_allclose(full[1][6:12, 6:12], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+@pytest.mark.parametrize("angle", [0.0, 0.8])
+def test_a_robot_written_and_read_is_the_same(tmp_path, kind, angle):
+    path = written(tmp_path, one_arm(frames=IIWA14))
+    robot = RobotSpec.from_urdf(path, held_angle=angle, mount_radius=CLEAR, name="iiwa")
+    other = str(tmp_path / f"again.{kind}")
+    (robot.to_urdf if kind == "urdf" else robot.to_mjcf)(other)
+    again = robot_spec(other)
+    assert again.limbs == 2
+    np.testing.assert_allclose(again.limb.lengths, robot.limb.lengths, atol=1e-9)
+    np.testing.assert_allclose(again.joint_limits, robot.joint_limits, atol=1e-9)
+    for figure in ("masses", "centres", "inertias"):
+        for i in range(2):
+            one, two = (getattr(r.dynamics_of(i), figure) for r in (robot, again))
+            np.testing.assert_allclose(two, one, atol=1e-9)
+
+
+def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
+    path = written(tmp_path, one_arm(frames=IIWA14))
+    assert read_robot(path, held_joint="joint3").fields["limb"].held_joint == 3
+    for options, words in (
+        ({"held_joint": "joint9"}, "held_joint is 'joint9'; the limb's joints are joint1, joint2"),
+        ({"held_angle": 4.0}, "held_angle is 4 rad; joint 'joint3' turns from -3.1 to 3 rad"),
+        ({"held_joint": ["joint3", "joint3"]}, "held_joint has 2 entries; the file has 1 limbs"),
+        ({"held_joint": "joint5"}, "joint 'joint5' is held, not 'joint3'"),
+    ):
+        with pytest.raises(RobotError, match=words) as caught:
+            read_robot(path, **options)
+        assert "\n" not in str(caught.value)
+    six = written(tmp_path, one_arm(frames=KR16), "six.urdf")
+    with pytest.raises(RobotError, match="held_joint is 'joint3'; of an arm with 6 joints none is"):
+        read_robot(six, held_joint="joint3")
+
+
+def moved(frames, joint, place):
+    """Frames with those from a joint on moved, in the axes of the base."""
+    shift = np.eye(4)
+    shift[:3, 3] = place
+    return [*frames[:joint], *(shift @ frame for frame in frames[joint:])]
+
+
+@pytest.mark.parametrize(
+    ("frames", "words"),
+    [
+        (moved(IIWA14, 6, (0.088, 0.0, 0.0)),
+         "axes of joints 'joint6' and 'joint7' pass each other at 0.088 m and do not cross"),
+        (moved(IIWA14, 7, (0.02, 0.0, 0.0)),
+         "the flange lies 0.02 m off the axis of joint 'joint7'"),
+        (moved(IIWA14, 1, (0.1, 0.0, 0.0)),
+         "axes of joints 'joint1' and 'joint2' pass each other at|do not meet in a point"),
+        (moved(KR16, 5, (0.0, 0.0, 0.05)), "do not meet in a point|do not cross"),
+        ([*KR16[:2], KR16[1], *KR16[3:]],
+         "the axes of joints 'joint2' and 'joint3' are one line"),
+    ],
+)  # fmt: skip
+def test_what_the_closed_form_does_not_cover_is_refused_in_one_line(tmp_path, frames, words):
+    with pytest.raises(RobotError, match=words) as caught:
+        read_robot(written(tmp_path, one_arm(frames=frames)), held_angle=0.5)
+    assert "\n" not in str(caught.value)
+    assert "axes of its joints: joint1" in str(caught.value)
+
+
+def test_frames_are_those_of_their_steps():
+    (frame,) = frames_along([((1.0, 2.0, 3.0), "x", 90.0)])
+    np.testing.assert_allclose(frame[:3, 2], [0.0, -1.0, 0.0], atol=1e-15)
