@@ -11,12 +11,14 @@ from reports import table
 
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.any_limb import LimbKind
 from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, LimbKind
+from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
+from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
 from mlivr_gym.schema import (
     Anything,
     Choice,
@@ -66,6 +68,7 @@ MEANINGS = {
     "bar_min": "Lower corner of the bar alone, without its posts.",
     "bar_max": "Upper corner of the bar alone.",
     **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), "Length of the standard DH convention."),
+    "d0": "From the mount along the axis of joint 1 to that of joint 2.",
     "min": "Lower corner.",
     "max": "Upper corner.",
     "format": f"Version of the format, {FORMAT}.",
@@ -195,6 +198,7 @@ def tables() -> dict[str, str]:
                 fields(robot),
                 fields(LIMB, title="A limb of the UR family, three parallel axes:"),
                 fields(SPHERICAL_WRIST_LIMB, title="A limb with a spherical wrist:"),
+                fields(SSRMS_LIMB, title="A limb of the SSRMS's kind:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import networkx
 import pytest
 
-from mlivr_gym.robot.spherical_wrist_limb import FAMILIES
+from mlivr_gym.robot.limb import FAMILIES
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "mlivr_gym"

@@ -11,9 +11,9 @@ from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
 """Maximum number of pairs of capsules of one limb."""

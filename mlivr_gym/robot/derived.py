@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.values import SMALLEST, Triple
 
@@ -48,7 +48,7 @@ class DerivedFigures:
                 shapes = stretched_capsules(limb, self.tool_length)
             places = self.mount_radius * turns[:, :, 2]
             return tuple(
-                Mount(*place, limb, shapes, self.dynamics)
+                _on_base(Mount(*place, limb, shapes, self.dynamics), limb)
                 for place in zip(places.tolist(), turns.tolist(), strict=True)
             )
         return tuple(map(self._completed, self.mounts))
@@ -60,7 +60,7 @@ class DerivedFigures:
             limb, shapes, dynamics = self.limb, shapes or self.capsules, dynamics or self.dynamics
         if shapes is None:
             shapes = stretched_capsules(limb, self.tool_length)
-        return replace(mount, limb=limb, capsules=shapes, dynamics=dynamics)
+        return _on_base(replace(mount, limb=limb, capsules=shapes, dynamics=dynamics), limb)
 
     @property
     def is_symmetric(self) -> bool:
@@ -189,3 +189,13 @@ class DerivedFigures:
             given = "given with the robot" if mount.dynamics is not None else None
             told.append(given or (f"those of the {arm}, by its lengths" if arm else "not known"))
         return told[0] if len(set(told)) == 1 else "; ".join(told)
+
+
+def _on_base(mount: Mount, limb: AnyLimb) -> Mount:
+    """Return a mount at the base of the joints that move, see `LimbBase.base_in_mount`."""
+    base = limb.base_in_mount
+    if base is None:
+        return mount
+    turn, (axes, origin) = np.array(mount.rotation), base
+    place = np.array(mount.position) + turn @ origin
+    return replace(mount, position=place.tolist(), rotation=(turn @ axes).tolist())

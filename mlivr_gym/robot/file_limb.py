@@ -9,6 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
@@ -20,7 +21,6 @@ from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.values import LONGEST_ROBOT
 

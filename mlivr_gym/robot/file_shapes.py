@@ -8,6 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsule_fit import (
     ROUNDED,
     FittedCapsule,
@@ -24,7 +25,6 @@ from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
 from mlivr_gym.robot.kinds import APART
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 from mlivr_gym.robot.stretched import gripper_capsule
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
+from mlivr_gym.robot.any_limb import AnyLimb
 
 ALIGNED = 1e-3
 """Largest angle between axes that count as parallel or perpendicular [rad]."""

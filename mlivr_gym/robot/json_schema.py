@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.robot.any_limb import LIMB_FAMILIES, LimbKind
 from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
-from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, LimbKind
 from mlivr_gym.schema import Choice, Listed, Maybe, Numbers, Rotation, Struct, Text, Whole
 from mlivr_gym.values import LONGEST_TEXT
 
@@ -50,7 +49,7 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
         case Named():
             return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
         case LimbKind():
-            return {"anyOf": [json_schema_of(LIMB), json_schema_of(SPHERICAL_WRIST_LIMB)]}
+            return {"anyOf": [json_schema_of(kind) for kind in LIMB_FAMILIES.values()]}
         case SizeOrEdges():
             return {"anyOf": [json_schema_of(kind.edge), json_schema_of(kind.edges)]}
         case PairOf():

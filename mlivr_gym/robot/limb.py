@@ -96,6 +96,11 @@ class LimbBase(ABC):
         rows = np.array(self.joint_limits)
         return rows if self.held_joint is None else np.delete(rows, self.held_joint - 1, axis=0)
 
+    @property
+    def base_in_mount(self) -> tuple[Array, Array] | None:
+        """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
+        return None
+
     def check_joints(self, place: FieldPath) -> None:
         """Refuse limits in the wrong order or number, and a held angle outside them.
 
@@ -167,10 +172,20 @@ class Limb(LimbBase):
         """Check lengths and limits."""
         place = FieldPath("limb", RobotError)
         LIMB.check(self, place)
+        self.check_lengths(place)
+        self.check_joints(place)
+
+    def check_lengths(self, place: FieldPath) -> None:
+        """Refuse lengths of 0 without which the form is another one.
+
+        Raises
+        ------
+        RobotError
+            Naming the length.
+        """
         for name in ("a2", "a3", "d4"):
             if abs(getattr(self, name)) < SMALLEST:
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
-        self.check_joints(place)
 
     @property
     def lengths(self) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.limb import LinkQuaternion
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
 
 
 def axes_of(quaternion: LinkQuaternion) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -20,7 +21,6 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_dynamics,
     arm_limb,
 )
-from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, AnyLimb
 from mlivr_gym.schema import FieldPath, Listed, Maybe, Rotation, Struct, Tuples
 from mlivr_gym.values import LONGEST_ROBOT, Triple
 

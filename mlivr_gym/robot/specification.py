@@ -20,6 +20,7 @@ from mlivr_gym.arguments import Raising, Via
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
+from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
@@ -40,7 +41,6 @@ from mlivr_gym.robot.limb_dynamics import (
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount
-from mlivr_gym.robot.spherical_wrist_limb import LIMB_OF_FAMILY, AnyLimb
 from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Text, Tuples, Whole
 from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
 

@@ -16,10 +16,8 @@ from mlivr_gym.robot.limb import (
     FARTHEST_TURN,
     FORTH,
     LENGTH,
-    LIMB,
     STRAIGHT,
     AnchorPlace,
-    Limb,
     LimbBase,
     LinkOffset,
 )
@@ -248,26 +246,3 @@ SPHERICAL_WRIST_LIMB = Struct(
     },
 )
 """Fields of a `SphericalWristLimb`."""
-
-
-AnyLimb = Limb | SphericalWristLimb
-"""A limb of any family."""
-
-
-class LimbKind:
-    """A limb of any family; plain data without a family are of the UR family."""
-
-    def read(self, value: object, place: FieldPath) -> Limb | SphericalWristLimb:
-        """Return the limb of plain data, or a limb as it is."""
-        if isinstance(value, SphericalWristLimb):
-            return value
-        if isinstance(value, dict) and "family" in value:
-            family = Choice(FAMILIES).read(value["family"], place.field("family"))
-            if family != FAMILIES[0]:
-                return SPHERICAL_WRIST_LIMB.read(value, place)
-            value = {name: entry for name, entry in value.items() if name != "family"}
-        return LIMB.read(value, place)
-
-
-LIMB_OF_FAMILY = LimbKind()
-"""The kind of the field `limb` of a robot."""

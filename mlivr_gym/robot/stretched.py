@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import arm_data
-from mlivr_gym.robot.spherical_wrist_limb import AnyLimb
+from mlivr_gym.robot.ssrms_limb import SsrmsLimb
 
 
 def stretched_capsules(limb: AnyLimb, tool_length: float) -> tuple[Capsule, ...]:
@@ -17,7 +18,7 @@ def stretched_capsules(limb: AnyLimb, tool_length: float) -> tuple[Capsule, ...]
 
     The gripper reaches from the flange to the grasp. Radii are the UR5e's whatever the lengths.
     """
-    if not isinstance(limb, Limb):
+    if not isinstance(limb, Limb) or isinstance(limb, SsrmsLimb):
         return (*limb.link_capsules, gripper_capsule(tool_length))
     data = arm_data("ur5e")
     published = data["dh"]

@@ -1,0 +1,38 @@
+"""A limb of any family, and how it is read from plain data."""
+
+from __future__ import annotations
+
+from mlivr_gym.robot.limb import FAMILIES, LIMB, Limb
+from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, SphericalWristLimb
+from mlivr_gym.robot.ssrms_limb import SSRMS, SSRMS_LIMB, SsrmsLimb
+from mlivr_gym.schema import Choice, FieldPath, Struct
+
+AnyLimb = Limb | SphericalWristLimb
+"""A limb of any family; an `SsrmsLimb` is a `Limb`, whose closed form it has."""
+
+LIMB_FAMILIES: dict[str, Struct[AnyLimb]] = {
+    FAMILIES[0]: LIMB,  # type: ignore[dict-item]
+    FAMILIES[1]: SPHERICAL_WRIST_LIMB,  # type: ignore[dict-item]
+    SSRMS: SSRMS_LIMB,  # type: ignore[dict-item]
+}
+"""Fields of a limb of each family, by the names in robot files."""
+
+
+class LimbKind:
+    """A limb of any family; plain data without a family are of the UR family."""
+
+    def read(self, value: object, place: FieldPath) -> AnyLimb:
+        """Return the limb of plain data, or a limb as it is."""
+        if isinstance(value, SphericalWristLimb | SsrmsLimb):
+            return value
+        family = FAMILIES[0]
+        if isinstance(value, dict) and "family" in value:
+            names = tuple(LIMB_FAMILIES)
+            family = Choice(names).read(value["family"], place.field("family"))
+            if family == FAMILIES[0]:
+                value = {name: entry for name, entry in value.items() if name != "family"}
+        return LIMB_FAMILIES[family].read(value, place)
+
+
+LIMB_OF_FAMILY = LimbKind()
+"""The kind of the field `limb` of a robot."""

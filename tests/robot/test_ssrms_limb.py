@@ -1,0 +1,142 @@
+"""The seven-joint limb of the SSRMS's kind against Pinocchio's model of the published table."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+import station_arm
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mlivr_gym import RobotSpec, SsrmsLimb
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.specification import MLIVR2
+from mlivr_gym.simulation.scene import robot_alone, set_configuration
+
+LIMB = SsrmsLimb()
+L_C = 15.0
+TURN = st.floats(-1.5 * np.pi, 1.5 * np.pi)
+ANGLES = st.lists(TURN, min_size=6, max_size=6).map(np.array)
+MANY = settings(max_examples=100, deadline=None)
+MOUNT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+"""Published axes in the mount's: its z axis is that of joint 1, its x axis that of joint 2 at 0."""
+
+
+def published_arm():
+    """Pinocchio's model of the seven joints and the end effector, from the published table."""
+    model, parent = pin.Model(), 0
+    for k, (place, axis) in enumerate(station_arm.JOINTS):
+        joint = pin.JointModelRevoluteUnaligned(np.eye(3)["xyz".index(axis)])
+        parent = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), f"joint{k + 1}")
+    tip = pin.SE3(np.eye(3), np.array(station_arm.END))
+    model.addFrame(pin.Frame("end", parent, tip, pin.FrameType.OP_FRAME))
+    return model
+
+
+MODEL = published_arm()
+
+
+def published(held, q):
+    """End effector in the limb's mount, its flange's axes, and the Jacobian of all seven joints."""
+    angles = np.array([held, *station_arm.SIGNS * (q - station_arm.ZEROS)])
+    data, frame = MODEL.createData(), MODEL.getFrameId("end")
+    pin.computeJointJacobians(MODEL, data, angles)
+    pin.updateFramePlacements(MODEL, data)
+    jacobian = pin.getFrameJacobian(MODEL, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    end = data.oMf[frame]
+    axes = end.rotation @ station_arm.along(station_arm.LINKS[6][0])
+    return MOUNT @ end.translation, MOUNT @ axes, jacobian
+
+
+def flange(limb, q):
+    """Position and axes of the flange in the limb's mount by the limb's own kinematics."""
+    axes, origin = limb.base_in_mount
+    frame = forward_kinematics(q, limb.lengths, limb.family_code)[6]
+    return origin + axes @ frame[:3, 3], axes @ frame[:3, :3]
+
+
+@given(TURN, ANGLES)
+@MANY
+def test_forward_kinematics_of_all_seven_joints_is_that_of_pinocchio(held, q):
+    position, axes, _ = published(held, q)
+    ours = flange(replace(LIMB, held_angle=held), q)
+    np.testing.assert_allclose(ours[0], position, atol=1e-12)
+    np.testing.assert_allclose(ours[1], axes, atol=1e-12)
+
+
+@given(TURN, ANGLES)
+@MANY
+def test_w_m_of_the_joints_that_move_is_a_lower_bound_of_that_of_all(held, q):
+    """`w_m` of the six is `|det J| / l_c^3` of the columns 2 to 7, from Pinocchio."""
+    limb, jacobian = replace(LIMB, held_angle=held), published(held, q)[2]
+    moving = limb_manipulability(jacobian[:, 1:], L_C)
+    assert limb_manipulability(jacobian, L_C) >= moving * (1.0 - 1e-9) - 1e-12
+    s3, s5 = np.sin(q[[2, 4]])
+    u = limb.a2 * np.cos(q[1]) + limb.a3 * np.cos(q[1] + q[2]) + limb.d5 * np.sin(q[1:4].sum())
+    assert abs(limb.a2 * limb.a3 * s3 * s5 * u) / L_C**3 == pytest.approx(moving, abs=1e-7)
+
+
+@given(ANGLES)
+@MANY
+def test_frames_of_the_links_end_at_the_flange_of_the_closed_form(q):
+    frames, form = link_frames(LIMB, q), forward_kinematics(q, LIMB.lengths)
+    np.testing.assert_allclose(frames[6], form[6], atol=1e-12)
+
+
+@pytest.mark.parametrize("held", [0.0, 0.5 * np.pi, -1.0])
+def test_the_scene_has_the_links_where_pinocchio_has_the_end_effector(held):
+    """The limbs of a robot begin at joint 2; a mount is where joint 1 begins."""
+    limb = replace(LIMB, held_angle=held)
+    robot = replace(MLIVR2, name="two", limb=limb, mount_radius=0.5, body_size=1.0, tool_length=0.0)
+    model, rng = robot_alone(robot).compile(), np.random.default_rng(0)
+    data = mujoco.MjData(model)
+    for _ in range(10):
+        joints = rng.uniform(-2.0, 2.0, (2, 6))
+        set_configuration(model, data, np.zeros(3), np.array([1.0, 0, 0, 0]), joints)
+        for i, radial in enumerate(([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])):
+            mount = np.column_stack([[0, 0, 1.0], np.cross(radial, [0, 0, 1.0]), radial])
+            position, axes, _ = published(held, joints[i])
+            site = data.site(f"limb{i}/flange")
+            truth = 0.5 * np.array(radial) + mount @ position
+            np.testing.assert_allclose(site.xpos, truth, atol=1e-9)
+            np.testing.assert_allclose(site.xmat.reshape(3, 3), mount @ axes, atol=1e-9)
+
+
+@given(TURN, ANGLES)
+@MANY
+def test_bounds_of_reach_hold_from_the_mount(held, q):
+    limb = replace(LIMB, held_angle=held)
+    (position, _, jacobian), w_m = published(held, q), 0.02
+    distance = np.linalg.norm(position)
+    assert distance <= limb.reach
+    if limb_manipulability(jacobian[:, 1:], L_C) >= w_m:
+        assert distance <= limb.farthest_flange(L_C, w_m) + 1e-9
+
+
+def test_it_is_read_from_a_robot_file_and_written_as_read(tmp_path):
+    robot = RobotSpec.from_dict({"limb": {"family": "ssrms", "held_angle": 0.5}})
+    assert robot.limb == replace(LIMB, held_angle=0.5)
+    robot.save(tmp_path / "robot.json")
+    assert RobotSpec.load(tmp_path / "robot.json") == robot
+
+
+@pytest.mark.parametrize(
+    ("field", "message"),
+    [
+        ({"family": "canadarm"}, "limb.family is 'canadarm'; .*'ur', 'spherical_wrist', 'ssrms'"),
+        ({"held_joint": 3}, "limb.held_joint is 3; it must be a whole number from 1 to 1"),
+        ({"held_joint": None}, "limb.held_joint is None; it must be a whole number from 1 to 1"),
+        ({"held_angle": 5.0}, "limb.held_angle is 5 rad; joint 1 turns from -4.71239 to 4.71239"),
+        ({"a2": 0.0}, "limb.a2 is 0; it must not be 0"),
+        ({"d7": 1.0}, "limb.d7|unknown"),
+    ],
+)
+def test_a_faulty_field_is_refused_in_one_line(field, message):
+    with pytest.raises(RobotError, match=message) as caught:
+        RobotSpec.from_dict({"limb": {"family": "ssrms"} | field})
+    assert "\n" not in str(caught.value)
