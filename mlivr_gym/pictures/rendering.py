@@ -87,7 +87,7 @@ class SceneRenderer:
             If no GL library can be used.
         """
         from mlivr_gym.pictures.studio import studio_spec
-        from mlivr_gym.simulation.gl import mujoco, no_gl
+        from mlivr_gym.simulation.gl import forget_context, mujoco, no_gl
         from mlivr_gym.simulation.scene import compiled
 
         self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
@@ -100,6 +100,9 @@ class SceneRenderer:
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
             raise no_gl(error) from None
+        except BaseException as interruption:
+            forget_context(interruption)
+            raise
 
     @checked(
         {

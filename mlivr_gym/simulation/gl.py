@@ -13,7 +13,7 @@ import sys
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.schema import Choice, FieldPath
 
-__all__ = ["mujoco", "no_gl"]
+__all__ = ["forget_context", "mujoco", "no_gl"]
 
 BACKENDS = ("egl", "osmesa", "glfw", "disable")
 """Values of `MUJOCO_GL`: GPU without a screen, software, with a screen, and no rendering."""
@@ -32,12 +32,16 @@ def no_gl(error: Exception) -> RenderError:
         f"install an EGL library (Debian: libegl1) or set MUJOCO_GL to 'egl', 'osmesa' or 'glfw' "
         f"before MuJoCo is imported, or to 'disable' for simulations without pictures"
     )
-    _forget(error)
+    forget_context(error)
     return RenderError(message)
 
 
-def _forget(error: BaseException) -> None:
-    """Release the remains of a failed GL context, whose clean-up would print a traceback later."""
+def forget_context(error: BaseException) -> None:
+    """Release the GL context that was being opened when an error or an interruption occurred.
+
+    Its traceback keeps the context until the interpreter exits, when EGL is closed already and the
+    clean-up prints another traceback.
+    """
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     while error.__context__ is not None:
         error.__traceback__, error = None, error.__context__

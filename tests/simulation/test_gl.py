@@ -21,6 +21,19 @@ except ValueError as error:
 """
 
 
+INTERRUPTED = """
+import mujoco
+from mlivr_gym import GraspMap, robot_spec
+from mlivr_gym.pictures.rendering import SceneRenderer
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+mujoco.MjrContext = interrupt
+SceneRenderer(GraspMap.load("map.json"), robot_spec("mlivr2"))
+"""
+
+
 def run(folder, backend, *arguments):
     environment = os.environ | {"MUJOCO_GL": backend}
     return subprocess.run(
@@ -66,3 +79,12 @@ def test_what_mujoco_knows_is_taken(folder, backend):
     assert done.returncode == 0 or "cannot render with MUJOCO_GL" in done.stderr
     known = run(folder, backend, "-c", "import mujoco")
     assert done.returncode == known.returncode
+
+
+def test_an_interruption_while_a_context_opens_leaves_one_traceback(folder):
+    """The context is released before EGL is closed, so that nothing else is printed at exit."""
+    done = run(folder, "egl", "-c", INTERRUPTED)
+    if "cannot render with MUJOCO_GL" in done.stderr:
+        pytest.skip("no EGL")
+    assert done.stderr.splitlines()[-1] == "KeyboardInterrupt"
+    assert done.stderr.count("Traceback") == 1
