@@ -1,6 +1,7 @@
 """Hyperparameters of the training methods, checked before anything is trained.
 
-Those that ship with the package are in `envs_assets/training.json`.
+`ImitationSettings` has the default values of imitation; `envs_assets/training.json`, which ships
+with the package, has those of PPO and of the networks, and what distinguishes the methods.
 """
 
 from __future__ import annotations
@@ -55,17 +56,17 @@ class ImitationSettings:
         Discount of the value.
     """
 
-    rounds: int = 8
+    rounds: int = 6
     dagger: bool = True
     layouts: int = 9
     goals: int = 12
-    walks: int = 10
-    longest: int = 14
+    walks: int = 40
+    longest: int = 20
     most_removed: float = 0.6
     noise: float = 0.05
-    updates: int = 300
+    updates: int = 400
     batch: int = 256
-    learning_rate: float = 1e-3
+    learning_rate: float = 2e-3
     averaging: float = 0.997
     value_weight: float = 0.02
     discount: float = 0.99

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -122,6 +122,13 @@ class _TrainingRequest:
         """Return the environment with all steps of its map computed."""
         return MlivrEnv(**(self.env_arguments | {"precompute": True}))
 
+    def _complete_settings(self) -> dict[str, Any]:
+        """Return the hyperparameters without the networks, with all default values of imitation."""
+        settings = {name: value for name, value in self.settings.items() if name != "networks"}
+        if "imitation" in settings:
+            settings["imitation"] = asdict(ImitationSettings(**settings["imitation"]))
+        return settings
+
     def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
         """Return the configuration that a checkpoint stores."""
         return {
@@ -131,7 +138,7 @@ class _TrainingRequest:
             "seed": self.seed,
             "env": self.env_arguments,
             "init": None if self.init is None else Path(self.init).name,
-            "settings": {k: value for k, value in self.settings.items() if k != "networks"},
+            "settings": self._complete_settings(),
             **made_for(env, self.network),
             "version": __version__,
             "command": self.command,
