@@ -22,14 +22,7 @@ from mlivr_gym.agents.hyperparameters import ImitationSettings
 from mlivr_gym.agents.networks import as_tensors, scores_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import (
-    ActionResults,
-    CopyStates,
-    StepParameters,
-    TaskDistribution,
-    advance,
-    draw_tasks,
-)
+from mlivr_gym.envs.batch import ActionResults, CopyStates, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
 from mlivr_gym.envs.rewards import StepReward
@@ -261,11 +254,8 @@ class Imitation:
         noisy = rng.random(count) < self.settings.noise
         likely = np.where(noisy[:, None], legal, preferred)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
-        skip, parameters = (
-            np.zeros(count, np.bool_),
-            StepParameters(self.env.failure_probability, 0.0),
-        )
-        advance(actions, skip, parameters, tables, walks, ActionResults.of(count))
+        skip, risk = np.zeros(count, np.bool_), self.env.failure_probability
+        advance(actions, skip, risk, tables, walks, ActionResults.of(count))
 
     def _draw_starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
         """Return goals and start stances of walks; each goal can be reached, and is not yet."""

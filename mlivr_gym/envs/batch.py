@@ -20,7 +20,7 @@ from mlivr_gym.envs.tasks import (
     draw_task,
     longest_axis,
 )
-from mlivr_gym.errors import MlivrError, StanceError
+from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.stances.step_tables import state_of
 from mlivr_gym.stances.table_steps import any_step, find_step
@@ -49,20 +49,11 @@ class CopyStates(NamedTuple):
     """States of the random streams, shape (k,)."""
 
 
-class StepParameters(NamedTuple):
-    """Parameters of the outcome of an action."""
-
-    failure_probability: Array
-    """Probability that an attempt to grasp each point fails, shape (m,)."""
-    max_step: float
-    """Displacement that an action costs if it is masked out [m]."""
-
-
 class ActionResults(NamedTuple):
     """What one action does in each of k states; `advance` writes it."""
 
-    moved: Array
-    """Base displacement that the action costs [m], shape (k,); 0 where none is taken."""
+    displacement: Array
+    """Base displacement [m], shape (k,): there and back if the grasp fails, 0 without a step."""
     masked_out: BoolArray
     """Whether the action is not possible, shape (k,)."""
     grasp_failed: BoolArray
@@ -125,7 +116,7 @@ def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
 def advance(
     actions: IntArray,
     skip: BoolArray,
-    parameters: StepParameters,
+    failure_probability: Array,
     tables: StepTables,
     copies: CopyStates,
     results: ActionResults,
@@ -138,8 +129,8 @@ def advance(
         Action numbers, `limb * m + point`, shape (k,).
     skip
         States that take no action, shape (k,).
-    parameters
-        Parameters of the outcome.
+    failure_probability
+        Probability that an attempt to grasp each point fails, shape (m,).
     tables
         Tables of all steps.
     copies
@@ -147,9 +138,8 @@ def advance(
     results
         Written; its flags are False before.
     """
-    stances, masks, moved = copies.stances, copies.masks, results.moved
-    failure = parameters.failure_probability
-    streams, m = copies.streams, len(failure)
+    stances, masks, displacement = copies.stances, copies.masks, results.displacement
+    streams, m = copies.streams, len(failure_probability)
     # Distant memory is read for all copies before it is used, so that the reads overlap.
     for k in range(len(actions)):
         results.edge[k] = find_step(stances[k], actions[k] // m, actions[k] % m, tables)
@@ -161,7 +151,7 @@ def advance(
         for axis in range(3):
             before, after = stances[k], results.after[k]
             square += (tables.base_in_world[before, axis] - tables.base_in_world[after, axis]) ** 2
-        moved[k] = 0.0 if skip[k] else np.sqrt(square)
+        displacement[k] = 0.0 if skip[k] else np.sqrt(square)
     for k in range(len(actions)):
         if skip[k]:
             continue
@@ -169,12 +159,13 @@ def advance(
         held, s = 1 - moving, stances[k]
         kept = kept_on_edge(masks[k, held], tables.kept[edge] if edge >= 0 else 0)
         if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
-            moved[k], results.masked_out[k] = parameters.max_step, True
+            displacement[k], results.masked_out[k] = 0.0, True
             continue
         masks[k, held] = kept
-        if failure[point] > 0.0 and random_below(streams, k, 1 << 53) < failure[point] * (1 << 53):
+        risk = failure_probability[point]
+        if risk > 0.0 and random_below(streams, k, 1 << 53) < risk * (1 << 53):
             masks[k, moving] = tables.releasable[s, moving]
-            moved[k], results.grasp_failed[k] = 2.0 * moved[k], True
+            displacement[k], results.grasp_failed[k] = 2.0 * displacement[k], True
             continue
         stances[k] = results.after[k]
         masks[k, moving] = tables.releasable[stances[k], moving]
@@ -230,18 +221,12 @@ def draw_task_with_tables(
 ) -> Task:
     """Draw a task as `tasks.draw_task` does, with tables of steps if the moves have them.
 
-    Arguments and errors are the same, but the graph is that of the moves. If no task is found, the
-    stream stays as it was.
+    Arguments and errors are the same, but the graph is that of the moves.
     """
     at_posture = start is None or start.pose is None
     if isinstance(moves, TableMoves) and isinstance(tasks, WalkTasks) and at_posture:
         return _draw_walk_task(moves, tasks, stream, tolerance, start)
-    before = stream.state
-    try:
-        return draw_task(tasks, moves.graph, stream, tolerance, start)
-    except MlivrError:
-        stream.state = before
-        raise
+    return draw_task(tasks, moves.graph, stream, tolerance, start)
 
 
 def _draw_walk_task(

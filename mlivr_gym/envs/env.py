@@ -87,9 +87,10 @@ class MlivrEnv(StanceGraphEnv):
 
     ## Rewards
     `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
-    [m], and for a masked-out action minus `max_step`, an upper bound of the displacement. An
-    object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus` is
-    added when the goal is reached. Without shaping the return of an episode without masked-out
+    [m], and for a masked-out action minus `max_step`, an upper bound of the displacement. A step
+    that fails in simulation counts as a step, with the displacement of the base until the failure.
+    An object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus`
+    is added when the goal is reached. Without shaping the return of an episode without masked-out
     actions is minus the cost of its plan, plus the bonus.
 
     With `shaping=True` the potential-based term `discount * phi(after) - phi(before)` is added,
@@ -256,25 +257,23 @@ class MlivrEnv(StanceGraphEnv):
             If the options cannot be used, no task is found, or no step leaves the start.
         """
         super().reset(seed=seed)
-        if seed is not None or not self._seeded:
-            number = int(self.np_random.integers(2**63)) if seed is None else seed
-            self._stream, self._seeded = Stream.of_seed(number), True
+        if not self._seeded and seed is None:
+            self._stream, self._seeded = Stream.of_seed(int(self.np_random.integers(2**63))), True
+        stream = Stream(self._stream.state) if seed is None else Stream.of_seed(seed)
         graph, walk = self.graph, self._walk
         given = ResetOptions.of(options, graph, plans=walk is not None)
         start, goal = given.start_and_goal(graph, self.tasks, self.goal_tolerance)
         if start is None or goal is None:
-            task = draw_task_with_tables(
-                self.moves, self.tasks, self._stream, self.goal_tolerance, start
-            )
+            task = draw_task_with_tables(self.moves, self.tasks, stream, self.goal_tolerance, start)
             start, goal = start or task.start, task.goal if goal is None else goal
         if walk is not None:
-            start = walk.start(start, given.plan, walk.draw(self._stream))
+            start = walk.start(start, given.plan, walk.draw(stream))
             self._simulation_info = walk.measures
         if not self.moves.successors(start):
             raise StanceError(
                 f"no step leaves the start stance {graph.ids(start.stance)}; choose another start"
             )
-        self.goal = goal
+        self.goal, self._stream, self._seeded = goal, stream, True
         self._enter_state(start)
         self.steps, self.base_translation = 0, 0.0
         self._record_event(
@@ -310,24 +309,31 @@ class MlivrEnv(StanceGraphEnv):
             )
         action = action_number(action, self.graph.limbs * points)
         limb, point = divmod(action, points)
-        legal, moved, failed = bool(self._mask[action]), self.graph.max_step, False
+        legal, displacement, failed = bool(self._mask[action]), 0.0, False
         before = self._distance
         self.steps, simulated = self.steps + 1, None
         if legal:
             after = self.moves.take(state, action)
-            moved = distance(self.moves.place(after).base_in_world, self._place.base_in_world)
+            reached = self.moves.place(after).base_in_world
+            displacement = distance(reached, self._place.base_in_world)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self._stream.random() < risk)
             if failed:
-                moved, after = 2.0 * moved, state_after_failure(self.graph, state, after, limb)
+                displacement *= 2.0
+                after = state_after_failure(self.graph, state, after, limb)
             if self._walk is not None:
+                base = self._walk.configuration[0]
                 after, executed = self._walk.step(limb, point, after.masks)
                 self._simulation_info, simulated = self._walk.measures, recorded_motion(executed)
-            if self._walk is None or after.stance != state.stance:
-                self._enter_state(after)
-                self.base_translation += moved
+                if self._walk.measures["failure"]:
+                    displacement = float(np.linalg.norm(self._walk.configuration[0] - base))
+            self._enter_state(after)
+            self.base_translation += displacement
         success = self._distance <= self.goal_tolerance
-        reward = self.reward(StepOutcome(moved, before, self._distance, success, legal))
+        outcome = StepOutcome(
+            displacement, before, self._distance, success, legal, self.graph.max_step
+        )
+        reward = self.reward(outcome)
         self._record_event(action_caption(self.graph, (limb, point), legal, failed), simulated)
         ended = success or bool(self._simulation_info.get("failure"))
         return self._observation(), float(reward), ended, False, self._info(not legal, failed)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from mlivr_gym.arguments import Via
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.schema import Choice, FieldPath
@@ -20,8 +22,8 @@ class StepOutcome(NamedTuple):
     displacement: float | Array
     """Base displacement [m].
 
-    If the grasp failed it counts twice, there and back. If the action was masked out it is the
-    largest displacement of any step.
+    If the grasp failed it counts twice, there and back. If a step failed in simulation it is the
+    distance by which the base had moved by then. If the action was masked out it is 0.
     """
     before: float | Array
     """Distance of the base from the goal before the action [m]."""
@@ -31,13 +33,19 @@ class StepOutcome(NamedTuple):
     """Whether the base is in the goal region after the action."""
     legal: bool | BoolArray
     """Whether the action mask allowed the action."""
+    max_step: float
+    """Upper bound of the base displacement of one step [m]."""
 
 
 class Reward(Protocol):
     """Interface of a reward."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""
+        """Return the reward of a step, a number, or an array of shape (k,) as in the outcome.
+
+        In the vector environment the outcome has the copies that took an action, and not those that
+        were just reset.
+        """
 
 
 @dataclass(frozen=True)
@@ -55,11 +63,11 @@ class StepReward:
 
 @dataclass(frozen=True)
 class BaseReward:
-    """Reward of minus the base displacement [m]."""
+    """Reward of minus the base displacement [m], or minus `max_step` for a masked-out action."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Return minus the base displacement."""
-        return -outcome.displacement
+        """Return minus the base displacement, or minus `max_step`."""
+        return -np.where(outcome.legal, outcome.displacement, outcome.max_step)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which the kind `REWARD` builds this reward."""

@@ -14,19 +14,13 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
-from mlivr_gym.envs.batch import (
-    ActionResults,
-    CopyStates,
-    StepParameters,
-    TaskDistribution,
-    advance,
-    draw_tasks,
-)
+from mlivr_gym.envs.batch import ActionResults, CopyStates, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
@@ -59,8 +53,9 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     [m], `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`,
     `invalid_action` and `grasp_failed`, of shape (k,) unless stated.
 
-    The same objects serve as rewards and task generators: a reward is called with arrays of shape
-    (k,), a generator once for each copy that is reset. Each copy draws its tasks and grasp failures
+    The same objects serve as rewards and task generators: a reward is called with arrays, which
+    have an entry for each copy that took an action, a generator once for each copy that is reset.
+    Each copy draws its tasks and grasp failures
     from a stream of its own. With seed s, copy i does exactly what a `MlivrEnv` with seed s + i
     does under the same actions, over any number of episodes.
 
@@ -170,8 +165,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Raises
         ------
         MlivrError
-            If seed or options cannot be used, or no goal can be reached from a start; the states of
-            all copies then stay as they were.
+            If seed or options cannot be used, or no goal can be reached from a start; states and
+            random streams of all copies then stay as they were.
         """
         self._refresh_tables()
         given, seeds = self._read_reset_arguments(options, seed)
@@ -185,25 +180,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
             ]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
-        self._seed_streams(seeds, which)
-        new = (self.stances.copy(), self.masks.copy(), self.goals.copy())
+        new, new_goals = self._copy_states(), self.goals.copy()
+        self._seed_streams(seeds, which, new.streams)
         graph = self.env.graph
         if starts is not None:
             for k in np.flatnonzero(which):
                 state = graph.state(starts[k])
-                new[0][k], new[1][k] = self._stance_at[state.stance], state.masks
-            self._check_starts(which, *new[:2])
+                new.stances[k], new.masks[k] = self._stance_at[state.stance], state.masks
+            self._check_starts(which, new)
         if starts is None or goals is None:
-            self._draw(which, starts is not None, *new)
+            self._draw(which, starts is not None, new, new_goals)
         if goals is not None:
             for k in np.flatnonzero(which):
-                new[2][k] = graph.grasp_map.check_goal(goals[k])
-        self.stances[:], self.masks[:], self.goals[:] = new
-        self._start_episodes(which)
+                new_goals[k] = graph.grasp_map.check_goal(goals[k])
+        self._start_episodes(which, new, new_goals)
         self._ended[which] = False
         self._observe()
-        nothing = np.zeros(self.num_envs, np.bool_)
-        return self._seen.observation(), self._info(nothing, nothing.copy())
+        return self._seen.observation(), self._info(*np.zeros((2, self.num_envs), np.bool_))
 
     def _read_reset_arguments(
         self, options: object, seed: object
@@ -231,15 +224,21 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             return mask.copy()
         return np.array(Listed(Flag(), k, k).read(mask, place))
 
-    def _seed_streams(self, seeds: list[int | None], which: BoolArray) -> None:
-        """Start the random streams of the copies that are reset."""
+    def _seed_streams(
+        self, seeds: list[int | None], which: BoolArray, streams: NDArray[np.uint64]
+    ) -> None:
+        """Write the random streams of the copies that are reset with a seed, or for the first time.
+
+        A stream that starts without a seed is stored at once; a reset that fails does not change
+        which numbers the next one draws.
+        """
         for k in np.flatnonzero(which):
-            if (number := seeds[k]) is None:
-                if self._seeded[k]:
-                    continue
+            if (seed := seeds[k]) is not None:
+                streams[k] = Stream.of_seed(seed).state
+            elif not self._seeded[k]:
                 number = int(self.np_random.integers(2**63))
-            self._streams[k] = Stream.of_seed(number).state
-            self._seeded[k] = True
+                self._streams[k] = streams[k] = Stream.of_seed(number).state
+                self._seeded[k] = True
 
     def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
         """Take one action in each copy.
@@ -273,21 +272,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 raise SettingError(
                     f"the episode of copy {first} has ended; reset it with option 'reset_mask'"
                 )
-            self._draw(restart, False, self.stances, self.masks, self.goals)
-            self._start_episodes(restart)
-        parameters = StepParameters(env.failure_probability, env.graph.max_step)
+            new, new_goals = self._copy_states(), self.goals.copy()
+            self._draw(restart, False, new, new_goals)
+            self._start_episodes(restart, new, new_goals)
         copies = CopyStates(self.stances, self.masks, self._streams)
         results = ActionResults.of(self.num_envs)
-        advance(actions, restart, parameters, self.tables, copies, results)
-        legal, going = ~results.masked_out, ~restart
+        advance(actions, restart, env.failure_probability, self.tables, copies, results)
+        going = ~restart
         self.steps += going
-        self.base_translation += results.moved * legal
+        self.base_translation += results.displacement
         self._observe()
-        after = self._seen.goal_distance
-        success = after <= env.goal_tolerance
-        before = np.where(restart, after, before)
-        step_reward = env.reward(StepOutcome(results.moved, before, after, success, legal))
-        reward = np.where(restart, 0.0, step_reward)
+        success = (after := self._seen.goal_distance) <= env.goal_tolerance
+        reward = np.zeros(self.num_envs)
+        if going.any():
+            legal, max_step = ~results.masked_out[going], env.graph.max_step
+            distances = (results.displacement[going], before[going], after[going])
+            outcome = StepOutcome(*distances, success[going], legal, max_step)
+            reward[going] = env.reward(outcome)
         terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
         self._ended = terminated | truncated
         info = self._info(results.masked_out, results.grasp_failed)
@@ -317,11 +318,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             first = int(np.argmin(self._started))
             raise gymnasium.error.ResetNeeded(f"copy {first} was never reset; call reset() first")
 
-    def _check_starts(self, which: BoolArray, stances: IntArray, masks: IntArray) -> None:
+    def _check_starts(self, which: BoolArray, states: CopyStates) -> None:
         """Check that at least one step leaves each start."""
-        stuck = which & ~self._legal(stances, masks).any(axis=1)
+        stuck = which & ~self._legal(states.stances, states.masks).any(axis=1)
         if stuck.any():
-            stance = self.env.graph.ids(self.tables.points[stances[stuck.argmax()]])
+            stance = self.env.graph.ids(self.tables.points[states.stances[stuck.argmax()]])
             raise StanceError(f"no step leaves the start stance {stance}; choose another start")
 
     def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
@@ -331,35 +332,31 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         legal_actions(stances, masks, self.tables, out)
         return out.reshape(k, 2 * m).view(np.bool_)
 
-    def _draw(
-        self,
-        which: BoolArray,
-        given: bool,
-        stances: IntArray,
-        masks: IntArray,
-        goals: Array,
-    ) -> None:
+    def _copy_states(self) -> CopyStates:
+        """Return copies of states and streams, in which tasks are drawn before they are taken."""
+        return CopyStates(self.stances.copy(), self.masks.copy(), self._streams.copy())
+
+    def _draw(self, which: BoolArray, given: bool, states: CopyStates, goals: Array) -> None:
         """Draw goals, and starts unless they are given, and write them into the arrays."""
         graph, grasp_map = self.env.graph, self.env.graph.grasp_map
         if not isinstance(self.env.tasks, WalkTasks):
-            self._draw_one_by_one(which, given, stances, masks, goals)
+            self._draw_one_by_one(which, given, states, goals)
             return
         distribution = TaskDistribution.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
-        copies = CopyStates(stances, masks, self._streams)
-        missing = draw_tasks(which, which & given, distribution, self.tables, copies, goals)
+        missing = draw_tasks(which, which & given, distribution, self.tables, states, goals)
         if missing >= 0:
-            start = graph.ids(self.tables.points[stances[missing]])
+            start = graph.ids(self.tables.points[states.stances[missing]])
             task = f"goal that can be reached from start {start} was"
             task = task if given else "start with a goal that can be reached was"
             raise StanceError(f"no {task} found on map {grasp_map.name!r}")
 
     def _draw_one_by_one(
-        self, which: BoolArray, given: bool, stances: IntArray, masks: IntArray, goals: Array
+        self, which: BoolArray, given: bool, states: CopyStates, goals: Array
     ) -> None:
         """Draw the tasks of a user's generator, each copy from its stream."""
-        env = self.env
+        env, (stances, masks, streams) = self.env, states
         for k in np.flatnonzero(which):
-            stream = Stream(int(self._streams[k]))
+            stream = Stream(int(streams[k]))
             start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
             task = draw_task(env.tasks, env.graph, stream, env.goal_tolerance, start)
             if task.start.pose is not None:
@@ -368,12 +365,15 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 )
             stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
             goals[k] = task.goal
-            self._streams[k] = stream.state
-        self._check_starts(which, stances, masks)
+            streams[k] = stream.state
+        self._check_starts(which, states)
 
-    def _start_episodes(self, which: BoolArray) -> None:
-        """Set the counters of the chosen copies to zero."""
-        self.steps[which], self.base_translation[which], self._started[which] = 0, 0.0, True
+    def _start_episodes(self, which: BoolArray, states: CopyStates, goals: Array) -> None:
+        """Take the states and goals that were drawn; start the counters of the chosen copies."""
+        self.stances[:], self.masks[:], self._streams[:] = states
+        self.goals[:] = goals
+        self.steps[which], self.base_translation[which] = 0, 0.0
+        self._seeded[which] = self._started[which] = True
 
     def _observe(self) -> None:
         """Compute the observations of all copies."""

@@ -82,11 +82,34 @@ def test_the_outcome_says_what_the_step_did(small_map):
         outcome = reward.outcomes[-1]
         moved = np.linalg.norm(after["base_position"] - info["base_position"])
         assert outcome.legal is legal
-        assert outcome.displacement == pytest.approx(moved if legal else single.graph.max_step)
+        assert outcome.displacement == pytest.approx(moved)
+        assert outcome.max_step == single.graph.max_step
         assert outcome.before == pytest.approx(there)
         there = np.linalg.norm(after["base_position"] - single.goal)
         assert outcome.after == pytest.approx(there)
         assert outcome.success == after["is_success"]
+
+
+def test_rewards_are_asked_about_steps_only(small_map):
+    """Copies that a step resets take no action; no entry of any outcome stands for them."""
+    reward = Recorder()
+    _, copies = worlds(small_map, reward)
+    copies.max_episode_steps = 2
+    copies.reset(seed=0)
+    for k in range(5):
+        _, rewards, _, _, _ = copies.step(copies.action_masks().argmax(axis=1))
+        assert rewards.shape == (6,)
+        if k == 0:  # from now on copy 0 is a step behind the others
+            copies.reset(options={"reset_mask": np.arange(6) == 0})
+    assert [len(outcome.displacement) for outcome in reward.outcomes] == [6, 6, 1, 5, 6]
+    assert all((outcome.displacement > 0.0).all() for outcome in reward.outcomes)
+    # A step that only resets asks nothing.
+    copies.max_episode_steps = 1
+    copies.reset()
+    copies.step(copies.action_masks().argmax(axis=1))
+    asked = len(reward.outcomes)
+    assert copies.step(np.zeros(6, dtype=int))[1].tolist() == [0.0] * 6
+    assert len(reward.outcomes) == asked
 
 
 @pytest.mark.parametrize(("name", "reward"), [("steps", StepReward()), ("base", BaseReward())])

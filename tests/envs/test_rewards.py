@@ -119,7 +119,7 @@ def test_the_edge_of_the_goal_region_belongs_to_it():
     reward = TaskReward(BaseReward(), 5.0, True, 0.9, 0.25)
 
     def paid(before, after, success):
-        return reward(StepOutcome(0.5, before, after, success, True))
+        return reward(StepOutcome(0.5, before, after, success, True, 9.0))
 
     assert paid(1.0, 0.25, True) == -0.5 + 5.0 + 0.9 * 0.0 + 1.0
     assert paid(1.0, 0.75, False) == pytest.approx(-0.5 - 0.9 * 0.75 + 1.0)

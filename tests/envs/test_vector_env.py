@@ -7,10 +7,18 @@ import torch
 from gymnasium.vector import AutoresetMode
 
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError, UnknownPointError
 
 pytestmark = pytest.mark.usefixtures("cache")
+
+
+class UserTasks:
+    """A user's generator, which draws what the default one does."""
+
+    def draw(self, graph, rng, tolerance, start=None):
+        return sample_task(graph, rng, tolerance, start)
 
 
 @pytest.fixture(scope="module")
@@ -219,6 +227,41 @@ def test_a_start_from_which_nothing_is_reached_is_named(small_map):
         copies.reset(options={"start": infos["stance"]})
     with pytest.raises(StanceError, match="no start with a goal that can be reached"):
         copies.reset()
+
+
+@pytest.mark.parametrize("tasks", ["walk", "of a user"])
+def test_a_reset_that_fails_leaves_the_streams(small_map, tasks):
+    """Tasks after a refused reset are those without it, drawn by tables or by a user's object."""
+    if tasks != "walk":
+        tasks = UserTasks()
+    worlds = [MlivrVectorEnv(3, 2, map=small_map, collisions=False, tasks=tasks) for _ in range(2)]
+    for seed in (7, None):
+        for env in worlds:
+            env.reset(seed=seed)
+        failing = worlds[0]
+        failing.env.goal_tolerance, kept = 20.0, failing.env.goal_tolerance
+        for options in ({"seed": 11}, {}, {"seed": [None, 5, None]}):
+            with pytest.raises(StanceError, match="found on map"):
+                failing.reset(**options)
+        failing.env.goal_tolerance = kept
+        for _ in range(5):
+            ours, theirs = (env.step(env.action_masks().argmax(axis=1))[0] for env in worlds)
+            assert same(ours, theirs)
+        assert same(*(env.reset()[0] for env in worlds))
+
+
+def test_a_step_that_draws_no_task_changes_nothing(small_map):
+    """A copy whose episode has ended is reset by the step; if that fails, the step can be taken."""
+    worlds = [MlivrVectorEnv(3, 1, map=small_map, collisions=False) for _ in range(2)]
+    for env in worlds:
+        env.reset(seed=7)
+        env.step(env.action_masks().argmax(axis=1))
+    failing = worlds[0]
+    failing.env.goal_tolerance, kept = 20.0, failing.env.goal_tolerance
+    with pytest.raises(StanceError, match="found on map"):
+        failing.step(np.zeros(3, dtype=int))
+    failing.env.goal_tolerance = kept
+    assert same(*(env.step(np.zeros(3, dtype=int))[0] for env in worlds))
 
 
 @pytest.mark.parametrize(
