@@ -75,8 +75,8 @@ STRATA: dict[str, dict[str, tuple[str, ...]]] = {
 }  # fmt: skip
 """Strata: test folders and files for each source folder or file."""
 
-LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "planners/test_methods.py",
-        "envs/test_against_model.py", "planners/test_planner.py", "envs/test_actions.py",
+LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "envs/test_against_model.py",
+        "planners/test_planner.py", "envs/test_actions.py",
         "motion/test_commitment.py", "postures/test_given_pose.py",
         "collisions/test_sweep.py")  # fmt: skip
 """Test files that take longest and run last."""

@@ -129,16 +129,3 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
         np.testing.assert_array_equal(ours, theirs)
     with zipfile.ZipFile(file) as data:
         assert json.loads(data.read(HEAD)) == head
-
-
-@pytest.mark.parametrize("cut", [10, 0.5, 0.95])
-def test_step_tables_that_were_cut_off_are_worked_out_anew(small_map, tmp_path, monkeypatch, cut):
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
-    first = step_tables(stance_graph(world))
-    file = PAIR_TABLES.cached(stance_graph(world))
-    whole = file.read_bytes()
-    file.write_bytes(whole[: cut if cut > 1 else int(cut * len(whole))])
-    second = step_tables(stance_graph(world))
-    np.testing.assert_array_equal(first.after, second.after)
-    assert len(file.read_bytes()) == len(whole)

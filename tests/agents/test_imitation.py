@@ -63,23 +63,6 @@ def test_labels_are_the_steps_of_optimal_plans(env, short):
     assert sum(most < least for most, least in labels) > 10
 
 
-@pytest.mark.parametrize("dagger", [True, False])
-def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypatch, short):
-    settings = ImitationSettings(**(short | {"rounds": 3, "updates": 1, "dagger": dagger}))
-    imitation, walks, rounds = (
-        Imitation(env, make_policy(env, "mlp", {}), True, settings, 0),
-        [],
-        [],
-    )
-    chosen, learn = imitation._policy_actions, imitation._learn
-    monkeypatch.setattr(
-        imitation, "_policy_actions", lambda samples: walks.append(len(rounds)) or chosen(samples)
-    )
-    monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
-    imitation.run()
-    assert set(walks) == ({1, 2} if dagger else set())
-
-
 def test_held_out_goals_are_not_learnt_from(env, short):
     settings = ImitationSettings(**short)
     free = np.ones(len(env.graph.grasp_map), dtype=bool)

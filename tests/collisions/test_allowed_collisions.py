@@ -21,7 +21,6 @@ from mlivr_gym.collisions.allowed_collisions import (
     BOXES,
     OTHER,
     SAME,
-    allowed_pair,
 )
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
@@ -166,12 +165,3 @@ def test_mujoco_leaves_out_what_the_table_says(ladder, robot):
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in LINKS} | {"body"}
     with_box = {pair for pair in pairs if "box/crate" in pair}
     assert {name for pair in with_box for name in pair if name != "box/crate"} == names
-
-
-def test_every_row_has_a_reason_and_a_place():
-    rows = [(frozenset((row.first, row.second)), row.whose) for row in ALLOWED_COLLISIONS]
-    assert len(set(rows)) == len(rows)
-    assert all(row.reason for row in ALLOWED_COLLISIONS)
-    assert allowed_pair("forearm", "upper_arm") == allowed_pair("upper_arm", "forearm")
-    assert allowed_pair("forearm", "upper_arm", OTHER) is None
-    assert allowed_pair("shoulder", "base", OTHER) is not None

@@ -94,7 +94,3 @@ def test_the_grid_stays_small_however_far_boxes_reach(boxes):
     assert frame["cells"].prod() <= MOST_CELLS
     assert len(grid.items) <= MOST_ENTRIES
     assert len(grid.fill_bounds) == len(grid.start) - 1 == frame["cells"].prod()
-
-
-def test_the_cells_of_a_module_keep_their_size(jem):
-    assert box_grid(jem.boxes).frames[0]["edge"] == CELL_EDGE

@@ -7,11 +7,10 @@ import threading
 
 import numpy as np
 import pytest
-from numba import config
 
 from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels, limb_masks
-from mlivr_gym.compiled.kernels import entry, in_parallel, workers
+from mlivr_gym.compiled.kernels import in_parallel, workers
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners import (
     Planner,
@@ -142,10 +141,3 @@ def test_machine_code_is_kept_where_the_environment_says(tmp_path, variable):
         assert folder.startswith(str(tmp_path / "here"))
         assert given == (str(tmp_path / "here") if variable == "NUMBA_CACHE_DIR" else "")
     assert not list(tmp_path.glob("ours/*")) or variable != "NUMBA_CACHE_DIR"
-
-
-def test_an_entry_leaves_the_cache_folder_of_numba_alone(monkeypatch, tmp_path):
-    for given in ("", str(tmp_path)):
-        monkeypatch.setattr(config, "CACHE_DIR", given)
-        entry(lambda x: x)
-        assert given == config.CACHE_DIR

@@ -65,20 +65,6 @@ def places(kind, start=0):
             yield from places(inner, start + offset)
 
 
-def test_fields_have_the_types_and_shapes_that_are_annotated():
-    kind = Pack.dtype
-    assert kind.names == (
-        "full", "small", "wide", "code", "counts", "turn", "joints", "ball", "balls", "flag"
-    )  # fmt: skip
-    for name, scalar, shape in (
-        ("full", np.bool_, ()), ("small", np.int8, ()), ("wide", np.int64, ()),
-        ("code", np.uint16, ()), ("counts", np.int8, (3,)), ("turn", np.float64, (3, 3)),
-        ("joints", np.float64, (6,)), ("ball", Ball.dtype, ()), ("balls", Ball.dtype, (2, 2)),
-        ("flag", np.bool_, ()),
-    ):  # fmt: skip
-        assert (kind[name].base, kind[name].shape) == (np.dtype(scalar), shape)
-
-
 @pytest.mark.parametrize("record", [Ball, Pack, Flags, Outer])
 def test_every_number_lies_where_its_type_wants_it(record):
     """Also in the second of two rows, and no two share a byte."""

@@ -4,7 +4,6 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners import checked_edges
 from mlivr_gym.planners.checked_edges import CheckedEdges
 
 BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
@@ -25,9 +24,3 @@ def test_it_holds_what_was_put_in_last(groups):
     assert known.contains(asked).tolist() == [True] * len(plain) + [7 in plain, False]
     bits = np.array([*plain], dtype=np.int64)
     assert known.kept_on(bits).tolist() == [*plain.values()]
-
-
-def test_there_is_room_to_begin_with():
-    known = CheckedEdges.empty(3)
-    assert len(known.keys) == checked_edges.INITIAL_CAPACITY
-    assert not known.contains(np.array([0, 5])).any()

@@ -57,10 +57,17 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(graph, states, name, 
             goal = np.clip(graph.base_in_world[rng.integers(len(graph))], *graph.grasp_map.cabin)
             inside = np.linalg.norm(places - goal, axis=1) <= 0.05
             least = costs[inside].min(initial=np.inf)
-            how = {} if price is None else {"regrasp_price": price}
-            found = planner.plan(start, goal, name, goal_tolerance=0.05, **how)
+            how = {"goal_tolerance": 0.05, "regrasp_price": price}
+            found = planner.plan(start, goal, name, **how)
             outcomes.append(bool(found))
             assert outcomes[-1] == np.isfinite(least)
             if found:
                 assert found.plan.statistics.cost == pytest.approx(least, abs=1e-9)
+                plain = planner.plan(start, goal, name, method="dijkstra", **how).unwrap()
+                assert plain.cost == pytest.approx(least, abs=1e-9)
+                greedy = planner.plan(start, goal, name, method="greedy", **how).unwrap()
+                inflated = {"heuristic": "consistent", "inflation": 1.5}
+                fast = planner.plan(start, goal, name, **inflated, **how).unwrap()
+                assert least - 1e-9 <= min(greedy.cost, fast.cost)
+                assert fast.cost <= 1.5 * least + 1e-9
     assert sum(outcomes) > 10

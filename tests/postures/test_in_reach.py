@@ -11,7 +11,6 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.postures.in_reach import orders_of
 from mlivr_gym.robot.limb import Limb
 
 
@@ -138,14 +137,3 @@ def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
             away = [np.linalg.norm(forward_kinematics(a, lengths)[6, :3, 3]) for a in some]
             assert 0.85 * bound < max(away) <= bound
     assert robot.limb.farthest_flange(robot.characteristic_length, 10.0) == 0.0
-
-
-def test_orders_differ_by_neighbours_around_the_body():
-    """Each order of points on a circle occurs once, regardless of first point and sense."""
-    for limbs, count in ((2, 1), (3, 1), (4, 3), (5, 12)):
-        found = orders_of(limbs)
-        around = {
-            frozenset(frozenset((a, b)) for a, b in zip(row, np.roll(row, 1), strict=True))
-            for row in found.tolist()
-        }
-        assert len(found) == len(around) == count

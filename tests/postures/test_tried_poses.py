@@ -45,10 +45,3 @@ def test_postures_do_not_depend_on_what_they_are_computed_with(small_map, robot)
         alone = others.solve(stances[k : k + 1])
         for name in ("base_position", "base_rotation", "w_m", "w_b", "mask", "tried"):
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(whole, name)[k])
-
-
-def test_a_pose_that_is_given_has_no_number(jem):
-    graph = stance_graph(jem)
-    posture = graph.node_postures(slice(0, 1))
-    found = graph.solver.at(graph.points[:1], posture.base_position, posture.base_rotation)
-    assert found.tried.tolist() == [-1]

@@ -46,16 +46,6 @@ def test_postures_turn_with_the_limbs(jem, limbs, collisions):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9)
 
 
-def test_the_poses_tried_turn_with_the_limbs(jem):
-    graph = stance_graph(jem, "mlivr3", Settings(collisions=False))
-    for stance in stances_of(graph, 20, 0):
-        positions, rotations = graph.solver.poses_tried(stance.tolist())
-        yaw = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi / 3.0]).as_matrix()
-        others, after = graph.solver.poses_tried(np.roll(stance, -1).tolist())
-        np.testing.assert_allclose(others, positions, atol=1e-12)
-        np.testing.assert_allclose(after, rotations @ yaw, atol=1e-12)
-
-
 def random_map(rng, count):
     """Return a map of points at small integers, of which some stances are images of themselves."""
     places = np.unique(rng.integers(0, 4, (4 * count, 3)), axis=0)

@@ -35,7 +35,7 @@ def floating(jem, plan):
     return simulation
 
 
-@pytest.mark.parametrize("limbs", [2, 3])
+@pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_mass_matrix_and_kinematics_are_pinocchios(jem, limbs):
     robot = robot_spec(f"mlivr{limbs}")
     model, other = dynamics_spec(jem, robot).compile(), pinocchio_robot(robot)

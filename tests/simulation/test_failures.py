@@ -165,15 +165,6 @@ def test_a_hold_is_lost_above_its_force_and_above_its_torque(limb, name, most, k
     assert failure.values[f"allowed_{key}"] == most
 
 
-def test_figures_are_those_of_the_documentation():
-    physics = Physics()
-    assert physics.capture_distance == 0.01
-    assert np.rad2deg(physics.capture_angle) == pytest.approx(2.0)
-    assert physics.hold_force == 200.0
-    assert physics.hold_torque == 100.0
-    assert np.rad2deg(physics.limit_margin) == pytest.approx(3.0)
-
-
 @pytest.mark.parametrize(("degrees", "held"), [(1.5, True), (-1.5, True), (3.0, False)])
 def test_a_gripper_that_is_turned_too_far_cannot_hold(plan, simulation, degrees, held):
     """About its normal, so that it stays on its point; the capture angle is 2 degrees."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from recordings import resting
 
-from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.simulation.phase_torques import (
     PARTS,
     after_captures,
@@ -81,10 +80,3 @@ def test_a_step_without_capture_has_no_such_part(walk):
     recording, captures = walk
     found = phase_torques(recording, captures[:1])
     assert [entry.part for entry in found if entry.step == 1] == list(PARTS[:3])
-
-
-def test_the_figure_is_drawn(walk, tmp_path):
-    recording, captures = walk
-    recording = with_torque(recording, (20.0, 2.0), (75.0, 0.1), (100.0, 1.0))
-    simulation_figure(recording, captures, None, tmp_path / "walk.png", "a walk")
-    assert (tmp_path / "walk.png").stat().st_size > 10_000

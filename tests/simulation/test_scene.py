@@ -4,18 +4,13 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from gl_there import gl_or_skip
-from paper import NO_COLLISIONS
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import RenderError, SceneError, ShapeError
-from mlivr_gym.kinematics.ur import forward_kinematics
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
-from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.fixture(scope="module")
@@ -36,45 +31,6 @@ def test_scene_holds_tracks_handrails_points_and_robot(jem, model):
     assert rails.sum() == 18
     assert model.nv == 6 + 12
     assert (model.opt.gravity == 0.0).all()
-
-
-def test_masses_are_the_published_ones(model):
-    # Body 20 kg; on each of two limbs a base of 4 kg, six links of 17.70 kg in all and a gripper of
-    # 0.5 kg.
-    assert model.body_mass.sum() == pytest.approx(20.0 + 2 * (4.0 + 17.70 + 0.5))
-
-
-@pytest.mark.parametrize("limbs", [2, 3, 4])
-def test_mujoco_agrees_with_the_closed_form(jem, limbs):
-    robot = robot_spec(f"mlivr{limbs}")
-    model = scene_spec(jem, robot).compile()
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    for _ in range(5):
-        position, turn = rng.uniform(-1, 1, 3), Rotation.random(rng=rng)
-        joints = rng.uniform(-np.pi, np.pi, (limbs, 6))
-        set_configuration(model, data, position, turn.as_quat(scalar_first=True), joints)
-        for i in range(limbs):
-            frame = forward_kinematics(joints[i], robot.limb.lengths)[6]
-            mount = turn.as_matrix() @ robot.mount_rotations[i]
-            origin = position + turn.as_matrix() @ robot.mount_positions[i]
-            np.testing.assert_allclose(
-                data.site(f"limb{i}/flange").xpos, origin + mount @ frame[:3, 3], atol=1e-9
-            )
-            found = data.site(f"limb{i}/flange").xmat.reshape(3, 3)
-            np.testing.assert_allclose(found, mount @ frame[:3, :3], atol=1e-9)
-
-
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_a_stance_puts_every_gripper_on_its_point(jem, limbs):
-    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
-    model = scene_spec(jem, graph.robot).compile()
-    data = mujoco.MjData(model)
-    state = random_state(graph, np.random.default_rng(1))
-    set_configuration(model, data, *graph.configuration(state))
-    for i, point in enumerate(graph.ids(state.stance)):
-        np.testing.assert_allclose(
-            data.site(f"limb{i}/grasp").xpos, data.site(f"point/{point}").xpos, atol=1e-6
-        )
 
 
 LIMITS = (
@@ -106,13 +62,6 @@ def test_a_joint_meets_a_stop_only_beyond_the_robots_limits(jem):
         set_configuration(model, data, *straight, np.full((2, 6), angle))
         limit = mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         assert np.count_nonzero(data.efc_type == limit) == stops
-
-
-def test_faces_of_a_map_may_have_any_name(ladder):
-    data = ladder.to_dict()
-    named = GraspMap.from_dict(data | {"faces": ["hull"] * len(data["faces"])})
-    model = scene_spec(named, robot_spec("mlivr2")).compile()
-    assert model.site("point/R0:0") is not None
 
 
 NAMES = (
@@ -200,17 +149,6 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
     monkeypatch.setenv("DISPLAY", ":0")
     with pytest.raises(SceneError, match="cannot build scene"):
         SceneWindow(ladder, robot_spec("mlivr2"))
-
-
-def test_pictures_show_the_robot_or_say_what_is_missing(jem, graph):
-    with gl_or_skip():
-        renderer = SceneRenderer(jem, graph.robot, 160, 90)
-    states = [graph.state(stance) for stance in (("D1a:4", "D1b:4"), ("D2a:4", "D2a:3"))]
-    first, second = (renderer.render(*graph.configuration(state)) for state in states)
-    renderer.close()
-    assert first.shape == (90, 160, 3)
-    assert (first != second).any()
-    assert first.std() > 10
 
 
 def test_a_window_without_a_screen_is_one_clear_error(jem, graph, monkeypatch):

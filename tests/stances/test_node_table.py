@@ -22,7 +22,7 @@ from mlivr_gym.stances.node_pairs import (
     row_of,
     spread,
 )
-from mlivr_gym.stances.node_table import ROUNDED, codes
+from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import State
@@ -240,11 +240,6 @@ def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
         assert getattr(again, name).dtype == getattr(table, name).dtype
     assert table.bits.any()
     assert table.lost.any()
-
-
-def test_codes_are_in_the_order_of_the_points():
-    points = np.array(sorted(itertools.permutations(range(0, 5 * 4000, 4000), 3)))
-    assert (np.diff(codes(points).astype(object)) > 0).all()
 
 
 @pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])

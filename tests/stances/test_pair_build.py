@@ -151,18 +151,6 @@ def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
     assert all(line.endswith("No space left on device") for line in lines)
 
 
-def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
-    fewer, whole, monkeypatch, tmp_path, caplog
-):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    graph = stance_graph(fewer)
-    with caplog.at_level(logging.WARNING):
-        assert build_pairs(graph) is None
-    assert_same(graph, whole)
-    assert "the table is not stored" in caplog.text
-
-
 def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):
     with pytest.raises(KeyboardInterrupt):
         build_pairs(stance_graph(fewer), stop_at(0.6))
