@@ -16,7 +16,7 @@ from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 REQUIRED_PACKAGES = ("minari", "h5py", "jax")
@@ -69,7 +69,7 @@ def write_dataset(
         If `episodes` is below 1, the id is not valid for Minari or exists already, or the extra
         [data] is not installed; all this is checked before the first episode.
     """
-    need(*REQUIRED_PACKAGES, extra="data")
+    require(*REQUIRED_PACKAGES, extra="data")
     if episodes < 1:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     _check_id(dataset_id)
@@ -126,7 +126,7 @@ def load_dataset(dataset_id: str) -> Any:
         If no data set has this id, its episodes were made by other rules of the stance graph, or
         the extra [data] is not installed.
     """
-    need(*REQUIRED_PACKAGES, extra="data")
+    require(*REQUIRED_PACKAGES, extra="data")
     import minari
 
     try:

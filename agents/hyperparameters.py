@@ -13,7 +13,7 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.files import load
-from mlivr_gym.schema import FieldPath, Fields, Flag, Kind, Listed, Maybe, Struct, Tuples, Whole
+from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, Kind, ListOf, OrNone, Struct, Tuples
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
 """Names of the training methods; `finetune` is PPO with small steps from a checkpoint."""
@@ -76,10 +76,10 @@ class ImitationSettings:
         IMITATION.check(self, FieldPath("imitation", SettingError))
 
 
-COUNT = Whole(1, 1 << 40)
+COUNT = Integer(1, 1 << 40)
 """Kind of a number of steps, states or epochs."""
 
-WIDTH = Whole(1, 1 << 14)
+WIDTH = Integer(1, 1 << 14)
 """Kind of the number of units of a layer."""
 
 SHARE = Tuples((), 0.0, 1.0)
@@ -104,7 +104,7 @@ SIZES = Fields(
     {},
     {
         "pointer": Fields({}, {"width": WIDTH, "summary": WIDTH}),
-        "mlp": Fields({}, {"net_arch": Listed(WIDTH, most=32)}),
+        "mlp": Fields({}, {"net_arch": ListOf(WIDTH, most=32)}),
     },
 )
 """Kind of the sizes of each network."""
@@ -112,26 +112,26 @@ SIZES = Fields(
 PPO = Fields(
     {},
     {
-        "n_steps": Whole(2, 1 << 20),
-        "batch_size": Whole(2, 1 << 24),
-        "n_epochs": Whole(1, 1 << 20),
+        "n_steps": Integer(2, 1 << 20),
+        "batch_size": Integer(2, 1 << 24),
+        "n_epochs": Integer(1, 1 << 20),
         "learning_rate": WEIGHT,
         "gamma": SHARE,
         "gae_lambda": SHARE,
         "ent_coef": WEIGHT,
         "vf_coef": WEIGHT,
         "clip_range": WEIGHT,
-        "clip_range_vf": Maybe(WEIGHT),
+        "clip_range_vf": OrNone(WEIGHT),
         "normalize_advantage": Flag(),
         "max_grad_norm": WEIGHT,
-        "target_kl": Maybe(WEIGHT),
+        "target_kl": OrNone(WEIGHT),
     },
 )
 """Kind of each argument of `MaskablePPO` of sb3-contrib."""
 
 METHOD_FIELDS: dict[str, Kind[Any]] = {
     "imitation": IMITATION.fields,
-    "copies": Whole(1, 4096),
+    "copies": Integer(1, 4096),
     "timesteps": COUNT,
     "ppo": PPO,
 }

@@ -31,7 +31,7 @@ PRETRAINED = "pointer"
 FORMAT = 2
 """Version of the checkpoint format; files of version 1 have neither version nor checksum."""
 
-LARGEST_WEIGHT = 1e3
+MAX_WEIGHT = 1e3
 """Largest magnitude of a weight.
 
 Through six layers of 256 such weights, from features of at most 100, no number exceeds 3e34, so
@@ -230,6 +230,15 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     CheckpointError
         If a file cannot be read or was altered, a weight is not finite or too large, the network
         does not fit the environment, or it was trained by other rules of the stance graph.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0").unwrapped
+    >>> policy = load_policy("pretrained", env)
+    >>> observation, info = env.reset(seed=0)
+    >>> bool(env.action_masks()[policy.act(env, observation, env.action_masks())])
+    True
     """
     file = asset_path(PRETRAINED) if str(path) == "pretrained" else Path(path)
     prefix = f"cannot use checkpoint {str(path)!r}"
@@ -268,11 +277,11 @@ def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
 def _check_weights(weights: dict[str, Any], prefix: str) -> None:
     """Check that all weights are finite and not too large, so that every score is finite."""
     for name, tensor in weights.items():
-        wrong = tensor[~(tensor.abs() <= LARGEST_WEIGHT)]  # NaN does not satisfy it either
+        wrong = tensor[~(tensor.abs() <= MAX_WEIGHT)]  # NaN does not satisfy it either
         if len(wrong):
             raise CheckpointError(
                 f"{prefix}: its tensor {name!r} holds {wrong[0].item():g}; weights must be finite "
-                f"and at most {LARGEST_WEIGHT:g} in size: train it again"
+                f"and at most {MAX_WEIGHT:g} in size: train it again"
             )
 
 

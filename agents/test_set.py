@@ -16,10 +16,20 @@ from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import MOST_LIMBS
-from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Listed, Maybe, Tuples, Whole
+from mlivr_gym.schema import (
+    NAME,
+    Anything,
+    Choice,
+    FieldPath,
+    Fields,
+    Integer,
+    ListOf,
+    OrNone,
+    Tuples,
+)
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.values import LONGEST, MOST_POINTS
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 from mlivr_gym.world.map_entries import SPACING
 
@@ -39,9 +49,9 @@ OCCUPIED_SHARE = 0.2
 
 TASK = Fields(
     {
-        "start": Listed(NAME, 2, MOST_LIMBS),
-        "goal": Tuples((3,), most=LONGEST, unit="m"),
-        "occupied": Listed(NAME, most=MOST_POINTS),
+        "start": ListOf(NAME, 2, MOST_LIMBS),
+        "goal": Tuples((3,), most=MAX_LENGTH, unit="m"),
+        "occupied": ListOf(NAME, most=MAX_POINTS),
     }
 )
 """Kind of a task of a test set."""
@@ -50,17 +60,17 @@ WORLD = Fields(
     {
         "split": Choice(SPLITS),
         "spacing": SPACING,
-        "sparse_seed": Maybe(Whole(0, 1 << 63)),
-        "tasks": Listed(TASK),
+        "sparse_seed": OrNone(Integer(0, 1 << 63)),
+        "tasks": ListOf(TASK),
     }
 )
 """Kind of the tasks on one map."""
 
 TEST_SET = Fields(
     {
-        "seed": Whole(0, 1 << 63),
+        "seed": Integer(0, 1 << 63),
         "rules": Anything(),
-        "worlds": Listed(WORLD),
+        "worlds": ListOf(WORLD),
     }
 )
 """Kind of a file with a test set."""

@@ -23,7 +23,7 @@ from tqdm import tqdm
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
-from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
+from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
@@ -34,8 +34,8 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""
 
-CONTROLLERS: dict[str, tuple[Limits | Durations, Controller]] = {
-    "guided, gentle": (GENTLE, Controller()),
+CONTROLLERS: dict[str, tuple[Limits | Durations, ControllerParameters]] = {
+    "guided, gentle": (GENTLE, ControllerParameters()),
     "feedforward, gentle": (GENTLE, FEEDFORWARD),
     "the paper's PD, 50 s": (Durations(), PAPER),
 }

@@ -83,8 +83,8 @@ def figures(execution: Execution) -> dict[str, Any]:
         "largest_capture_distance_mm": max(
             (1e3 * c.distance for c in execution.captures), default=None
         ),
-        "simulation_time_s": execution.simulation_time,
-        "preparation_time_s": execution.preparation_time,
+        "simulation_time_s": execution.simulation_computing_time,
+        "preparation_time_s": execution.trajectory_computing_time,
     }
 
 

@@ -24,13 +24,13 @@ from mlivr_gym.schema import (
     Choice,
     Fields,
     Flag,
-    Listed,
-    Maybe,
+    Integer,
+    ListOf,
     Numbers,
+    OrNone,
     Rotation,
     Struct,
     Text,
-    Whole,
 )
 from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
 from mlivr_gym.world.map_entries import MODULE, REMARKS
@@ -85,7 +85,7 @@ MEANINGS = {
 def kind_in_words(kind: Any) -> str:
     """Return what a value must be, in words."""
     match kind:
-        case Maybe():
+        case OrNone():
             return f"{kind_in_words(kind.kind)}, or null"
         case Text():
             return "text"
@@ -93,7 +93,7 @@ def kind_in_words(kind: Any) -> str:
             return "true or false"
         case Choice():
             return "one of " + ", ".join(f"`{option}`" for option in kind.options)
-        case Whole():
+        case Integer():
             most = SYMBOLS.get(kind.most + 1)
             top = f"{most} - 1" if most else f"{kind.most}" if kind.most < 1 << 31 else ""
             return f"whole number from {kind.least}" + (f" to {top}" if top else "")
@@ -103,7 +103,7 @@ def kind_in_words(kind: Any) -> str:
             return "rotation matrix, 3 rows of 3"
         case Boxes():
             return "list of boxes"
-        case Listed():
+        case ListOf():
             return _listed(kind)
         case Struct() | LimbKind():
             return "object"
@@ -136,7 +136,7 @@ def _numbers(kind: Numbers) -> str:
     return f"{what}{unit}{inside or low}"
 
 
-def _listed(kind: Listed[Any]) -> str:
+def _listed(kind: ListOf[Any]) -> str:
     """Return length and element type of a list in words."""
     exact = kind.least == kind.most
     count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""

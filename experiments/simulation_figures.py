@@ -6,7 +6,7 @@ import numpy as np
 from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
-from mlivr_gym.simulation.controller import PAPER, Controller
+from mlivr_gym.simulation.controller import PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import PACES
@@ -33,7 +33,7 @@ def limits() -> str:
 
 def controller() -> str:
     """Return the paragraphs on motors, controllers and grasps."""
-    full, physics = Controller(), Physics()
+    full, physics = ControllerParameters(), Physics()
     rotor = arm_dynamics("ur5e").rotor_inertias[0]
     return (
         f"Motors have the maker's torque limits, joints their rotors' inertia of {rotor:g} kg m^2, "

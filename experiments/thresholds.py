@@ -168,7 +168,9 @@ def figure(data: Measure) -> Figure:
         for ax, w, least in zip(line, ("w_m", "w_b"), Settings().thresholds(2), strict=True):
             ax.scatter(steps[w], 1e3 * np.array(steps["base_error"]), s=12, alpha=0.6)
             ax.axvline(least, color="tab:red", lw=1, label="the paper's threshold")
-            ax.set(xlabel=f"least {w} of the step's stances", ylabel="base error [mm]", title=name)
+            ax.set(
+                xlabel=f"minimum {w} of the step's stances", ylabel="base error [mm]", title=name
+            )
             ax.set_ylim(bottom=0.0)
             ax.grid(alpha=0.3)
     axes[0, 0].legend(loc="upper right", fontsize=8)

@@ -8,7 +8,7 @@ class and file names.
 Examples
 --------
 >>> from mlivr_gym.schema import Choice
->>> @checked({"cost": Choice(("base", "steps")), "limit": Whole(1, 10)})
+>>> @checked({"cost": Choice(("base", "steps")), "limit": Integer(1, 10)})
 ... def search(cost: str, *, limit: int = 10) -> int:
 ...     return limit
 >>> search("time")
@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, ParamSpec, TypeVar
 
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.schema import FieldPath, Kind, Tuples, Whole
+from mlivr_gym.schema import FieldPath, Integer, Kind, Tuples
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -34,7 +34,7 @@ T = TypeVar("T")
 Kinds = Mapping[str, Kind[Any]]
 """Kind of each argument by name."""
 
-SEED = Whole(0, 2**64 - 1)
+SEED = Integer(0, 2**64 - 1)
 """Kind of a seed of random numbers."""
 
 ANY_NUMBER = Tuples()
@@ -80,7 +80,7 @@ def checked(
     return above
 
 
-class Of:
+class InstanceOf:
     """Kind of an object that is an instance of one of some classes."""
 
     def __init__(self, *classes: type) -> None:
@@ -95,7 +95,7 @@ class Of:
         return value
 
 
-class Called:
+class Function:
     """Kind of a function or another callable object; a class is refused."""
 
     def read(self, value: object, place: FieldPath) -> Any:
@@ -120,7 +120,7 @@ class FileName:
 
 
 @dataclass(frozen=True)
-class Via(Generic[T]):
+class Reader(Generic[T]):
     """Kind whose values are read by a function.
 
     Attributes
@@ -137,7 +137,7 @@ class Via(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Raising(Generic[T]):
+class WithError(Generic[T]):
     """Another kind that raises a different type of error.
 
     Attributes

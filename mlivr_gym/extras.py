@@ -7,7 +7,7 @@ import importlib.util
 from mlivr_gym.errors import SettingError
 
 
-def missing(*packages: str, extra: str) -> str:
+def describe_missing(*packages: str, extra: str) -> str:
     """Return one sentence about the first package that is missing, or empty text if none is.
 
     Parameters
@@ -23,7 +23,7 @@ def missing(*packages: str, extra: str) -> str:
     return ""
 
 
-def need(*packages: str, extra: str) -> None:
+def require(*packages: str, extra: str) -> None:
     """Check that the packages of an extra are installed.
 
     Parameters
@@ -38,5 +38,5 @@ def need(*packages: str, extra: str) -> None:
     SettingError
         If a package is missing; the message names the first one and how to install it.
     """
-    if message := missing(*packages, extra=extra):
+    if message := describe_missing(*packages, extra=extra):
         raise SettingError(message)

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.clocks import Durations, duration_of
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
-from mlivr_gym.schema import Maybe
+from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.timing import TIMING, timed_path
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -71,7 +71,7 @@ def step_durations(
     return durations
 
 
-@checked({**QUERY, "planner": Of(Planner), "limits": Maybe(Of(Limits))})
+@checked({**QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits))})
 def fastest_plan(
     planner: Planner,
     start: Sequence[str | int],

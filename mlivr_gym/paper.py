@@ -13,11 +13,11 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.files import FileError, load
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Listed, Tuples, Whole
+from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Integer, ListOf, Tuples
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.values import LONGEST
+from mlivr_gym.values import MAX_LENGTH
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 SETUP = asset_path("table1_setup.json")
@@ -26,10 +26,10 @@ SETUP = asset_path("table1_setup.json")
 
 SETUP_DATA = Fields(
     {
-        "start": Listed(NAME, 2, 2),
-        "goal": Tuples((3,), most=LONGEST, unit="m"),
+        "start": ListOf(NAME, 2, 2),
+        "goal": Tuples((3,), most=MAX_LENGTH, unit="m"),
         "goal_face": NAME,
-        "sparse_seed": Whole(0, 1 << 63),
+        "sparse_seed": Integer(0, 1 << 63),
     },
     {"source": Anything()},
 )

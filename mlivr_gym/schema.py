@@ -27,7 +27,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import MlivrError, shortened
-from mlivr_gym.values import LONGEST_TEXT, MOST_PARTS, numbers
+from mlivr_gym.values import MAX_PARTS, MAX_TEXT_LENGTH, read_numbers
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -103,10 +103,10 @@ class Text:
         """Return the text; a lone surrogate, for example, is refused: no file could hold it."""
         if (
             not isinstance(value, str)
-            or not self.least <= len(value) <= LONGEST_TEXT
+            or not self.least <= len(value) <= MAX_TEXT_LENGTH
             or not value.isprintable()
         ):
-            kind = f"a text of {self.least} to {LONGEST_TEXT} printable characters"
+            kind = f"a text of {self.least} to {MAX_TEXT_LENGTH} printable characters"
             raise place.refused(value, kind)
         return value
 
@@ -133,12 +133,12 @@ class Choice:
             message = (
                 f"is {shortened(value)}; valid choices are {', '.join(map(repr, self.options))}"
             )
-            raise place.fault(message + meant(value, self.options))
+            raise place.fault(message + suggest(value, self.options))
         return str(value)
 
 
 @dataclass(frozen=True)
-class Whole:
+class Integer:
     """An integer from `least` to `most`; a bool or a float is refused."""
 
     least: int
@@ -177,7 +177,7 @@ class Numbers:
     least: float = -np.inf
     most: float = np.inf
     unit: str = ""
-    rows: tuple[int, int] = (1, MOST_PARTS)
+    rows: tuple[int, int] = (1, MAX_PARTS)
 
     def read(self, value: object, place: FieldPath) -> Array:
         """Return the numbers as an array of floats."""
@@ -186,7 +186,7 @@ class Numbers:
         if 0 in shape:
             return np.zeros(shape)
         most = self.most if self.unit == "m" else np.inf
-        found = numbers(value, shape, place.path, place.error, most)
+        found = read_numbers(value, shape, place.path, place.error, most)
         wrong = (found < self.least) | (found > self.most)
         if wrong.any():
             first = np.unravel_index(int(wrong.argmax()), shape)
@@ -217,7 +217,7 @@ class Rotation:
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return the matrix as three tuples of three numbers."""
-        found = numbers(value, (3, 3), place.path, place.error)
+        found = read_numbers(value, (3, 3), place.path, place.error)
         if not are_rotations(found).all():
             raise place.fault("must be a right-handed rotation matrix")
         return _frozen(found.tolist())
@@ -232,7 +232,7 @@ def are_rotations(turns: Array) -> BoolArray:
 
 
 @dataclass(frozen=True)
-class Maybe(Generic[T]):
+class OrNone(Generic[T]):
     """Either None or a value of another kind."""
 
     kind: Kind[T]
@@ -243,12 +243,12 @@ class Maybe(Generic[T]):
 
 
 @dataclass(frozen=True)
-class Listed(Generic[T]):
+class ListOf(Generic[T]):
     """A list whose entries are of another kind, with `least` to `most` entries."""
 
     kind: Kind[T]
     least: int = 0
-    most: int = MOST_PARTS
+    most: int = MAX_PARTS
 
     def read(self, value: object, place: FieldPath) -> tuple[T, ...]:
         """Return the entries as the other kind reads them."""
@@ -286,7 +286,7 @@ class Fields:
             raise place.refused(value, f"an object with {known}")
         for name in value:
             if name not in self._kinds and not self.others:
-                hint = meant(name, self._kinds)
+                hint = suggest(name, self._kinds)
                 message = f"has an unknown field {shortened(name)}; valid fields are {known}{hint}"
                 raise place.fault(message)
         found = {
@@ -370,10 +370,12 @@ NAME = Text()
 """Kind of a name: printable text that is not empty."""
 
 
-def meant(value: object, valid: Iterable[str]) -> str:
+def suggest(value: object, valid: Iterable[str]) -> str:
     """Return the end of a message that suggests the valid name most similar to an invalid one."""
     nearest = (
-        difflib.get_close_matches(value[:LONGEST_TEXT], valid, 1) if isinstance(value, str) else []
+        difflib.get_close_matches(value[:MAX_TEXT_LENGTH], valid, 1)
+        if isinstance(value, str)
+        else []
     )
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 

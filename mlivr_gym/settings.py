@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mlivr_gym.errors import MlivrError, SettingError, shortened
-from mlivr_gym.schema import FieldPath, Flag, Maybe, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT
+from mlivr_gym.schema import FieldPath, Flag, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 GRAPH_RULES = 3
 """Version of the rules by which postures and steps are chosen; version 0.1.0 had rules 1.
@@ -124,10 +124,10 @@ SETTINGS = Struct(
         "manipulability": Flag(),
         "transitions": Flag(),
         "limb_threshold": THRESHOLD,
-        "base_threshold": Maybe(THRESHOLD),
+        "base_threshold": OrNone(THRESHOLD),
         "path_floor": THRESHOLD,
         "collisions": Flag(),
-        "clearance": Tuples((), 0.0, LONGEST_ROBOT, "m"),
+        "clearance": Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"),
     },
 )
 """Kind of each field of `Settings`."""

@@ -12,32 +12,32 @@ from mlivr_gym.errors import MlivrError, shortened
 Triple = tuple[float, float, float]
 """Three numbers, for example the coordinates of a point."""
 
-LONGEST = 1000.0
+MAX_LENGTH = 1000.0
 """Largest coordinate or size in a map [m].
 
 The whole of the ISS spans 109 m; a module whose lengths are given in millimetres is larger.
 """
 
-LONGEST_ROBOT = 100.0
+MAX_ROBOT_LENGTH = 100.0
 """Largest length of a robot [m].
 
 The longest robot arm in space has 17.6 m; an arm whose lengths are given in millimetres is longer.
 """
 
-SMALLEST = 1e-9
+MIN_SIZE = 1e-9
 """Smallest size of a shape [m], above the rounding error of a coordinate of 1000 m."""
 
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 """Maximum number of graspable points of a map; the JEM has 331."""
 
-MOST_PARTS = 10_000
+MAX_PARTS = 10_000
 """Maximum number of boxes, rails or racks in one list; a module has about a hundred."""
 
-LONGEST_TEXT = 200
+MAX_TEXT_LENGTH = 200
 """Maximum number of characters of a name."""
 
 
-def numbers(
+def read_numbers(
     value: object, shape: tuple[int, ...], where: str, error: type[MlivrError], most: float = np.inf
 ) -> Array:
     """Return a value as an array, if it holds finite numbers of the given shape.
@@ -53,7 +53,7 @@ def numbers(
     error
         Type of the error.
     most
-        Largest magnitude: `LONGEST` or `LONGEST_ROBOT` for lengths [m], infinity for others.
+        Largest magnitude: `MAX_LENGTH` or `MAX_ROBOT_LENGTH` for lengths [m], infinity for others.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def numbers(
     return found
 
 
-def unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
+def check_unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
     """Check that no id appears twice.
 
     Raises
@@ -96,7 +96,7 @@ def unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
         seen.add(name)
 
 
-def triple(array: Array) -> Triple:
+def as_triple(array: Array) -> Triple:
     """Return the three numbers of an array of shape (3,)."""
     x, y, z = array.tolist()
     return (x, y, z)

@@ -15,12 +15,12 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan_parts import COSTS
-from mlivr_gym.schema import Choice, Maybe, Tuples
+from mlivr_gym.schema import Choice, OrNone, Tuples
 
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; above it base displacements would be lost in rounding."""
 
-COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": Maybe(Tuples((), 0.0, HIGHEST_PRICE))}
+COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": OrNone(Tuples((), 0.0, HIGHEST_PRICE))}
 """Kinds of the arguments that name a cost."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")

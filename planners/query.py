@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Via
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Reader
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
-from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Maybe, Tuples, Whole
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -36,17 +36,19 @@ MAX_EXPANSIONS = 10**30
 QUERY: Kinds = {
     **WALK,
     **COST_KINDS,
-    "start": Via(lambda start, at: start if isinstance(start, State) else STANCE.read(start, at)),
+    "start": Reader(
+        lambda start, at: start if isinstance(start, State) else STANCE.read(start, at)
+    ),
     "goal": GOAL,
     "goal_tolerance": NOT_NEGATIVE,
-    "goal_face": Maybe(NAME),
+    "goal_face": OrNone(NAME),
     "start_pose": Anything(),
     "start_joints": Anything(),
     "method": Choice(METHODS),
-    "heuristic": Maybe(Choice(HEURISTICS)),
-    "inflation": Maybe(Tuples((), 1.0)),
-    "limit": Whole(1, MAX_EXPANSIONS),
-    "time_limit": Maybe(NOT_NEGATIVE),
+    "heuristic": OrNone(Choice(HEURISTICS)),
+    "inflation": OrNone(Tuples((), 1.0)),
+    "limit": Integer(1, MAX_EXPANSIONS),
+    "time_limit": OrNone(NOT_NEGATIVE),
     "seed": SEED,
 }
 """Kinds of the arguments of a planner; base poses and joint angles are checked by the stance

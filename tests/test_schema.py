@@ -13,14 +13,14 @@ from mlivr_gym.schema import (
     FieldPath,
     Fields,
     Flag,
-    Listed,
-    Maybe,
+    Integer,
+    ListOf,
     Numbers,
+    OrNone,
     Rotation,
     Struct,
     Text,
     Tuples,
-    Whole,
     are_rotations,
 )
 
@@ -48,9 +48,9 @@ def test_names_may_be_of_any_language():
 
 
 def test_whole_numbers():
-    assert Whole(0, 3).read(np.int64(3), HERE) == 3
+    assert Integer(0, 3).read(np.int64(3), HERE) == 3
     for value in (True, 2.0, -1, 4, "1", 10**5000, None):
-        told = refusal(Whole(0, 3), value)
+        told = refusal(Integer(0, 3), value)
         assert told.startswith("walk is ")
         assert told.endswith("; it must be a whole number from 0 to 3")
 
@@ -103,13 +103,13 @@ def test_rotations():
 
 
 def test_lists_and_what_may_be_missing():
-    kind = Listed(Maybe(Whole(0, 9)), 1, 3)
+    kind = ListOf(OrNone(Integer(0, 9)), 1, 3)
     assert kind.read([1, None], HERE) == (1, None)
     assert refusal(kind, [1, 2, "x"]).startswith("walk[2] is 'x'; it must be a whole number")
     assert refusal(kind, []) == "walk has 0 entries; it must have 1 to 3"
 
 
-FIELDS = Fields({"id": NAME, "ends": Listed(Tuples((3,)))}, {"note": Anything(), "width": Tuples()})
+FIELDS = Fields({"id": NAME, "ends": ListOf(Tuples((3,)))}, {"note": Anything(), "width": Tuples()})
 
 
 def test_fields_are_read_and_the_faulty_one_is_named_by_its_path():

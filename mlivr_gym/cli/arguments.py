@@ -13,7 +13,7 @@ from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
 from mlivr_gym.robot.specification import ROBOTS, robot_spec
-from mlivr_gym.schema import FieldPath, Whole
+from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
@@ -307,7 +307,7 @@ def check_counts(args: argparse.Namespace) -> None:
     ):
         value = getattr(args, name, None)
         if value is not None:
-            Whole(minimum, maximum).read(value, FieldPath(f"--{name}", SettingError))
+            Integer(minimum, maximum).read(value, FieldPath(f"--{name}", SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import argparse
 
 from mlivr_gym.cli.arguments import Add, check_counts, command, environment_arguments, option
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 
 
 def add_command(add: Add) -> None:
@@ -27,7 +27,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the data set."""
     check_counts(args)
-    need("minari", extra="data")
+    require("minari", extra="data")
     from mlivr_gym.agents.dataset import write_dataset
 
     with Progress("episodes", args.episodes, args.quiet) as progress:

@@ -19,7 +19,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError, choice, shortened
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 
 if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
@@ -144,7 +144,7 @@ def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = N
             f"policy is {shortened(name)}; it must be pretrained, the path of a checkpoint "
             f"without suffix, or one of {', '.join(PLANNERS)}"
         )
-    need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
+    require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     from mlivr_gym.agents.learned import beam_policy, load_policy
 
     policy = load_policy(name, env)

@@ -28,7 +28,7 @@ from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
-    LONGEST_FILM,
+    MAX_FILM_DURATION,
     RATE,
     SPEED,
     check_film_format,
@@ -39,7 +39,7 @@ from mlivr_gym.pictures.film import (
 from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
-from mlivr_gym.schema import FieldPath, Maybe, Tuples
+from mlivr_gym.schema import FieldPath, OrNone, Tuples
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -103,7 +103,7 @@ def add_command(add: Add) -> None:
         parser,
         "--speed X",
         f"speed of the film relative to simulated time, at {RATE} frames a second "
-        f"(default: such that the film takes at most {LONGEST_FILM:g} s)",
+        f"(default: such that the film takes at most {MAX_FILM_DURATION:g} s)",
         type=float,
     )
 
@@ -185,7 +185,7 @@ def _setup(args: argparse.Namespace) -> Setup:
 def _check_film(args: argparse.Namespace) -> None:
     """Refuse a film whose size, speed or format is invalid."""
     SIZE.read(args.size, FieldPath("--size", SettingError))
-    Maybe(SPEED).read(args.speed, FieldPath("--speed", SettingError))
+    OrNone(SPEED).read(args.speed, FieldPath("--speed", SettingError))
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed")
     else:
@@ -197,7 +197,7 @@ def _report(execution: Execution) -> None:
     summary, peaks, failure = execution.summary(), execution.peaks, execution.failure
     print(
         f"{summary['steps_done']} of {summary['steps']} steps executed, "
-        f"{execution.simulated_time:.1f} s simulated in {execution.simulation_time:.1f} s"
+        f"{execution.simulated_time:.1f} s simulated in {execution.simulation_computing_time:.1f} s"
     )
     for capture in execution.captures:
         print(

@@ -295,7 +295,7 @@ def table_markdown(data: dict[str, Any]) -> str:
 
 HEAD = (
     "| case | source | heuristic | explored | stances explored | backward | base translation [m] "
-    "| refined [m] | steps | least w_m | least w_b | time [s] |"
+    "| refined [m] | steps | minimum w_m | minimum w_b | time [s] |"
 )
 HEAD_LINE = "|---|---|---|---|---|---|---|---|---|---|---|---|"
 

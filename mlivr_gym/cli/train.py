@@ -19,7 +19,7 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 from mlivr_gym.files import FileError
 
 
@@ -53,7 +53,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> int:
     """Train a policy and write its checkpoint."""
     check_counts(args)
-    need("torch", "stable_baselines3", "sb3_contrib", extra="agents")
+    require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     import torch
 
     from mlivr_gym.agents.hyperparameters import hyperparameters

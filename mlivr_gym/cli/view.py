@@ -21,10 +21,10 @@ from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
-from mlivr_gym.schema import FieldPath, Whole
+from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -62,7 +62,7 @@ def add_command(add: Add) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write a page, or serve one until Ctrl-C."""
-    need("viser", "trimesh", extra="viewer")
+    require("viser", "trimesh", extra="viewer")
     _check(args)
     check_outputs(args.out)
     with Progress("building the stance graph and planning", quiet=args.quiet):
@@ -93,7 +93,7 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--out takes one plan; leave it out to compare two on a served page")
     if args.plan or args.execution:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
-    Whole(0, 65535).read(args.port, FieldPath("--port", SettingError))
+    Integer(0, 65535).read(args.port, FieldPath("--port", SettingError))
 
 
 def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:

@@ -22,8 +22,8 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb
 from mlivr_gym.collisions.placement import Placed, place_in_body
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, FieldPath, Listed
-from mlivr_gym.values import LONGEST, Triple, numbers, triple
+from mlivr_gym.schema import Anything, FieldPath, ListOf
+from mlivr_gym.values import MAX_LENGTH, Triple, as_triple, read_numbers
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 Configuration = tuple[Array, Array, Array]
@@ -97,15 +97,15 @@ def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration
     SettingError
         If its shape or a number is wrong.
     """
-    parts = Listed(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
+    parts = ListOf(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
     position, quaternion, joints = parts
-    turn = numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
+    turn = read_numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
     if not np.any(turn):
         raise SettingError("base quaternion w, x, y, z is zero; it must have length 1")
     return (
-        numbers(position, (3,), "base position", SettingError, LONGEST),
+        read_numbers(position, (3,), "base position", SettingError, MAX_LENGTH),
         turn,
-        numbers(joints, (robot.limbs, 6), "joint angles, six for each limb,", SettingError),
+        read_numbers(joints, (robot.limbs, 6), "joint angles, six for each limb,", SettingError),
     )
 
 
@@ -163,7 +163,7 @@ def contacts(
 
 def _robot_distances(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:
     """Yield the distances between the robot's own shapes; `ends` are in the body frame [m]."""
-    fixed, half = mount_names(robot), triple(shapes.robot["half"])
+    fixed, half = mount_names(robot), as_triple(shapes.robot["half"])
     for i in range(robot.limbs):
         limb, names = shapes.each[i], _names(shapes.each[i])
         radius = limb.radii
@@ -257,7 +257,7 @@ def _box_distance(axis: Array, box: Box) -> float:
 
 def _axis(ends: Array) -> tuple[Triple, Triple]:
     """Return one end of a segment, shape (2, 3), and the vector to its other end."""
-    return triple(ends[0]), triple(ends[1] - ends[0])
+    return as_triple(ends[0]), as_triple(ends[1] - ends[0])
 
 
 def _edges(box: Box) -> Array:

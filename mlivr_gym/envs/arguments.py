@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Via
+from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Reader
 from mlivr_gym.envs.dynamics import DYNAMICS, simulation_part
 from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
 from mlivr_gym.envs.reset_options import RESET_OPTIONS
@@ -14,7 +14,7 @@ from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.envs.viewer import RENDER_FPS
 from mlivr_gym.pictures.rendering import HEIGHT, WIDTH
 from mlivr_gym.robot.specification import ROBOT_OR_NAME
-from mlivr_gym.schema import Choice, FieldPath, Flag, Maybe, Tuples, Whole
+from mlivr_gym.schema import Choice, FieldPath, Flag, Integer, OrNone, Tuples
 from mlivr_gym.settings import SETTINGS
 from mlivr_gym.world.grasp_map import MAP
 
@@ -28,10 +28,10 @@ def _read_autoreset_mode(value: object, place: FieldPath) -> AutoresetMode:
     return AUTORESET_MODES[Choice(tuple(AUTORESET_MODES)).read(name, place)]
 
 
-AUTORESET_MODE = Via(_read_autoreset_mode)
+AUTORESET_MODE = Reader(_read_autoreset_mode)
 """Kind of an autoreset mode, given as itself or by its name."""
 
-EPISODE_STEPS = Whole(1, 2**62)
+EPISODE_STEPS = Integer(1, 2**62)
 """Kind of the number of steps after which an episode is truncated."""
 
 ENV_ARGUMENTS: Kinds = {
@@ -45,14 +45,14 @@ ENV_ARGUMENTS: Kinds = {
     "discount": Tuples((), float(np.finfo(float).tiny), 1.0),
     "tasks": TASKS,
     "dynamics": Choice(DYNAMICS),
-    **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Via(simulation_part)),
+    **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Reader(simulation_part)),
     "grasp_failure": GRASP_FAILURE,
     "grasp_failure_seed": SEED,
     "precompute": Flag(),
-    "render_mode": Maybe(Choice(tuple(RENDER_FPS))),
+    "render_mode": OrNone(Choice(tuple(RENDER_FPS))),
     "width": WIDTH,
     "height": HEIGHT,
-    "seed": Maybe(SEED),
-    "options": Maybe(RESET_OPTIONS),
+    "seed": OrNone(SEED),
+    "options": OrNone(RESET_OPTIONS),
 }
 """Kinds of the arguments of `MlivrEnv` and of its `reset`."""

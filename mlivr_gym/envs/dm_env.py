@@ -8,11 +8,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import SEED, Of, checked
+from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.envs.arguments import EPISODE_STEPS
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
-from mlivr_gym.schema import Maybe
+from mlivr_gym.schema import OrNone
 
 try:
     import dm_env
@@ -37,7 +37,9 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
     >>> timestep = environment.step(action)
     """
 
-    @checked({"env": Of(MlivrEnv), "seed": Maybe(SEED), "max_episode_steps": EPISODE_STEPS})
+    @checked(
+        {"env": InstanceOf(MlivrEnv), "seed": OrNone(SEED), "max_episode_steps": EPISODE_STEPS}
+    )
     def __init__(
         self, env: MlivrEnv, seed: int | None = None, max_episode_steps: int = 100
     ) -> None:

@@ -39,7 +39,7 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.controller import Controller
+    from mlivr_gym.simulation.controller import ControllerParameters
     from mlivr_gym.simulation.disturbances import Disturbances
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import Limits
@@ -202,7 +202,7 @@ class MlivrEnv(StanceGraphEnv):
         tasks: str | TaskGenerator | dict[str, Any] = "walk",
         dynamics: str = "kinematic",
         limits: Limits | dict[str, Any] | str | None = None,
-        controller: Controller | dict[str, Any] | str | None = None,
+        controller: ControllerParameters | dict[str, Any] | str | None = None,
         disturbances: Disturbances | dict[str, Any] | str | None = None,
         physics: Physics | dict[str, Any] | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.arguments import Via
+from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import FieldPath, Numbers
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.values import MOST_POINTS
+from mlivr_gym.values import MAX_POINTS
 
 MAX_PROBABILITY, MAX_MEAN_PROBABILITY = 0.95, 0.45
 """Largest failure probability of a point, and largest mean of probabilities that are drawn."""
@@ -19,11 +19,11 @@ MAX_PROBABILITY, MAX_MEAN_PROBABILITY = 0.95, 0.45
 def _read_failure(value: object, place: FieldPath) -> Array:
     """Return a mean probability, shape (), or the probability of each point, shape (m,)."""
     if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
-        return Numbers((None,), 0.0, MAX_PROBABILITY, rows=(1, MOST_POINTS)).read(value, place)
+        return Numbers((None,), 0.0, MAX_PROBABILITY, rows=(1, MAX_POINTS)).read(value, place)
     return Numbers((), 0.0, MAX_MEAN_PROBABILITY).read(value, place)
 
 
-GRASP_FAILURE = Via(_read_failure)
+GRASP_FAILURE = Reader(_read_failure)
 """Kind of the argument `grasp_failure`: a mean probability, or the probability of each point."""
 
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mlivr_gym.arguments import Of
+from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import FIXED_NUMBER, TaskGenerator, fixed_task
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.schema import Anything, Fields, Maybe
+from mlivr_gym.schema import Anything, Fields, OrNone
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -19,12 +19,12 @@ from mlivr_gym.world.grasp_map import GOAL, STANCE
 RESET_OPTIONS = Fields(
     {},
     {
-        "start": Maybe(STANCE),
+        "start": OrNone(STANCE),
         "start_pose": Anything(),
         "start_joints": Anything(),
-        "goal": Maybe(GOAL),
-        "task": Maybe(FIXED_NUMBER),
-        "plan": Maybe(Of(Plan)),
+        "goal": OrNone(GOAL),
+        "task": OrNone(FIXED_NUMBER),
+        "plan": OrNone(InstanceOf(Plan)),
     },
 )
 """Kind of each option; the stance graph checks a start pose and joint angles."""

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from mlivr_gym.arguments import Via
+from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.schema import Choice, FieldPath
 
@@ -38,7 +38,24 @@ class StepOutcome(NamedTuple):
 
 
 class Reward(Protocol):
-    """Interface of a reward."""
+    """Interface of a reward.
+
+    Examples
+    --------
+    A reward for progress towards the goal, which charges each action a centimetre:
+
+    >>> import gymnasium
+    >>> def progress(outcome):
+    ...     return outcome.before - outcome.after - 0.01
+    >>> env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward=progress)
+    >>> observation, info = env.reset(seed=0)
+    >>> before = np.linalg.norm(observation["goal"] - info["base_position"])
+    >>> action = env.action_space.sample(info["action_mask"])
+    >>> observation, reward, terminated, truncated, info = env.step(action)
+    >>> after = np.linalg.norm(observation["goal"] - info["base_position"])
+    >>> bool(np.isclose(reward, before - after - 0.01))
+    True
+    """
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return the reward of a step, a number, or an array of shape (k,) as in the outcome.
@@ -89,7 +106,7 @@ def _read_reward(given: Any, place: FieldPath) -> Reward:
     return reward
 
 
-REWARD = Via(_read_reward)
+REWARD = Reader(_read_reward)
 """Kind of a reward, given as itself, by name, or as plain data (`to_dict`)."""
 
 

@@ -22,7 +22,7 @@ from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Failure
-    from mlivr_gym.simulation.simulator import ExecutedStep
+    from mlivr_gym.simulation.simulator import SimulatedInterval
 
 FRAMES_PER_ACTION = 25
 """Pictures of one action, which make one second of film."""
@@ -69,7 +69,7 @@ def motion_at_rest(configuration: Configuration) -> Motion:
     return position[None], quaternion[None], joints[None]
 
 
-def recorded_motion(executed: ExecutedStep | Failure) -> Motion | None:
+def recorded_motion(executed: SimulatedInterval | Failure) -> Motion | None:
     """Return the motion of a simulated step, or None if it could not start."""
     recording = getattr(executed, "recording", None)
     if recording is None:

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from mlivr_gym.arguments import Via
+from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.errors import SettingError, StanceError, shortened
-from mlivr_gym.schema import Choice, FieldPath, Whole
+from mlivr_gym.schema import Choice, FieldPath, Integer
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -35,7 +35,21 @@ class Task(NamedTuple):
 
 
 class TaskGenerator(Protocol):
-    """Interface of a task generator."""
+    """Interface of a task generator.
+
+    Examples
+    --------
+    Tasks whose goal lies at least 2 m from the start:
+
+    >>> from mlivr_gym.envs.env import MlivrEnv
+    >>> class LongTasks:
+    ...     def draw(self, graph, rng, tolerance, start=None):
+    ...         return sample_task(graph, rng, 2.0, start)
+    >>> env = MlivrEnv(tasks=LongTasks())
+    >>> observation, info = env.reset(seed=0)
+    >>> bool(np.linalg.norm(observation["goal"] - info["base_position"]) > 2.0)
+    True
+    """
 
     def draw(
         self,
@@ -114,7 +128,7 @@ def _read_generator(given: Any, place: FieldPath) -> TaskGenerator:
     return generator
 
 
-TASKS = Via(_read_generator)
+TASKS = Reader(_read_generator)
 """Kind of a task generator, given as itself, by name, or as plain data (`to_dict`)."""
 
 
@@ -125,7 +139,7 @@ MAX_FIXED_TASKS = 1_000_000
 """Number of fixed tasks."""
 
 
-FIXED_NUMBER = Whole(0, MAX_FIXED_TASKS - 1)
+FIXED_NUMBER = Integer(0, MAX_FIXED_TASKS - 1)
 """Kind of the number of a fixed task."""
 
 

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import SEED, Kinds, Of, Via, checked
+from mlivr_gym.arguments import SEED, InstanceOf, Kinds, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
@@ -28,7 +28,7 @@ from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.schema import FieldPath, Fields, Flag, Listed, Maybe, Whole
+from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, ListOf, OrNone
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import legal_actions
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -37,10 +37,10 @@ MAX_COPIES = 1 << 20
 """Maximum number of copies, whose observations of the JEM take some gigabytes."""
 
 VECTOR_ARGUMENTS: Kinds = {
-    "num_envs": Whole(1, MAX_COPIES),
-    "max_episode_steps": Maybe(EPISODE_STEPS),
+    "num_envs": Integer(1, MAX_COPIES),
+    "max_episode_steps": OrNone(EPISODE_STEPS),
     "autoreset_mode": AUTORESET_MODE,
-    "env": Maybe(Of(MlivrEnv)),
+    "env": OrNone(InstanceOf(MlivrEnv)),
 }
 """Kinds of the arguments that `MlivrEnv` does not have."""
 
@@ -204,17 +204,17 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """Return the options after checking them, and a seed or None for each copy."""
         k = self.num_envs
         kinds: Kinds = {
-            "reset_mask": Via(self._read_reset_mask),
-            "start": Maybe(Listed(STANCE, k, k)),
-            "goal": Maybe(Listed(GOAL, k, k)),
-            "task": Maybe(Listed(FIXED_NUMBER, k, k)),
+            "reset_mask": Reader(self._read_reset_mask),
+            "start": OrNone(ListOf(STANCE, k, k)),
+            "goal": OrNone(ListOf(GOAL, k, k)),
+            "task": OrNone(ListOf(FIXED_NUMBER, k, k)),
         }
         place = FieldPath("options", SettingError)
         given = Fields({}, kinds).read({} if options is None else options, place)
         if isinstance(seed, (list, tuple, np.ndarray)):
-            each = Listed(Maybe(SEED), k, k).read(seed, FieldPath("seed", SettingError))
+            each = ListOf(OrNone(SEED), k, k).read(seed, FieldPath("seed", SettingError))
             return given, list(each)
-        first = Maybe(SEED).read(seed, FieldPath("seed", SettingError))
+        first = OrNone(SEED).read(seed, FieldPath("seed", SettingError))
         return given, [None if first is None else first + i for i in range(k)]
 
     def _read_reset_mask(self, mask: object, place: FieldPath) -> BoolArray:
@@ -222,7 +222,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
             return mask.copy()
-        return np.array(Listed(Flag(), k, k).read(mask, place))
+        return np.array(ListOf(Flag(), k, k).read(mask, place))
 
     def _seed_streams(
         self, seeds: list[int | None], which: BoolArray, streams: NDArray[np.uint64]

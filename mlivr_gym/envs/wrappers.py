@@ -9,12 +9,12 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from mlivr_gym.arguments import Called, FileName, Via, checked
+from mlivr_gym.arguments import FileName, Function, Reader, checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
-from mlivr_gym.schema import NAME, FieldPath, Flag, Maybe, Whole
+from mlivr_gym.schema import NAME, FieldPath, Flag, Integer, OrNone
 
 MAX_ACTIONS = 1_000_000
 """Maximum number of actions in a film."""
@@ -44,13 +44,13 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
     @checked(
         {
-            "env": Via(_read_env),
+            "env": Reader(_read_env),
             "video_folder": FileName(),
-            "episode_trigger": Maybe(Called()),
-            "step_trigger": Maybe(Called()),
-            "video_length": Whole(0, MAX_ACTIONS),
+            "episode_trigger": OrNone(Function()),
+            "step_trigger": OrNone(Function()),
+            "video_length": Integer(0, MAX_ACTIONS),
             "name_prefix": NAME,
-            "fps": Maybe(Whole(1, 1000)),
+            "fps": OrNone(Integer(1, 1000)),
             "disable_logger": Flag(),
         }
     )
@@ -96,9 +96,17 @@ class ActionMaskObservation(
     gymnasium.ObservationWrapper[Any, Any, Any],
     gymnasium.utils.RecordConstructorArgs,
 ):
-    """Wrapper that adds the action mask to the observation, under `"action_mask"`."""
+    """Wrapper that adds the action mask to the observation, under `"action_mask"`.
 
-    @checked({"env": Via(_read_env)})
+    Examples
+    --------
+    >>> env = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0"))
+    >>> observation, info = env.reset(seed=0)
+    >>> bool((observation["action_mask"] == info["action_mask"]).all())
+    True
+    """
+
+    @checked({"env": Reader(_read_env)})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`.
 

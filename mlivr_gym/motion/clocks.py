@@ -1,8 +1,8 @@
 """Time scalings (clocks) of path segments, each from rest to rest.
 
-A clock is the function s(t) that maps the time since the start of a segment to the share s of the
-segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's `PPoly`) whose
-first and second derivatives vanish at both ends; its last breakpoint is the duration of the
+A clock is the function sigma(t) that maps the time since the start of a segment to the share sigma
+of the segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's `PPoly`)
+whose first and second derivatives vanish at both ends; its last breakpoint is the duration of the
 segment [s].
 """
 
@@ -19,16 +19,16 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 
-MAXIMUM_DURATION = 3600.0
+MAX_DURATION = 3600.0
 """Upper bound of the duration of a step [s]; a step of the paper takes 50 s."""
 
 
 def quintic(duration: float) -> scipy.interpolate.PPoly:
-    """Return the quintic time scaling `s(t) = 10 r^3 - 15 r^4 + 6 r^5` with `r = t / duration`.
+    """Return the quintic time scaling of a duration.
 
-    It is the polynomial of lowest degree from 0 to 1 with zero velocity and acceleration at both
-    ends, and the minimum-jerk one (Flash and Hogan, Journal of Neuroscience 5, 1985); the paper
-    uses it for all motions.
+    `sigma(t) = 10 r^3 - 15 r^4 + 6 r^5` with `r = t / duration` is the polynomial of lowest degree
+    from 0 to 1 with zero velocity and acceleration at both ends, and the minimum-jerk one (Flash
+    and Hogan, Journal of Neuroscience 5, 1985); the paper uses it for all motions.
 
     Parameters
     ----------
@@ -84,11 +84,11 @@ class Durations:
     approach: float = 10.0
 
     def __post_init__(self) -> None:
-        """Check that each duration is positive and that their sum is at most `MAXIMUM_DURATION`."""
+        """Check that each duration is positive and that their sum is at most `MAX_DURATION`."""
         DURATIONS.check(self, FieldPath("duration", SettingError))
-        if self.total > MAXIMUM_DURATION:
+        if self.total > MAX_DURATION:
             raise SettingError(
-                f"duration of a step is {self.total:g} s; it must be at most {MAXIMUM_DURATION:g} s"
+                f"duration of a step is {self.total:g} s; it must be at most {MAX_DURATION:g} s"
             )
 
     @property
@@ -114,7 +114,7 @@ class Durations:
         return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))
 
 
-DURATION = Tuples((), 1e-9, MAXIMUM_DURATION, "s")
+DURATION = Tuples((), 1e-9, MAX_DURATION, "s")
 """Schema of a duration [s]."""
 
 DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))

@@ -219,7 +219,7 @@ class _MotionDraft:
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
     def _choose_branches(self, limb: int) -> dict[int, int]:
-        """Choose a branch for each hold of a limb; return the allowed masks by the first stance."""
+        """Choose the branches of a limb; return the allowed masks by the first stance of each."""
         graph, allowed = self.graph, {}
         for first, last in hold_intervals(self.points, limb):
             mask = self.states[last].masks[limb]

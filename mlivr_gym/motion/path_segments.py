@@ -2,9 +2,9 @@
 
 A step consists of the departure, one or more segments of the swing, and the approach. Consecutive
 lines of the swing that meet in a rounded corner form one segment; the robot is at rest at both ends
-of every segment. A segment is sampled over its share s, the path parameter from 0 to 1, and
-interpolated by a cubic spline, whose first and second derivatives by s give the velocities and
-accelerations for any time scaling s(t), see `simulation.path_dynamics`.
+of every segment. A segment is sampled over its share sigma, the path parameter from 0 to 1, and
+interpolated by a cubic spline, whose first and second derivatives by sigma give the velocities and
+accelerations for any time scaling sigma(t), see `simulation.path_dynamics`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class PathSegment:
     phase
         Index into `regrasp.PHASES`.
     shares
-        Shares s of the segment, from 0 to 1, shape (K,).
+        Shares sigma of the segment, from 0 to 1, shape (K,).
     base_positions
         Base positions in the world, shape (K, 3) [m].
     base_quaternions
@@ -42,7 +42,7 @@ class PathSegment:
         Joint angles, shape (K, N, 6) [rad].
     curve
         Cubic spline through base position, accumulated base rotation and joint angles at the
-        samples; its derivatives by s have shape (k, 6 + 6 N) [m, rad].
+        samples; its derivatives by sigma have shape (k, 6 + 6 N) [m, rad].
     """
 
     phase: int
@@ -81,10 +81,10 @@ def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSeg
     parts = [
         (np.zeros(nodes), path.departure(share)), *swings, (np.ones(nodes), path.approach(share))
     ]  # fmt: skip
-    u = np.concatenate([u for u, _ in parts])
-    joints = path.supports(u)
+    s = np.concatenate([s for s, _ in parts])
+    joints = path.supports(s)
     joints[:, limb] = np.concatenate([moving for _, moving in parts])
-    positions, rotations = path.base(u)
+    positions, rotations = path.base(s)
     turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
     segments = []
     ends = np.cumsum([0, *map(len, shares)])

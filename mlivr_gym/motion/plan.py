@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, Kinds, Of, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Kinds, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.motion.plan_checks import check_motion, check_totals
 from mlivr_gym.motion.plan_files import parts_of, plan_data
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
-from mlivr_gym.schema import Anything, Maybe
+from mlivr_gym.schema import Anything, OrNone
 from mlivr_gym.world.grasp_map import GraspMap
 
-READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": Maybe(Of(GraspMap))}
+READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": OrNone(InstanceOf(GraspMap))}
 """Schema of the arguments from which a plan is read."""
 
 

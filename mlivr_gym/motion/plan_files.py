@@ -28,15 +28,15 @@ from mlivr_gym.schema import (
     Choice,
     FieldPath,
     Fields,
-    Listed,
-    Maybe,
+    Integer,
+    ListOf,
     Numbers,
+    OrNone,
     Struct,
     Tuples,
-    Whole,
 )
 from mlivr_gym.settings import GRAPH_RULES, SETTINGS, check_rules
-from mlivr_gym.values import LONGEST, MOST_PARTS, MOST_POINTS
+from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, MAX_POINTS
 from mlivr_gym.world.boxes import Boxes
 
 FORMAT = 5
@@ -51,11 +51,11 @@ UNIT_TOLERANCE = 1e-6
 ROUNDING = 1e-9
 """Shares of a line that exceed the whole line by less are accepted."""
 
-MAXIMUM_STANCES = 10_000
+MAX_STANCES = 10_000
 """Upper bound of the stances of a plan that is read; a walk through the JEM and back has about
 twenty."""
 
-COUNT = Whole(0, 1 << 62)
+COUNT = Integer(0, 1 << 62)
 """Schema of a number of states."""
 
 NON_NEGATIVE = Tuples((), 0.0)
@@ -64,13 +64,13 @@ NON_NEGATIVE = Tuples((), 0.0)
 QUERY = Struct(
     Query,
     {
-        "goal": Tuples((3,), most=LONGEST, unit="m"),
+        "goal": Tuples((3,), most=MAX_LENGTH, unit="m"),
         "goal_tolerance": Tuples((), 0.0),
         "cost_name": Choice(COSTS),
-        "regrasp_price": Maybe(NON_NEGATIVE),
+        "regrasp_price": OrNone(NON_NEGATIVE),
         "method": NAME,
         "heuristic": NAME,
-        "goal_face": Maybe(NAME),
+        "goal_face": OrNone(NAME),
     },
     complete=True,
 )
@@ -82,7 +82,7 @@ WORLD = Struct(
         "map_name": NAME,
         "map_fingerprint": NAME,
         "obstacles": Boxes(),
-        "occupied": Listed(NAME, most=MOST_POINTS),
+        "occupied": ListOf(NAME, most=MAX_POINTS),
         "robot": ROBOT,
         "settings": SETTINGS,
     },
@@ -97,7 +97,7 @@ STATISTICS = Struct(
         "expanded": COUNT,
         "generated": COUNT,
         "backward": COUNT,
-        "bound": Maybe(Tuples((), 1.0)),
+        "bound": OrNone(Tuples((), 1.0)),
         "feasibility_time": NON_NEGATIVE,
         "search_time": NON_NEGATIVE,
     },
@@ -124,15 +124,15 @@ def step_fields(limbs: int) -> Struct[Step]:
     return Struct(
         Step,
         {
-            "limb": Whole(0, limbs - 1),
+            "limb": Integer(0, limbs - 1),
             "from_point": NAME,
             "to_point": NAME,
             "path": Choice((*PATH_KINDS, "unchecked")),
-            "pivot": Tuples((3,), most=LONGEST, unit="m"),
+            "pivot": Tuples((3,), most=MAX_LENGTH, unit="m"),
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
-            "knots": Tuples((None, 7), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MOST_PARTS)),
-            "rounded": Tuples((None, 2), 0.0, 1.0, "", (0, MOST_PARTS)),
+            "knots": Tuples((None, 7), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
+            "rounded": Tuples((None, 2), 0.0, 1.0, "", (0, MAX_PARTS)),
         },
         complete=True,
     )
@@ -146,12 +146,12 @@ def motion_fields(stances: int, limbs: int) -> Struct[Motion]:
     return Struct(
         Motion,
         {
-            "stances": Listed(Listed(NAME, limbs, limbs), 1, MAXIMUM_STANCES),
-            "steps": Listed(step_fields(limbs), stances - 1, stances - 1),
-            "base_positions": Numbers((stances, 3), most=LONGEST, unit="m"),
+            "stances": ListOf(ListOf(NAME, limbs, limbs), 1, MAX_STANCES),
+            "steps": ListOf(step_fields(limbs), stances - 1, stances - 1),
+            "base_positions": Numbers((stances, 3), most=MAX_LENGTH, unit="m"),
             "base_quaternions": Numbers((stances, 4), -1.001, 1.001),
             "joint_positions": Numbers((stances, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-            "branches": Listed(Listed(Whole(0, BRANCHES - 1), limbs, limbs), stances, stances),
+            "branches": ListOf(ListOf(Integer(0, BRANCHES - 1), limbs, limbs), stances, stances),
             "w_m": Numbers((stances, limbs)),
             "w_b": Numbers((stances,)),
         },
@@ -197,9 +197,7 @@ def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
 def _motion(data: Any, limbs: int) -> Motion:
     """Read the motion of a plan for a robot with `limbs` limbs."""
     place = FieldPath("motion", PlanError)
-    listed = Fields({"stances": Listed(Anything(), 1, MAXIMUM_STANCES)}, others=True).read(
-        data, place
-    )
+    listed = Fields({"stances": ListOf(Anything(), 1, MAX_STANCES)}, others=True).read(data, place)
     motion = motion_fields(len(listed["stances"]), limbs).read(data, place)
     lengths = np.linalg.norm(motion.base_quaternions, axis=1)
     wrong = int(np.abs(lengths - 1.0).argmax())
@@ -207,12 +205,12 @@ def _motion(data: Any, limbs: int) -> Motion:
         quaternion = place.field("base_quaternions").entry(wrong)
         raise quaternion.fault(f"has length {lengths[wrong]:g}; it must be 1")
     for i, step in enumerate(motion.steps):
-        u = np.array([knot[0] for knot in step.knots])
-        if len(u) and (len(u) < 2 or u[0] != 0.0 or u[-1] != 1.0 or (np.diff(u) < 0.0).any()):
+        s = np.array([knot[0] for knot in step.knots])
+        if len(s) and (len(s) < 2 or s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) < 0.0).any()):
             knots = place.field("steps").entry(i).field("knots")
             raise knots.fault(
                 "must be none, or two or more with base parameters that rise from 0 to 1, "
-                f"not {shortened(u.tolist())}"
+                f"not {shortened(s.tolist())}"
             )
         _check_corners(place.field("steps").entry(i).field("rounded"), step)
     _check_order(motion.stances, motion.steps)

@@ -76,12 +76,12 @@ def path_motion(path: RegraspPath, samples: int) -> StepMotion:
         path.swing(segment, np.linspace(0.0, 1.0, samples * lines))
         for segment, lines in enumerate(path.lines)
     ]
-    u = np.concatenate([np.zeros(samples), *(u for u, _ in swings), np.ones(samples)])
-    joints = path.supports(u)
+    s = np.concatenate([np.zeros(samples), *(s for s, _ in swings), np.ones(samples)])
+    joints = path.supports(s)
     joints[:, limb] = np.concatenate(
         [path.departure(share), *(joints for _, joints in swings), path.approach(share)]
     )
-    positions, rotations = path.base(u)
+    positions, rotations = path.base(s)
     phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])
     return StepMotion(
         phase, positions, np.array([quaternion(rotation) for rotation in rotations]), joints

@@ -37,7 +37,7 @@ SAME_KNOT = 1e-9
 TASK_SPACE_SAMPLES = 400
 """Number of samples at which the feasibility of a swing in task space is checked."""
 
-LARGEST_JUMP = 0.2
+MAX_JUMP = 0.2
 """Largest change of a joint between two of these samples [rad]; a larger one indicates a
 singularity."""
 
@@ -200,7 +200,7 @@ class RegraspPath:
         inside = (joints >= limits[:, 0] - LIMIT_TOLERANCE).all() and (
             joints <= limits[:, 1] + LIMIT_TOLERANCE
         ).all()
-        smooth = np.abs(np.diff(joints, axis=0)).max() < LARGEST_JUMP
+        smooth = np.abs(np.diff(joints, axis=0)).max() < MAX_JUMP
         return bool(inside and smooth and np.abs(joints[-1] - self._knots[-1, 1:]).max() < 1e-6)
 
     def _in_a_straight_line(self, share: Array) -> Array:
@@ -224,24 +224,24 @@ class RegraspPath:
             self._knots[0, 1:],
         )
 
-    def base(self, u: Array) -> tuple[Array, Array]:
+    def base(self, s: Array) -> tuple[Array, Array]:
         """Return base positions (k, 3) [m] and base rotations (k, 3, 3) at base parameters."""
-        return base_poses(self.regrasp.base_path, u)
+        return base_poses(self.regrasp.base_path, s)
 
-    def supports(self, u: Array) -> Array:
+    def supports(self, s: Array) -> Array:
         """Return joint angles of the support limbs at base parameters, shape (k, N, 6) [rad].
 
         The base parameters must start at 0, where the windings are known. Entries of the swing limb
         are NaN.
         """
-        step, solver, base = self.regrasp, self.graph.solver, self.base(u)
-        joints = np.full((len(u), self.graph.limbs, 6), np.nan)
+        step, solver, base = self.regrasp, self.graph.solver, self.base(s)
+        joints = np.full((len(s), self.graph.limbs, 6), np.nan)
         for limb in range(self.graph.limbs):
             if limb != step.limb:
                 flange = solver.grasps[step.before[limb]]["flange"]
-                hold = flange["position"][None], flange["rotation"][None]
+                flanges = flange["position"][None], flange["rotation"][None]
                 joints[:, limb] = self._follow(
-                    limb, step.branches[limb], hold, base, step.joints[limb]
+                    limb, step.branches[limb], flanges, base, step.joints[limb]
                 )
         return joints
 

@@ -41,7 +41,7 @@ from mlivr_gym.transitions.grasp_poses import angles_above
 ROUNDING_FRACTIONS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Candidate sizes of the rounding of a corner, as fractions of the largest possible one."""
 
-MINIMUM_SHARE = 0.2
+MIN_SHARE = 0.2
 """Smallest share of either line that a rounding may replace. On a sharper corner a robot that does
 not slow down would load its grasps more than one that stops."""
 
@@ -121,8 +121,8 @@ class SwingFinder:
             if self.is_clear(np.stack(knots)):
                 return Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
         others = [
-            [_knot(u, joints, tool) for joints in (*folds, *self._above_all(side, points[side]))]
-            for side, (u, tool) in enumerate(((0.0, start), (1.0, end)))
+            [_knot(s, joints, tool) for joints in (*folds, *self._above_all(side, points[side]))]
+            for side, (s, tool) in enumerate(((0.0, start), (1.0, end)))
         ]
         for kind, before, after in self._candidates(folds, points, edge):
             middle = _knot(0.0, before, start), _knot(1.0, after, end)
@@ -202,7 +202,7 @@ class SwingFinder:
                 continue
             for fraction in ROUNDING_FRACTIONS:
                 before, after = fraction * available[k - 1 : k + 1].min() / pair
-                if min(before, after) < MINIMUM_SHARE:
+                if min(before, after) < MIN_SHARE:
                     break
                 first = knots[k] + before * (knots[k - 1] - knots[k])
                 last = knots[k] + after * (knots[k + 1] - knots[k])
@@ -233,6 +233,6 @@ class SwingFinder:
         return bool(clear)
 
 
-def _knot(u: float, joints: Array, tool: Array | None = None) -> Array:
+def _knot(s: float, joints: Array, tool: Array | None = None) -> Array:
     """Return a knot of base parameter and joint angles [rad], joint 6 of `tool` if given."""
-    return np.array([u, *joints[:5], (joints if tool is None else tool)[5]])
+    return np.array([s, *joints[:5], (joints if tool is None else tool)[5]])

@@ -23,7 +23,7 @@ from mlivr_gym.motion.regrasp import RegraspPath
 FREE = -1
 """Point index of a limb that holds no point."""
 
-MAXIMUM_SAMPLES = 1_000_000
+MAX_SAMPLES = 1_000_000
 """Upper bound of the samples of a step: half an hour at 2 ms, about a gigabyte."""
 
 
@@ -132,8 +132,9 @@ ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "poin
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     """Compute the trajectory of one step.
 
-    By the chain rule the velocity is `q' s_dot` and the acceleration `q' s_ddot + q'' s_dot^2`,
-    with the derivatives q', q'' of the path segment and those of its clock s(t).
+    By the chain rule the velocity is `q' sigma_dot` and the acceleration
+    `q' sigma_ddot + q'' sigma_dot^2`, with the derivatives q', q'' of the path segment and those of
+    its clock sigma(t).
 
     Parameters
     ----------
@@ -153,10 +154,10 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):
         raise SettingError(f"period is {period!r}; it must be above 0 and below {duration:g} [s]")
-    if duration / period > MAXIMUM_SAMPLES:
+    if duration / period > MAX_SAMPLES:
         raise SettingError(
-            f"period is {period!r}: a step of {duration:g} s has more than {MAXIMUM_SAMPLES} "
-            f"samples; it must be at least {duration / MAXIMUM_SAMPLES:g} s"
+            f"period is {period!r}: a step of {duration:g} s has more than {MAX_SAMPLES} "
+            f"samples; it must be at least {duration / MAX_SAMPLES:g} s"
         )
     step, graph = path.regrasp, path.graph
     count = int(np.ceil(duration / period - 1e-9)) + 1
@@ -165,7 +166,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     ends = timed.ends
     part = np.minimum(np.searchsorted(ends, times / slower, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
-    u, moving = np.zeros(count), np.empty((count, 6))
+    s, moving = np.zeros(count), np.empty((count, 6))
     speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
     last = len(ends) - 1
     for k, (segment, clock) in enumerate(zip(timed.segments, timed.clocks, strict=True)):
@@ -175,15 +176,15 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
         if k == 0:
             moving[here] = path.departure(share)
         elif k == last:
-            moving[here], u[here] = path.approach(share), 1.0
+            moving[here], s[here] = path.approach(share), 1.0
         else:
-            u[here], moving[here] = path.swing(k - 1, share)
+            s[here], moving[here] = path.swing(k - 1, share)
         rate, change = clock(since, 1) / slower, clock(since, 2) / slower**2
         first, second = segment.curve(share, 1), segment.curve(share, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
-    positions, rotations = path.base(u)
-    joints = path.supports(u)
+    positions, rotations = path.base(s)
+    joints = path.supports(s)
     joints[:, step.limb] = moving
     _check_limits(graph.robot.joint_limits, joints, times)
     grasps = np.tile(np.array(step.before), (count, 1))

@@ -12,20 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, Kinds, Of, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Kinds, checked
 from mlivr_gym.errors import PlanError, one_line, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
-from mlivr_gym.schema import NAME, FieldPath, Listed, Numbers
-from mlivr_gym.values import LONGEST, MOST_POINTS
+from mlivr_gym.schema import NAME, FieldPath, ListOf, Numbers
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 """Components of the base pose: position, and quaternion w, x, y, z."""
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base velocity: linear in the world frame, angular in the body frame."""
 
-SAVED: Kinds = {"trajectory": Of(Trajectory), "path": FileName()}
+SAVED: Kinds = {"trajectory": InstanceOf(Trajectory), "path": FileName()}
 """Schema of the arguments with which a trajectory is saved."""
 
 
@@ -203,7 +203,7 @@ def _event(before: list[str], after: list[str]) -> str:
 
 def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
     """Check that the arrays of a file have consistent shapes; return the fields."""
-    points = Listed(NAME, 1, MOST_POINTS).read(arrays.pop("points"), FieldPath("points", PlanError))
+    points = ListOf(NAME, 1, MAX_POINTS).read(arrays.pop("points"), FieldPath("points", PlanError))
     shape = arrays["joint_positions"].shape
     k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
     kinds = {
@@ -213,7 +213,7 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
         "joint_positions": Numbers((k, limbs, 6)),
         "joint_velocities": Numbers((k, limbs, 6)),
         "joint_accelerations": Numbers((k, limbs, 6)),
-        "base_positions": Numbers((k, 3), most=LONGEST, unit="m"),
+        "base_positions": Numbers((k, 3), most=MAX_LENGTH, unit="m"),
         "base_quaternions": Numbers((k, 4), -1.001, 1.001),
         "base_velocities": Numbers((k, 6)),
         "base_accelerations": Numbers((k, 6)),

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arguments import ANY_NUMBER, Via
+from mlivr_gym.arguments import ANY_NUMBER, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.schema import FieldPath, Tuples
-from mlivr_gym.values import LONGEST
+from mlivr_gym.values import MAX_LENGTH
 
 FIELD_OF_VIEW = 45.0
 """Vertical field of view [deg], MuJoCo's default."""
@@ -87,10 +87,10 @@ def _camera(value: Any, place: FieldPath) -> Camera:
     """Check that an argument is a camera with valid fields."""
     if not isinstance(value, Camera):
         raise place.refused(value, "a Camera")
-    kinds = (Tuples((3,), most=LONGEST, unit="m"), Tuples((), 0.0, LONGEST, "m"))
+    kinds = (Tuples((3,), most=MAX_LENGTH, unit="m"), Tuples((), 0.0, MAX_LENGTH, "m"))
     fields = zip((*kinds, ANY_NUMBER, ANY_NUMBER), value, Camera._fields, strict=True)
     return Camera(*(kind.read(given, place.field(name)) for kind, given, name in fields))
 
 
-CAMERA = Via(_camera)
+CAMERA = Reader(_camera)
 """Kind of an argument that is a `Camera`."""

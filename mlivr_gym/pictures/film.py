@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import FileName, Of, Via, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Reader, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -26,7 +26,7 @@ from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath, Maybe, Tuples
+from mlivr_gym.schema import FieldPath, OrNone, Tuples
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -42,7 +42,7 @@ COLOURS = 96
 RATE = 25
 """Frames per second."""
 
-LONGEST_FILM = 8.0
+MAX_FILM_DURATION = 8.0
 """Maximum duration of a film at the default speed [s]."""
 
 PAUSE = 1.0
@@ -59,17 +59,17 @@ def _recording(value: Any, place: FieldPath) -> Recording:
     """Check that an argument is a recording of a simulation."""
     from mlivr_gym.simulation.recording import Recording
 
-    recording: Recording = Of(Recording).read(value, place)
+    recording: Recording = InstanceOf(Recording).read(value, place)
     return recording
 
 
 @checked(
     {
         **WALK,
-        "recording": Via(_recording),
-        "plan": Maybe(WALK["plan"]),
+        "recording": Reader(_recording),
+        "plan": OrNone(WALK["plan"]),
         "size": SIZE,
-        "speed": Maybe(SPEED),
+        "speed": OrNone(SPEED),
     }
 )
 def film(
@@ -128,9 +128,9 @@ def film(
 
 
 def default_speed(recording: Recording) -> float:
-    """Return the smallest power of two at which a film takes at most `LONGEST_FILM`."""
+    """Return the smallest power of two at which a film takes at most `MAX_FILM_DURATION`."""
     duration = float(recording.times[-1] - recording.times[0])
-    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / LONGEST_FILM)))
+    return 2.0 ** max(0, math.ceil(math.log2(max(duration, 1e-9) / MAX_FILM_DURATION)))
 
 
 def film_samples(recording: Recording, speed: float) -> IntArray:

@@ -32,7 +32,7 @@ from mlivr_gym.pictures.flat_views import (
 from mlivr_gym.pictures.robot_shapes import draw_ghost, draw_robot, robot_parts
 from mlivr_gym.pictures.route import Route, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
-from mlivr_gym.schema import Maybe, Numbers
+from mlivr_gym.schema import Numbers, OrNone
 from mlivr_gym.world.grasp_map import GraspMap
 
 MAX_EXPLORED = 3000
@@ -42,7 +42,7 @@ MAX_TREE_ROWS = 10**8
 """Maximum number of explored base paths that are accepted."""
 
 
-@checked({**WALK, "tree": Maybe(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
+@checked({**WALK, "tree": OrNone(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
 def plan_figure(
     grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = ""
 ) -> None:
@@ -87,7 +87,7 @@ def plan_figure(
         figure,
         title or "Plan",
         f"{len(plan.steps)} steps, base translation {plan.base_translation:.2f} m, "
-        f"least $w_m$ {plan.w_m_min:.3f}, least $w_b$ {plan.w_b_min:.4f}, "
+        f"minimum $w_m$ {plan.w_m_min:.3f}, minimum $w_b$ {plan.w_b_min:.4f}, "
         f"{plan.statistics.expanded} states explored{count}",
     )
     add_legend(figure)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import Of, Via, checked
+from mlivr_gym.arguments import InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.errors import RenderError, SceneError, SettingError
@@ -24,7 +24,7 @@ from mlivr_gym.pictures.camera import CAMERA, Camera
 from mlivr_gym.pictures.captions import with_labels
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, Choice, FieldPath, Listed, Maybe, Whole
+from mlivr_gym.schema import Anything, Choice, FieldPath, Integer, ListOf, OrNone
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -34,17 +34,17 @@ GHOST_OPACITY = 0.22
 MARGIN = 0.3
 """Margin round the map in a picture of the whole map [m]."""
 
-WIDTH, HEIGHT = Whole(16, 1920), Whole(16, 1080)
+WIDTH, HEIGHT = Integer(16, 1920), Integer(16, 1080)
 """Valid widths and heights of a picture [px], limited by the scene's frame buffer."""
 
 
 def _size(value: object, place: FieldPath) -> tuple[int, int]:
     """Read the width and height of a picture."""
-    width, height = Listed(Anything(), 2, 2).read(value, place)
+    width, height = ListOf(Anything(), 2, 2).read(value, place)
     return WIDTH.read(width, place.entry(0)), HEIGHT.read(height, place.entry(1))
 
 
-SIZE = Via(_size)
+SIZE = Reader(_size)
 """Kind of an argument that is the width and height of a picture [px]."""
 
 
@@ -107,10 +107,10 @@ class SceneRenderer:
     @checked(
         {
             **dict.fromkeys(("position", "quaternion", "joints"), Anything()),
-            "hide": Listed(Anything()),
-            "camera": Maybe(CAMERA),
-            "route": Maybe(Of(Route)),
-            "ghosts": Listed(Anything()),
+            "hide": ListOf(Anything()),
+            "camera": OrNone(CAMERA),
+            "route": OrNone(InstanceOf(Route)),
+            "ghosts": ListOf(Anything()),
         }
     )
     def render(
@@ -160,7 +160,7 @@ class SceneRenderer:
         options = mujoco.MjvOption()
         options.geomgroup[:] = 1
         options.sitegroup[:] = 1
-        for face in Listed(Choice(tuple(FACE_GROUPS))).read(hide, FieldPath("hide", SettingError)):
+        for face in ListOf(Choice(tuple(FACE_GROUPS))).read(hide, FieldPath("hide", SettingError)):
             options.geomgroup[FACE_GROUPS[face]] = 0
             options.sitegroup[FACE_GROUPS[face]] = 0
         eye = mujoco.MjvCamera()

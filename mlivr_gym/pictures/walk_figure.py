@@ -102,9 +102,11 @@ def walk_figure(grasp_map: GraspMap, walked_plans: Sequence[WalkedPlan], path: s
     style = {"color": OCCUPIED_COLOUR, "marker": "x", "zorder": 6}
     axes.scatter(*occupied.T, s=50, depthshade=False, label="points occupied", **style)
     for k, walked in enumerate(walked_plans[:-1]):
-        axes.plot(*walked.abandoned_path.T, label=f"plan {k + 1}, given up", zorder=4, **_dashed(k))
+        axes.plot(
+            *walked.abandoned_path.T, label=f"plan {k + 1}, abandoned", zorder=4, **_dashed(k)
+        )
     draw_base_path(axes, walk.line, walk.stances, "base path walked")
-    axes.scatter(*walk.replans.T, depthshade=False, label="plan given up here", **_BREAK)
+    axes.scatter(*walk.replans.T, depthshade=False, label="plan abandoned here", **_BREAK)
     draw_goal(axes, last.query.goal, last.query.goal_tolerance)
     number_stances(axes, walk.stances)
     for view, flat in flats.items():

@@ -16,7 +16,7 @@ from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.values import LONGEST, numbers
+from mlivr_gym.values import MAX_LENGTH, read_numbers
 from mlivr_gym.world.boxes import Box
 
 JOINT_TOLERANCE = 0.02
@@ -46,12 +46,12 @@ def given_pose(pose: Any) -> tuple[float, ...]:
     lists = (list, tuple, np.ndarray)
     pair = isinstance(pose, tuple) and len(pose) == 2
     pair = pair and all(isinstance(part, lists) and np.shape(part) != () for part in pose)
-    given = numbers(
+    given = read_numbers(
         [*pose[0], *pose[1]] if pair else pose,
         (7,),
         "start_pose (x, y, z [m], quaternion w, x, y, z)",
         SettingError,
-        LONGEST,
+        MAX_LENGTH,
     )
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
@@ -81,7 +81,9 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
     flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
     flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
-    given = numbers(joints, shape, "start_joints (six angles for each limb [rad])", SettingError)
+    given = read_numbers(
+        joints, shape, "start_joints (six angles for each limb [rad])", SettingError
+    )
     given = given.reshape(robot.limbs, 6)
     limits = robot.joint_limits
     outside = np.argwhere(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper")
 """Links of a limb in order from the body; the gripper is fixed to the last."""
@@ -39,14 +39,14 @@ class Capsule:
         CAPSULE.check(self, place)
         for name in ("start", "end") if self.link in LINKS[6:] else ():
             x, y, _ = getattr(self, name)
-            if max(abs(x), abs(y)) > SMALLEST:
+            if max(abs(x), abs(y)) > MIN_SIZE:
                 found = list(getattr(self, name))
                 raise place.field(name).fault(
                     f"is {found}; on {self.link} it must lie on the flange axis, x = y = 0"
                 )
 
 
-END = Tuples((3,), most=LONGEST_ROBOT, unit="m")
+END = Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")
 
 CAPSULE = Struct(
     Capsule,
@@ -54,7 +54,7 @@ CAPSULE = Struct(
         "link": Choice(LINKS),
         "start": END,
         "end": END,
-        "radius": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
+        "radius": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
     },
 )
 """Fields of a `Capsule`."""

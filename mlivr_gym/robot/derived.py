@@ -13,7 +13,7 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
-from mlivr_gym.values import SMALLEST, Triple
+from mlivr_gym.values import MIN_SIZE, Triple
 
 
 class DerivedFigures:
@@ -98,7 +98,7 @@ class DerivedFigures:
         lengths = np.array([limb.d1 for limb in self.every_limb])
         shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
         across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
-        return np.where(np.abs(across) < SMALLEST, 0.0, across)
+        return np.where(np.abs(across) < MIN_SIZE, 0.0, across)
 
     @property
     def joint_limits(self) -> Array:

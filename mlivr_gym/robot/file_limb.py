@@ -22,7 +22,7 @@ from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
-from mlivr_gym.values import LONGEST_ROBOT
+from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 ROTOR_INERTIA = 0.1
 """Inertia of a rotor where neither file nor caller gives one [kg m^2]: MuJoCo Menagerie's UR arms.
@@ -227,11 +227,11 @@ def _check_size(file: Description, arm: FileArm, tool: Array) -> None:
     """Refuse an arm longer than any robot, which is probably given in millimetres."""
     points = np.vstack([file.data.xanchor[list(arm.joints)], tool[:3, 3]])
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > LONGEST_ROBOT:
+    if length > MAX_ROBOT_LENGTH:
         raise RobotError(
             f"the limb of joints {file.joints[arm.joints[0]].name!r} to "
             f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
-            f"{LONGEST_ROBOT:g} m: lengths are in metres, is the file in millimetres?"
+            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
         )
 
 

@@ -14,8 +14,8 @@ from mlivr_gym.robot.any_limb import LIMB_FAMILIES, LimbKind
 from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.schema import Choice, Listed, Maybe, Numbers, Rotation, Struct, Text, Whole
-from mlivr_gym.values import LONGEST_TEXT
+from mlivr_gym.schema import Choice, Integer, ListOf, Numbers, OrNone, Rotation, Struct, Text
+from mlivr_gym.values import MAX_TEXT_LENGTH
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 """The version of JSON Schema."""
@@ -44,7 +44,7 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
         If the kind is none of those that robots have.
     """
     match kind:
-        case Maybe():
+        case OrNone():
             return {"anyOf": [json_schema_of(kind.kind), {"type": "null"}]}
         case Named():
             return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
@@ -55,17 +55,17 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
         case PairOf():
             return {"enum": [list(pair) for pair in kind.pairs]}
         case Text():
-            return {"type": "string", "minLength": kind.least, "maxLength": LONGEST_TEXT}
+            return {"type": "string", "minLength": kind.least, "maxLength": MAX_TEXT_LENGTH}
         case Choice():
             return {"enum": list(kind.options)}
-        case Whole():
+        case Integer():
             return {"type": "integer", "minimum": kind.least, "maximum": kind.most}
         case Numbers():
             return _numbers(kind)
         case Rotation():
             row = _listed({"type": "number"}, (3, 3))
             return {"description": "rotation matrix, by rows", **_listed(row, (3, 3))}
-        case Listed():
+        case ListOf():
             return _listed(json_schema_of(kind.kind), (kind.least, kind.most))
         case Struct():
             fields = kind.fields

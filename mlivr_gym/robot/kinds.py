@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.schema import FieldPath, Tuples
-from mlivr_gym.values import LONGEST_ROBOT
+from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 APART = (
     ("base", "upper_arm"),
@@ -55,12 +55,12 @@ class SizeOrEdges:
     @property
     def edge(self) -> Tuples:
         """Kind of the edge of a cube."""
-        return Tuples((), self.least, LONGEST_ROBOT, "m")
+        return Tuples((), self.least, MAX_ROBOT_LENGTH, "m")
 
     @property
     def edges(self) -> Tuples:
         """Kind of three edges."""
-        return Tuples((3,), self.least, LONGEST_ROBOT, "m")
+        return Tuples((3,), self.least, MAX_ROBOT_LENGTH, "m")
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return a float, or a tuple of three; three equal edges are those of a cube."""

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.schema import FieldPath, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE
 
 FAMILIES = ("ur", "spherical_wrist")
 """Families of limbs by the names in robot files, in the order of their numbers in `kinematics.arm`.
@@ -184,7 +184,7 @@ class Limb(LimbBase):
             Naming the length.
         """
         for name in ("a2", "a3", "d4"):
-            if abs(getattr(self, name)) < SMALLEST:
+            if abs(getattr(self, name)) < MIN_SIZE:
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
 
     @property
@@ -277,7 +277,7 @@ class Limb(LimbBase):
         return float(np.sqrt(square[possible].max()))
 
 
-LENGTH = Tuples((), most=LONGEST_ROBOT, unit="m")
+LENGTH = Tuples((), most=MAX_ROBOT_LENGTH, unit="m")
 """A length of a robot that may be negative, as in the DH convention."""
 
 LIMB = Struct(

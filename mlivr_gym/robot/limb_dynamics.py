@@ -18,8 +18,8 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb, LimbBase
-from mlivr_gym.schema import Choice, FieldPath, Kind, Maybe, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
+from mlivr_gym.schema import Choice, FieldPath, Kind, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 ARMS = ("ur3e", "ur5e", "ur10e")
 """Arms whose figures ship."""
@@ -189,15 +189,15 @@ LIMB_DYNAMICS = Struct(
     LimbDynamics,
     {
         "base_mass": Tuples((), 0.0, MASSES[1], "kg"),
-        "base_size": Tuples((2,), SMALLEST, LONGEST_ROBOT, "m"),
+        "base_size": Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
         "masses": Tuples((6,), *MASSES, "kg"),
-        "centres": Tuples((6, 3), most=LONGEST_ROBOT, unit="m"),
+        "centres": Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m"),
         "inertias": Tuples((6, 6), -1e6, 1e6, "kg m^2"),
         "torque_limits": Tuples((6,), 1e-3, 1e6, "N m"),
         "speed_limits": Tuples((6,), 1e-3, 1e3, "rad/s"),
         "rotor_inertias": Tuples((6,), 0.0, 1e3, "kg m^2"),
-        "base_centre": Maybe(Tuples((3,), most=LONGEST_ROBOT, unit="m")),
-        "base_inertia": Maybe(Tuples((6,), -1e6, 1e6, "kg m^2")),
+        "base_centre": OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")),
+        "base_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
     },
 )
 """Fields of a `LimbDynamics`."""

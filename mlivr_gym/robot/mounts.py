@@ -21,8 +21,8 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_dynamics,
     arm_limb,
 )
-from mlivr_gym.schema import FieldPath, Listed, Maybe, Rotation, Struct, Tuples
-from mlivr_gym.values import LONGEST_ROBOT, Triple
+from mlivr_gym.schema import FieldPath, ListOf, OrNone, Rotation, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
 MOST_CAPSULES = 64
 """Largest number of collision shapes of a limb: the compiled checks keep them on the stack."""
@@ -65,11 +65,11 @@ class Mount:
 MOUNT = Struct(
     Mount,
     {
-        "position": Tuples((3,), most=LONGEST_ROBOT, unit="m"),
+        "position": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
         "rotation": Rotation(),
-        "limb": Maybe(Named(LIMB_OF_FAMILY, arm_limb)),
-        "capsules": Maybe(Listed(CAPSULE, most=MOST_CAPSULES)),
-        "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
+        "limb": OrNone(Named(LIMB_OF_FAMILY, arm_limb)),
+        "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
+        "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
     },
 )
 """Fields of a `Mount`."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import Raising, Via
+from mlivr_gym.arguments import Reader, WithError
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
@@ -41,8 +41,8 @@ from mlivr_gym.robot.limb_dynamics import (
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount
-from mlivr_gym.schema import NAME, FieldPath, Listed, Maybe, Struct, Text, Tuples, Whole
-from mlivr_gym.values import LONGEST_ROBOT, SMALLEST, Triple
+from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 SMALLEST_BODY = 1e-3
 """Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
@@ -277,33 +277,33 @@ class RobotSpec(DerivedFigures):
         return as_urdf(self, self.to_dict(), path)
 
 
-SIZE = Tuples((), 0.0, LONGEST_ROBOT, "m")
+SIZE = Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")
 """A length that may be zero."""
 
 ROBOT = Struct(
     RobotSpec,
     {
         "name": NAME,
-        "limbs": Whole(2, MOST_LIMBS),
+        "limbs": Integer(2, MOST_LIMBS),
         "limb": Named(LIMB_OF_FAMILY, arm_limb),
         "mount_radius": SIZE,
         "tool_length": SIZE,
-        "characteristic_length": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
+        "characteristic_length": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
         "grasp_separation": SIZE,
-        "span": Tuples((), SMALLEST, LONGEST_ROBOT, "m"),
-        "heights": Tuples((None,), -LONGEST_ROBOT, LONGEST_ROBOT, "m", (1, MOST_POSES)),
+        "span": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
+        "heights": Tuples((None,), -MAX_ROBOT_LENGTH, MAX_ROBOT_LENGTH, "m", (1, MOST_POSES)),
         "rolls": Tuples((None,), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_POSES)),
         "lift": SIZE,
         "folds": Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
-        "capsules": Maybe(Listed(CAPSULE, most=MOST_CAPSULES)),
+        "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
         "body_size": SizeOrEdges(SMALLEST_BODY),
         "body_mass": Tuples((), *MASSES, "kg"),
         "gripper_mass": Tuples((), 0.0, MASSES[1], "kg"),
-        "dynamics": Maybe(Named(LIMB_DYNAMICS, arm_dynamics)),
-        "mounts": Maybe(Listed(MOUNT, 2, MOST_LIMBS)),
-        "apart": Listed(PairOf(APART), 0, len(APART)),
-        "body_centre": Tuples((3,), most=LONGEST_ROBOT, unit="m"),
-        "body_inertia": Maybe(Tuples((6,), -1e6, 1e6, "kg m^2")),
+        "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
+        "mounts": OrNone(ListOf(MOUNT, 2, MOST_LIMBS)),
+        "apart": ListOf(PairOf(APART), 0, len(APART)),
+        "body_centre": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
+        "body_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
         "source": Text(0),
     },
 )
@@ -358,5 +358,5 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLAC
     )
 
 
-ROBOT_OR_NAME = Raising(RobotError, Via(robot_spec))
+ROBOT_OR_NAME = WithError(RobotError, Reader(robot_spec))
 """A robot as `robot_spec` takes it."""

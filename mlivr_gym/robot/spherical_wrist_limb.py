@@ -21,8 +21,8 @@ from mlivr_gym.robot.limb import (
     LimbBase,
     LinkOffset,
 )
-from mlivr_gym.schema import Choice, FieldPath, Maybe, Struct, Tuples, Whole
-from mlivr_gym.values import SMALLEST
+from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
+from mlivr_gym.values import MIN_SIZE
 
 HELD_JOINT = 3
 """The joint of a seven-joint arm that can be held: the roll of the upper arm.
@@ -108,9 +108,9 @@ class SphericalWristLimb(LimbBase):
         """Check lengths, limits and the held joint."""
         place = FieldPath("limb", RobotError)
         SPHERICAL_WRIST_LIMB.check(self, place)
-        if self.a2 < SMALLEST:
+        if self.a2 < MIN_SIZE:
             raise place.field("a2").fault(f"is {self.a2:g}; the upper arm must have a length")
-        if np.hypot(self.a3, self.d4) < SMALLEST:
+        if np.hypot(self.a3, self.d4) < MIN_SIZE:
             raise place.field("d4").fault(f"is {self.d4:g}; the forearm must have a length")
         self.check_joints(place)
         if self.held_joint is None:
@@ -201,7 +201,7 @@ class SphericalWristLimb(LimbBase):
         """Simple collision shapes along the links, without a gripper."""
         d1, d4, d6 = self.d1, self.d4, self.d6
         radius = THICKNESS * (self.a2 + float(np.hypot(self.a3, d4)))
-        flange = max(min(0.6 * radius, 0.5 * abs(d6)), SMALLEST)
+        flange = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
         here, tip = (0.0, 0.0, 0.0), -float(np.copysign(flange, d6))
         return (
             Capsule("base", here, (0.0, 0.0, 0.25 * d1), radius),
@@ -239,7 +239,7 @@ SPHERICAL_WRIST_LIMB = Struct(
     {
         "family": Choice(FAMILIES[1:]),
         **dict.fromkeys(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), LENGTH),
-        "held_joint": Maybe(Whole(HELD_JOINT, HELD_JOINT)),
+        "held_joint": OrNone(Integer(HELD_JOINT, HELD_JOINT)),
         "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
         "joint_limits": Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
         "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),

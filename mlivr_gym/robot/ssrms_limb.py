@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb import FARTHEST_TURN, LENGTH, LIMB, Limb
-from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples, Whole
+from mlivr_gym.schema import Choice, FieldPath, Integer, Struct, Tuples
 
 SSRMS = "ssrms"
 """Name of the family in robot files. Its closed form is that of the UR arms."""
@@ -164,7 +164,7 @@ SSRMS_LIMB = Struct(
         "family": Choice((SSRMS,)),
         "d0": LENGTH,
         "joint_limits": Tuples((7, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-        "held_joint": Whole(HELD_JOINT, HELD_JOINT),
+        "held_joint": Integer(HELD_JOINT, HELD_JOINT),
         "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
     },
 )

@@ -28,12 +28,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from mlivr_gym.schema import Flag, Kind, Tuples, Whole
-from mlivr_gym.simulation.figures import Figures
+from mlivr_gym.schema import Flag, Integer, Kind, Tuples
+from mlivr_gym.simulation.parameter_set import ParameterSet
 
 
 @dataclass(frozen=True)
-class Controller(Figures):
+class ControllerParameters(ParameterSet):
     """Gains and functions of the joint controller.
 
     Attributes
@@ -71,7 +71,7 @@ class Controller(Figures):
 
     Examples
     --------
-    >>> Controller.of("paper").kp_free
+    >>> ControllerParameters.of("paper").kp_free
     (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """
 
@@ -89,7 +89,7 @@ class Controller(Figures):
     patience: float = 6.0
     tries: int = 2
 
-    called: ClassVar[str] = "controller"
+    label: ClassVar[str] = "controller"
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
@@ -103,11 +103,11 @@ class Controller(Figures):
         "sensor_period": Tuples((), 1e-4, 1.0, "s"),
         "guidance": Tuples((), 0.0, 100.0, "1/s"),
         "patience": Tuples((), 0.0, 60.0, "s"),
-        "tries": Whole(1, 10),
+        "tries": Integer(1, 10),
     }
 
 
-PAPER = Controller(
+PAPER = ControllerParameters(
     *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, rebase=False, guided=False, tries=1,
 )  # fmt: skip
 """The controller of the paper: PD control along a trajectory, with the same gains for all
@@ -116,7 +116,7 @@ joints."""
 FEEDFORWARD = replace(PAPER, feedforward=True)
 """The gains of the paper with feedforward."""
 
-CONTROLLERS = {"full": Controller(), "feedforward": FEEDFORWARD, "paper": PAPER}
+CONTROLLERS = {"full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER}
 """Controllers by name."""
 
-Controller.named = CONTROLLERS
+ControllerParameters.presets = CONTROLLERS

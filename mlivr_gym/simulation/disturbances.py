@@ -20,15 +20,15 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.schema import Kind, Tuples
-from mlivr_gym.simulation.figures import Figures
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameter_set import ParameterSet
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, 1 g [m/s^2]."""
 
 
 @dataclass(frozen=True)
-class Disturbances(Figures):
+class Disturbances(ParameterSet):
     """Ranges of the disturbances; 0 (1 for `stiffness`) is the model of the controller.
 
     Attributes
@@ -87,7 +87,7 @@ class Disturbances(Figures):
     sensor_position: float = 0.001
     sensor_angle: float = float(np.deg2rad(0.5))
 
-    called: ClassVar[str] = "disturbances"
+    label: ClassVar[str] = "disturbances"
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "friction": Tuples((), 0.0, 1e3, "N m"),
         "damping": Tuples((), 0.0, 1e3, "N m s/rad"),
@@ -202,7 +202,7 @@ class Disturbance:
         """Apply the disturbance to a model of `dynamics.dynamics_spec`.
 
         Displaced points, encoders and delay are not part of the model; `Grippers` and
-        `JointControl` apply them.
+        `JointController` apply them.
         """
         robot = robot_body_ids(model)
         model.body_mass[robot] *= self.masses
@@ -258,4 +258,4 @@ ALL = Disturbances(
 DISTURBANCES = {"none": NONE, "all": ALL}
 """Disturbances by name."""
 
-Disturbances.named = DISTURBANCES
+Disturbances.presets = DISTURBANCES

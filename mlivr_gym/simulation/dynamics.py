@@ -24,8 +24,8 @@ import numpy as np
 
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Kind, Tuples
-from mlivr_gym.simulation.figures import Figures
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameter_set import ParameterSet
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -38,7 +38,7 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 
 @dataclass(frozen=True)
-class Physics(Figures):
+class Physics(ParameterSet):
     """Parameters of grasps and failures.
 
     Attributes
@@ -81,7 +81,7 @@ class Physics(Figures):
     saturation_time: float = 0.1
     limit_margin: float = float(np.deg2rad(3.0))
 
-    called: ClassVar[str] = "physics"
+    label: ClassVar[str] = "physics"
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "timestep": Tuples((), 1e-5, 0.1, "s"),
         **dict.fromkeys(

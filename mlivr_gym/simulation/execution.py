@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
@@ -20,18 +20,18 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.schema import Maybe
-from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.schema import OrNone
+from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
+from mlivr_gym.simulation.simulator import SimulatedInterval, Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-FINAL_HOLD = 2.0
-"""Time for which the robot holds still after the last grasp [s]."""
+FINAL_REST = 2.0
+"""Time for which the robot stands still after the last grasp [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +60,15 @@ class Execution:
         The failure that ended the walk, or None if it was executed to its end.
     simulated_time
         Time at the end of the simulation [s].
-    preparation_time
+    trajectory_computing_time
         Computing time of the trajectories [s].
-    simulation_time
-        Computing time of the run in the simulation, compilation of the model included [s].
+    simulation_computing_time
+        Computing time of the simulation, compilation of the model included [s].
     """
 
     plan: Plan
     timing: Limits | Durations
-    controller: Controller
+    controller: ControllerParameters
     physics: Physics
     disturbance: Disturbance
     recording: Recording
@@ -76,8 +76,8 @@ class Execution:
     captures: tuple[Capture, ...]
     failure: Failure | None
     simulated_time: float
-    preparation_time: float
-    simulation_time: float
+    trajectory_computing_time: float
+    simulation_computing_time: float
 
     @property
     def step_times(self) -> Array:
@@ -97,8 +97,8 @@ class Execution:
             "step_times_s": self.step_times.tolist(),
             "tries": [capture.tries for capture in self.captures],
             "simulated_time_s": self.simulated_time,
-            "preparation_time_s": self.preparation_time,
-            "simulation_time_s": self.simulation_time,
+            "preparation_time_s": self.trajectory_computing_time,
+            "simulation_time_s": self.simulation_computing_time,
             "torque_rms_mean_N_m": float(self.recording.torque_rms.mean()),
             "largest_capture_distance_m": max(distances, default=None),
             "largest_momentum_kg_m_s": float(momenta.max()),
@@ -130,7 +130,12 @@ class Execution:
 
 
 @checked(
-    {**WALK, "timing": TIMING, "physics": Maybe(Of(Physics)), "simulation": Maybe(Of(Simulation))}
+    {
+        **WALK,
+        "timing": TIMING,
+        "physics": OrNone(InstanceOf(Physics)),
+        "simulation": OrNone(InstanceOf(Simulation)),
+    }
 )
 def execute(
     graph: StanceGraph,
@@ -201,8 +206,8 @@ def execute(
         captures=tuple(step.capture for step in done if step.capture is not None),
         failure=done[-1].failure,
         simulated_time=simulation.time,
-        preparation_time=ready - start,
-        simulation_time=time.perf_counter() - ready,
+        trajectory_computing_time=ready - start,
+        simulation_computing_time=time.perf_counter() - ready,
     )
 
 
@@ -239,15 +244,15 @@ def timed_walk(
 
 def execute_walk(
     simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
-) -> list[ExecutedStep]:
-    """Execute a walk to its end or to its first failure; return each step and the final hold."""
+) -> list[SimulatedInterval]:
+    """Execute a walk up to its end or first failure; return each step and the rest at the end."""
     simulation.reset(*walk.start, walk.points)
-    done: list[ExecutedStep] = []
+    done: list[SimulatedInterval] = []
     for index, trajectory in enumerate(walk.steps):
         done.append(simulation.execute(trajectory, index))
         if progress is not None:
             progress(index + 1)
         if done[-1].failure is not None:
             return done
-    done.append(simulation.hold(walk.steps[-1], FINAL_HOLD, len(walk.steps) - 1))
+    done.append(simulation.stand_still(walk.steps[-1], FINAL_REST, len(walk.steps) - 1))
     return done

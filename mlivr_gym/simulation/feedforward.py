@@ -14,7 +14,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.inverse_dynamics import needed
+from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 
 SAMPLES = 400
 """Number of intervals of a step on whose ends the inverse dynamics is evaluated; cubic splines
@@ -36,7 +36,7 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
         return np.column_stack([base, joints.reshape(count, -1)])
 
     base = np.column_stack([coarse.base_positions, coarse.base_quaternions])
-    dynamics = needed(
+    dynamics = compute_inverse_dynamics(
         robot,
         holding.tolist(),
         stacked(base, coarse.joint_positions),
@@ -44,9 +44,9 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
         stacked(coarse.base_accelerations, coarse.joint_accelerations)[None],
     )
     deflections = _deflections(physics, dynamics.wrenches[0], float(times[1] - times[0]))
-    shifts = np.zeros((count, limbs, 6))
-    shifts[:, holding] = (np.linalg.pinv(dynamics.jacobians) @ deflections[..., None])[..., 0]
-    rough = np.column_stack([dynamics.torques.reshape(count, -1), shifts.reshape(count, -1)])
+    offsets = np.zeros((count, limbs, 6))
+    offsets[:, holding] = (np.linalg.pinv(dynamics.jacobians) @ deflections[..., None])[..., 0]
+    rough = np.column_stack([dynamics.torques.reshape(count, -1), offsets.reshape(count, -1)])
     fine = CubicSpline(times, rough)(trajectory.times)
     both = fine.reshape(len(fine), 2, limbs, 6)
     return both[:, 0], both[:, 1]

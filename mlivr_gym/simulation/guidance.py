@@ -11,12 +11,12 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import Grippers
 from mlivr_gym.simulation.inverse_dynamics import robot_model
-from mlivr_gym.simulation.joint_control import JointControl
+from mlivr_gym.simulation.joint_controller import JointController
 
 CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
 """Errors in position [m] and angle [rad] below which the gripper is close to its point."""
@@ -27,7 +27,7 @@ REST_SPEEDS = 0.004, 0.01
 FILTER_MEMORY = 0.8
 """Weight of the previous error in the low-pass filter, at each reading of the sensor."""
 
-MAXIMUM_CHANGE = 0.01
+MAX_CHANGE = 0.01
 """Upper bound of the change of a joint reference at one reading [rad]."""
 
 
@@ -37,10 +37,10 @@ class Guidance:
     def __init__(
         self,
         robot: RobotSpec,
-        controller: Controller,
+        controller: ControllerParameters,
         disturbance: Disturbance,
         grippers: Grippers,
-        joints: JointControl,
+        joints: JointController,
     ) -> None:
         """Prepare the guidance of the limbs of a simulated robot."""
         self._controller, self._grippers, self._joints = controller, grippers, joints
@@ -84,8 +84,8 @@ class Guidance:
         first = 6 * self._limb
         jacobian = self._grippers.jacobian(self._limb)[:, 6 + first : 12 + first]
         change = share * np.linalg.lstsq(jacobian, filtered)[0]
-        change *= min(1.0, MAXIMUM_CHANGE / max(float(np.abs(change).max()), 1e-12))
-        self._joints.shift[first : first + 6] += change
+        change *= min(1.0, MAX_CHANGE / max(float(np.abs(change).max()), 1e-12))
+        self._joints.offset[first : first + 6] += change
 
     def _error(self, trajectory: Trajectory, k: int) -> Array:
         """Return displacement and rotation from the gripper to its reference, (6,) [m, rad]."""

@@ -120,7 +120,10 @@ class Instruments:
         return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
 
     def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
-        """Return samples every `RECORD_PERIOD` of the first `ended` steps, and the peaks of all."""
+        """Return samples and peaks of the first `ended` time steps.
+
+        The samples are `RECORD_PERIOD` apart; the peaks are those over all time steps.
+        """
         whole = measurements.recording.part(slice(ended))
         stride = max(round(RECORD_PERIOD / self.model.opt.timestep), 1)
         start = round(whole.times[0] / self.model.opt.timestep)

@@ -19,7 +19,7 @@ from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import compiled, robot_alone
 
 
-class Needed(NamedTuple):
+class InverseDynamics(NamedTuple):
     """Inverse dynamics of m motions through the same k configurations on n support limbs."""
 
     torques: Array
@@ -37,9 +37,9 @@ def robot_model(robot: RobotSpec) -> mujoco.MjModel:
     return compiled(robot_alone(robot))
 
 
-def needed(
+def compute_inverse_dynamics(
     robot: RobotSpec, holding: Sequence[int], positions: Array, speeds: Array, accelerations: Array
-) -> Needed:
+) -> InverseDynamics:
     """Compute the inverse dynamics of motions through the same configurations.
 
     Several support limbs share the resultant wrench such that the sum of squares of all force and
@@ -83,7 +83,7 @@ def needed(
     wrench = (base @ shares)[..., 0]
     torques = forces[..., 6:] - (wrench[:, :, None] @ stacked[..., 6:])[:, :, 0]
     joints = [jacobians[:, n, :, 6 + 6 * i : 12 + 6 * i] for n, i in enumerate(holding)]
-    return Needed(
+    return InverseDynamics(
         torques.reshape(*torques.shape[:2], robot.limbs, 6),
         wrench.reshape(*wrench.shape[:2], len(sites), 6),
         np.stack(joints, axis=1),

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mlivr_gym.motion.clocks import MAXIMUM_DURATION
-from mlivr_gym.schema import Choice, Kind, Maybe, Tuples
-from mlivr_gym.simulation.figures import Figures
+from mlivr_gym.motion.clocks import MAX_DURATION
+from mlivr_gym.schema import Choice, Kind, OrNone, Tuples
+from mlivr_gym.simulation.parameter_set import ParameterSet
 
 PROFILES = ("fastest", "quintic")
 """Time scalings of the path segments: time-optimal, or the quintic of the paper."""
 
 
 @dataclass(frozen=True)
-class Limits(Figures):
+class Limits(ParameterSet):
     """Limits of the robot and of the grasps during a step.
 
     Attributes
@@ -55,7 +55,7 @@ class Limits(Figures):
     profile: str = "fastest"
     step_duration: float | None = None
 
-    called: ClassVar[str] = "limits"
+    label: ClassVar[str] = "limits"
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "torque": Tuples((), 1e-3, 1.0),
         "speed": Tuples((), 1e-3, 1.0),
@@ -64,7 +64,7 @@ class Limits(Figures):
         "surface_speed": Tuples((), 1e-4, 10.0, "m/s"),
         "rise_time": Tuples((), 0.01, 10.0, "s"),
         "profile": Choice(PROFILES),
-        "step_duration": Maybe(Tuples((), 1e-3, MAXIMUM_DURATION, "s")),
+        "step_duration": OrNone(Tuples((), 1e-3, MAX_DURATION, "s")),
     }
 
 
@@ -74,4 +74,4 @@ GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0
 PACES = {"fast": Limits(), "gentle": GENTLE}
 """Limits by name."""
 
-Limits.named = PACES
+Limits.presets = PACES

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 from scipy.stats import binomtest
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Listed, Maybe, Whole
+from mlivr_gym.schema import Integer, ListOf, OrNone
 from mlivr_gym.simulation.execution import TimedWalk, execute_walk, timed_walk
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
@@ -71,11 +71,11 @@ class _Work(NamedTuple):
 @checked(
     {
         **WALK,
-        "plans": Listed(Of(Plan)),
-        "setup": Maybe(Of(Setup)),
-        "samples": Whole(1, 10**6),
-        "seed": Whole(1, 2**62),
-        "workers": Maybe(Whole(1, 4096)),
+        "plans": ListOf(InstanceOf(Plan)),
+        "setup": OrNone(InstanceOf(Setup)),
+        "samples": Integer(1, 10**6),
+        "seed": Integer(1, 2**62),
+        "workers": OrNone(Integer(1, 4096)),
     }
 )
 def execute_many(

@@ -1,11 +1,12 @@
 """Dynamics of the robot along a path segment, for any time scaling.
 
-Without gravity, joint torques and grasp wrenches at share s of a segment are `a(s) s'' + b(s) s'^2`
-and velocities are `c(s) s'`, with derivatives by time (Bobrow, Dubowsky and Gibson, International
-Journal of Robotics Research 4, 1985). One pass of inverse dynamics over the segment gives the
-coefficients, which are stored in units of the limits. On a clock of given shape, torques and
-wrenches scale with `1 / T^2` and velocities with `1 / T`, so the shortest duration T is one number
-(dynamic scaling: Hollerbach, ASME Journal of Dynamic Systems 106, 1984).
+Without gravity, joint torques and grasp wrenches at share sigma of a segment are
+`a(sigma) sigma'' + b(sigma) sigma'^2` and velocities are `c(sigma) sigma'`, with derivatives by
+time (Bobrow, Dubowsky and Gibson, International Journal of Robotics Research 4, 1985). One pass of
+inverse dynamics over the segment gives the coefficients, which are stored in units of the limits.
+On a clock of given shape, torques and wrenches scale with `1 / T^2` and velocities with `1 / T`, so
+the shortest duration T is one number (dynamic scaling: Hollerbach, ASME Journal of Dynamic Systems
+106, 1984).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import PHASES, Regrasp
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.inverse_dynamics import needed
+from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 from mlivr_gym.simulation.limits import Limits
 
 CLOCK_SAMPLES = 201
@@ -56,11 +57,11 @@ class SegmentDynamics(NamedTuple):
     shares: Array
     """Shares of the segment, shape (K,)."""
     torques: Array
-    """Joint torques by s'' and by s'^2, shape (K, 2, 6 N)."""
+    """Joint torques by sigma'' and by sigma'^2, shape (K, 2, 6 N)."""
     wrenches: Array
-    """Forces, then torques of the grasps, by s'' and by s'^2, shape (K, 2, 2 n, 3)."""
+    """Forces, then torques of the grasps, by sigma'' and by sigma'^2, shape (K, 2, 2 n, 3)."""
     speeds: Array
-    """Velocities of the joints, then of the gripper on departure or approach, by s', (K, 6 N +
+    """Velocities of the joints, then of the gripper on departure or approach, by sigma', (K, 6 N +
     1)."""
 
     def loads(self, clock: PPoly) -> tuple[Array, Array]:
@@ -126,7 +127,7 @@ def segment_dynamics(
     )
     first, second = segment.curve(shares, 1), segment.curve(shares, 2)
     at_rest = np.zeros_like(first)
-    dynamics_of = needed(
+    dynamics_of = compute_inverse_dynamics(
         robot, holding, positions, np.stack([at_rest, first]), np.stack([first, second])
     )
     torque = limits.torque * robot.torque_limits.reshape(-1)

@@ -22,7 +22,7 @@ from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulator import ExecutedStep, Simulation
+from mlivr_gym.simulation.simulator import SimulatedInterval, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -126,7 +126,7 @@ class PhysicalWalk:
 
     def step(
         self, limb: int, point: int, masks: tuple[int, ...]
-    ) -> tuple[State, ExecutedStep | Failure]:
+    ) -> tuple[State, SimulatedInterval | Failure]:
         """Move a limb to a point, given by its index.
 
         Parameters
@@ -140,7 +140,7 @@ class PhysicalWalk:
 
         Returns
         -------
-        tuple[State, ExecutedStep | Failure]
+        tuple[State, SimulatedInterval | Failure]
             The state after the step, or the state before it if the step failed; and the executed
             step, or a `Failure` alone if the step has no swing or no trajectory.
         """
@@ -244,7 +244,7 @@ def _branch(mask: int) -> int:
     return (mask.bit_length() - 1) & 7
 
 
-def _measures(executed: ExecutedStep, begin: float, time: float) -> dict[str, Any]:
+def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[str, Any]:
     """Return the measurements of a step that lasted from `begin` to `time` [s]."""
     peaks, capture, failure = executed.peaks, executed.capture, executed.failure
     return {

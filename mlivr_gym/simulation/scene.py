@@ -20,7 +20,7 @@ from mlivr_gym.robot.model import SURROUNDINGS as SURROUNDINGS
 from mlivr_gym.robot.model import rgba as rgba
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.values import unique
+from mlivr_gym.values import check_unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -69,7 +69,7 @@ def scene_spec(
         If two boxes have the same id.
     """
     boxes = (*grasp_map.boxes, *obstacles)
-    unique([box.id for box in boxes], "box", ShapeError)
+    check_unique([box.id for box in boxes], "box", ShapeError)
     spec = robot_alone(robot)
     spec.modelname = f"{grasp_map.name}-{robot.name}"
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080

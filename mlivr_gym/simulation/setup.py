@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from mlivr_gym.arguments import SEED, Of, checked
+from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Struct
-from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.inverse_dynamics import robot_model
@@ -45,7 +45,7 @@ class Setup:
     """
 
     timing: Limits | Durations = field(default_factory=Limits)
-    controller: Controller = field(default_factory=Controller)
+    controller: ControllerParameters = field(default_factory=ControllerParameters)
     physics: Physics = field(default_factory=Physics)
     disturbances: Disturbances = field(default_factory=Disturbances)
 
@@ -57,7 +57,7 @@ class Setup:
     def of(
         cls,
         limits: Limits | dict[str, Any] | str | None = None,
-        controller: Controller | dict[str, Any] | str | None = None,
+        controller: ControllerParameters | dict[str, Any] | str | None = None,
         physics: Physics | dict[str, Any] | None = None,
         disturbances: Disturbances | dict[str, Any] | str | None = None,
     ) -> Setup:
@@ -68,7 +68,7 @@ class Setup:
         limits
             `Limits`, their fields, or a name in `limits.PACES`.
         controller
-            A `Controller`, its fields, or a name in `controller.CONTROLLERS`.
+            A `ControllerParameters`, its fields, or a name in `controller.CONTROLLERS`.
         physics
             `Physics`, or their fields.
         disturbances
@@ -81,7 +81,7 @@ class Setup:
         """
         return cls(
             Limits.of(limits),
-            Controller.of(controller),
+            ControllerParameters.of(controller),
             Physics.of(physics),
             Disturbances.of(disturbances),
         )
@@ -125,10 +125,10 @@ class Setup:
 SETUP = Struct(
     Setup,
     {
-        "timing": Of(Limits, Durations),
-        "controller": Of(Controller),
-        "physics": Of(Physics),
-        "disturbances": Of(Disturbances),
+        "timing": InstanceOf(Limits, Durations),
+        "controller": InstanceOf(ControllerParameters),
+        "physics": InstanceOf(Physics),
+        "disturbances": InstanceOf(Disturbances),
     },
 )
 """Schema of the fields of a `Setup`."""

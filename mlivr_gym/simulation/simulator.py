@@ -1,8 +1,8 @@
 """Execution of trajectories in MuJoCo.
 
 The controller reads encoders and commands torques at its own rate. The simulation runs up to
-`CHUNK` time steps, finds the first failure among them, and returns to the time step at which it
-occurs, which ends the walk.
+`CHECK_INTERVAL` time steps, finds the first failure among them, and returns to the time step at
+which it occurs, which ends the walk.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Maybe
-from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.schema import OrNone
+from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.failures import FailureMonitor
@@ -31,18 +31,18 @@ from mlivr_gym.simulation.grippers import Grippers, can_capture
 from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
 from mlivr_gym.simulation.inverse_dynamics import robot_model
-from mlivr_gym.simulation.joint_control import JointControl, Reference
+from mlivr_gym.simulation.joint_controller import JointController, Reference
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compiled, set_configuration
 from mlivr_gym.world.boxes import BOX, Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-CHUNK = 500
+CHECK_INTERVAL = 500
 """Number of time steps between two checks for failures; each check covers every time step."""
 
 
-class ExecutedStep(NamedTuple):
-    """The result of one run of the simulation: a regrasp, or a time in which the robot holds."""
+class SimulatedInterval(NamedTuple):
+    """Measurements of an interval of the simulation: a regrasp, or a time of standing still."""
 
     recording: Recording
     """Samples of the measurements."""
@@ -79,9 +79,9 @@ class Simulation:
     @checked(
         {
             **WALK,
-            "physics": Maybe(Of(Physics)),
-            "controller": Maybe(Of(Controller)),
-            "disturbance": Maybe(Of(Disturbance)),
+            "physics": OrNone(InstanceOf(Physics)),
+            "controller": OrNone(InstanceOf(ControllerParameters)),
+            "disturbance": OrNone(InstanceOf(Disturbance)),
         }
     )
     def __init__(
@@ -90,26 +90,26 @@ class Simulation:
         robot: RobotSpec,
         physics: Physics | None = None,
         obstacles: Sequence[Box] = (),
-        controller: Controller | None = None,
+        controller: ControllerParameters | None = None,
         disturbance: Disturbance | None = None,
     ) -> None:
         """Compile the model."""
         self.grasp_map, self.robot, self.physics = grasp_map, robot, physics or Physics()
-        self.controller = controller or Controller()
+        self.controller = controller or ControllerParameters()
         self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
         self.disturbance = disturbance or NONE.draw(
             0, robot_model(robot).nbody - 1, robot.limbs, len(grasp_map)
         )
         self.disturbance.apply(self.model)
         self.data = mujoco.MjData(self.model)
-        self.time, self._steps, self._step = 0.0, 0, 0
+        self.time, self._time_steps, self._plan_step = 0.0, 0, 0
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
         model, data = self.model, self.data
         self._grippers = Grippers(
             model, data, grasp_map, robot, self.disturbance, (*grasp_map.boxes, *obstacles)
         )
-        self._joints = JointControl(model, data, self.controller, self.disturbance)
+        self._joints = JointController(model, data, self.controller, self.disturbance)
         self._guidance = Guidance(
             robot, self.controller, self.disturbance, self._grippers, self._joints
         )
@@ -141,7 +141,7 @@ class Simulation:
             If a gripper is not at its point.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self._steps, self.time = 0, 0.0
+        self._time_steps, self.time = 0, 0.0
         set_configuration(self.model, self.data, position, quaternion, joints)
         self._grippers.reset()
         self._joints.reset()
@@ -169,7 +169,7 @@ class Simulation:
         mujoco.mj_forward(self.model, self.data)
         return self._grippers.error(limb, point)
 
-    def execute(self, trajectory: Trajectory, step: int = 0) -> ExecutedStep:
+    def execute(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
         """Execute a regrasp: release the point, follow the trajectory, capture the next point.
 
         Parameters
@@ -185,7 +185,7 @@ class Simulation:
             If the trajectory has another time grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
-        self._step = step
+        self._plan_step = step
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[0])
@@ -211,14 +211,16 @@ class Simulation:
         if failure is None and not captured:
             failure = self._missed_grasp(limb, point, distance, angle)
         if failure is not None:
-            return ExecutedStep(recording, peaks, None, failure)
+            return SimulatedInterval(recording, peaks, None, failure)
         self._grippers.grasp(limb, point)
         name = self.grasp_map.ids[point]
         capture = Capture(self.time, step, limb, name, distance, angle, tries)
-        return ExecutedStep(recording, peaks, capture, None)
+        return SimulatedInterval(recording, peaks, capture, None)
 
-    def hold(self, trajectory: Trajectory, duration: float, step: int = 0) -> ExecutedStep:
-        """Hold still in the stance in which a trajectory ended.
+    def stand_still(
+        self, trajectory: Trajectory, duration: float, step: int = 0
+    ) -> SimulatedInterval:
+        """Stand still in the stance in which a trajectory ended.
 
         Parameters
         ----------
@@ -232,28 +234,32 @@ class Simulation:
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[-1])
-        self._step = step
-        return self._hold_still(trajectory, reference, duration)
+        self._plan_step = step
+        return self._stand_still(trajectory, reference, duration)
 
-    def _hold_still(
+    def _stand_still(
         self,
         trajectory: Trajectory,
         reference: Reference,
         duration: float,
         until: Callable[[], bool] = lambda: False,
-    ) -> ExecutedStep:
-        """Hold the last configuration of a trajectory for some time [s], or until a condition."""
-        places = np.full(self._step_count(duration) + 1, len(trajectory.times) - 1)
+    ) -> SimulatedInterval:
+        """Stay at the end of a trajectory for some time [s], or until a condition holds."""
+        places = np.full(self._count_time_steps(duration) + 1, len(trajectory.times) - 1)
         return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
 
-    def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
-        """Hold the end of the approach until the gripper is close and at rest, or patience ends."""
+    def _wait_until_close(
+        self, trajectory: Trajectory, reference: Reference
+    ) -> list[SimulatedInterval]:
+        """Stay at the end of the approach until the gripper is close, or patience ends."""
         if not self.controller.guided or self._guidance.is_close:
             return []
         patience = self.controller.patience
-        return [self._hold_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
+        return [self._stand_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
 
-    def _repeat_approach(self, trajectory: Trajectory, reference: Reference) -> list[ExecutedStep]:
+    def _repeat_approach(
+        self, trajectory: Trajectory, reference: Reference
+    ) -> list[SimulatedInterval]:
         """Move back above the point and approach it again."""
         approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
         back = approach[::-1]
@@ -268,23 +274,23 @@ class Simulation:
         reference: Reference,
         enter: Callable[[int], None] = lambda _: None,
         until: Callable[[], bool] = lambda: False,
-    ) -> ExecutedStep:
+    ) -> SimulatedInterval:
         """Simulate until the end, the first failure, or the condition `until`; nothing is grasped.
 
         `enter` is called with the index of the phase before each interval.
         """
         recordings, peaks, failure = [], [], None
-        monitor = FailureMonitor(self.physics, self.robot, self._step)
-        for first, last in _chunks(trajectory.phase, len(trajectory.times) - 1):
+        monitor = FailureMonitor(self.physics, self.robot, self._plan_step)
+        for first, last in _check_intervals(trajectory.phase, len(trajectory.times) - 1):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
             states, sensors = self._follow(trajectory, reference, (first, last), until)
             measurements = self._instruments.measure(
-                states, sensors, trajectory, first, self._steps, self._step
+                states, sensors, trajectory, first, self._time_steps, self._plan_step
             )
-            self._steps += len(states)
-            self.time = self._steps * self.physics.timestep
+            self._time_steps += len(states)
+            self.time = self._time_steps * self.physics.timestep
             failed = monitor.first_failure(measurements, PHASES[phase], held)
             ended = len(states) if failed is None else failed[0] + 1
             recorded, largest = self._instruments.recorded(measurements, ended)
@@ -295,7 +301,7 @@ class Simulation:
                 failure = self._with_contact_names(failed[1])
             if failed is not None or until():
                 break
-        return ExecutedStep(Recording.join(recordings), Peaks.join(peaks), None, failure)
+        return SimulatedInterval(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
     def _follow(
         self,
@@ -304,11 +310,11 @@ class Simulation:
         interval: tuple[int, int],
         until: Callable[[], bool],
     ) -> tuple[Array, Array]:
-        """Simulate an interval of a phase, guided during an approach; see `JointControl.run`."""
+        """Simulate an interval of a phase, guided during an approach; see `JointController.run`."""
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guided and phase == "approach" and free
-        period = self._step_count(self.controller.sensor_period) if guides else last - first
+        period = self._count_time_steps(self.controller.sensor_period) if guides else last - first
         followed = []
         for start in range(first, last, period):
             here = np.arange(start, min(start + period, last))
@@ -322,7 +328,7 @@ class Simulation:
         states, sensors = zip(*followed, strict=True)
         return np.concatenate(states), np.concatenate(sensors)
 
-    def _step_count(self, duration: float) -> int:
+    def _count_time_steps(self, duration: float) -> int:
         """Return the number of time steps in a duration [s], at least one."""
         return max(round(duration / self.physics.timestep), 1)
 
@@ -345,7 +351,7 @@ class Simulation:
 
     def _restore(self, state: Array, time: float) -> None:
         """Set positions and velocities, and nothing else, back to a state at a time [s]."""
-        self.time, self._steps = time, round(time / self.physics.timestep)
+        self.time, self._time_steps = time, round(time / self.physics.timestep)
         self.data.time = state[0]
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
@@ -362,7 +368,9 @@ class Simulation:
             f"and {np.rad2deg(angle):.2f} deg; it grasps within "
             f"{1e3 * allowed.capture_distance:g} mm and {np.rad2deg(allowed.capture_angle):g} deg"
         )
-        return Failure("missed grasp", self.time, self._step, PHASES[-1], limb, message, values)
+        return Failure(
+            "missed grasp", self.time, self._plan_step, PHASES[-1], limb, message, values
+        )
 
     def _with_contact_names(self, failure: Failure) -> Failure:
         """Return a collision failure with the names of the two geoms in contact."""
@@ -378,9 +386,9 @@ class Simulation:
         )
 
 
-def _chunks(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-    """Yield first and last time step of intervals of at most `CHUNK` time steps within a phase."""
+def _check_intervals(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last time step of intervals within a phase that are checked at once."""
     edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
     for start, stop in pairwise(edges):
-        for first in range(start, stop, CHUNK):
-            yield first, min(first + CHUNK, stop)
+        for first in range(start, stop, CHECK_INTERVAL):
+            yield first, min(first + CHECK_INTERVAL, stop)

@@ -1,12 +1,12 @@
 """Time-optimal path parameterisation under limits of torque, grasp wrench and velocity.
 
-With `b = s'^2` as a function of the share s of a segment, `s'' = (db/ds) / 2`, and all limits are
-convex in b and s'' (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl, IEEE Transactions on
-Automatic Control 54, 2009). A backward pass computes the largest b from which the end can still be
-reached, a forward pass the largest b that can be reached from the start (reachability analysis:
-Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability
-Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this clock is
-discontinuous. A moving average over time limits its rate of change, and a final uniform time
+With `b = sigma'^2` as a function of the share sigma of a segment, `sigma'' = (db/dsigma) / 2`, and
+all limits are convex in b and sigma'' (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl,
+IEEE Transactions on Automatic Control 54, 2009). A backward pass computes the largest b from which
+the end can still be reached, a forward pass the largest b that can be reached from the start
+(reachability analysis: Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based
+on Reachability Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this clock
+is discontinuous. A moving average over time limits its rate of change, and a final uniform time
 scaling restores the limits.
 """
 
@@ -47,10 +47,11 @@ def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
 
 
 class _SquaredLoads(NamedTuple):
-    """Squared loads at K nodes in units of the limits, as quadratic forms in s'' and b.
+    """Squared loads at K nodes in units of the limits, as quadratic forms in sigma'' and b.
 
-    A torque or wrench `u s'' + v b` is within its limit if its square `uu s''^2 + 2 uv s'' b + vv
-    b^2` is at most 1. All arrays have the shape (K, G) for G torques and wrenches.
+    A torque or wrench `u sigma'' + v b` is within its limit if its square
+    `uu sigma''^2 + 2 uv sigma'' b + vv b^2` is at most 1. All arrays have the shape (K, G) for G
+    torques and wrenches.
     """
 
     uu: Array
@@ -70,18 +71,18 @@ class _SquaredLoads(NamedTuple):
 
 
 def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
-    """Return the largest b = s'^2 at each node of a segment, zero at both ends, shape (K,)."""
-    step, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
+    """Return the largest b = sigma'^2 at each node of a segment, zero at both ends, shape (K,)."""
+    spacing, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
     speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
     squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
     squares[0] = squares[-1] = 0.0
     last = len(squares) - 1
     for k in range(last - 1, 0, -1):
-        # s'' = (b[k + 1] - b[k]) / (2 step) at node k
+        # sigma'' = (b[k + 1] - b[k]) / (2 spacing) at node k
         ahead = squares[k + 1]
         while True:
             high = _largest_feasible(
-                loads, k, (ahead / (2.0 * step[k]), -1.0 / (2.0 * step[k])), (0.0, 1.0)
+                loads, k, (ahead / (2.0 * spacing[k]), -1.0 / (2.0 * spacing[k])), (0.0, 1.0)
             )
             if high >= 0.0 or ahead < TINY:
                 break
@@ -90,16 +91,16 @@ def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
     for k in range(last):
         here = squares[k]
         high = _largest_feasible(
-            loads, k, (-here / (2.0 * step[k]), 1.0 / (2.0 * step[k])), (here, 0.0)
+            loads, k, (-here / (2.0 * spacing[k]), 1.0 / (2.0 * spacing[k])), (here, 0.0)
         )
         squares[k + 1] = min(squares[k + 1], max(high, 0.0))
     return squares
 
 
 def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
-    """Return the largest b at each node for which some s'' is feasible, shape (K,).
+    """Return the largest b at each node for which some sigma'' is feasible, shape (K,).
 
-    This is the maximum velocity curve of Bobrow et al. (1985), over a grid of ratios s'' / b.
+    This is the maximum velocity curve of Bobrow et al. (1985), over a grid of ratios sigma'' / b.
     """
     ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
     r = ratios[:, None, None]
@@ -113,8 +114,8 @@ def _largest_feasible(
 ) -> float:
     """Return the largest x at which all loads of node `k` are within their limits.
 
-    Here `s'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if no
-    x from 0 on is feasible.
+    Here `sigma'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if
+    no x from 0 on is feasible.
     """
     uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
     (p, dp), (q, dq) = change, square
@@ -148,8 +149,8 @@ def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
 
 def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
     """Return the clock through a moving average of shares over two successive windows."""
-    step = times[1]
-    half = max(round(0.5 * window / step), 1)
+    spacing = times[1]
+    half = max(round(0.5 * window / spacing), 1)
     box = np.ones(half) / half
     kernel = np.convolve(box, box)
     padded = np.concatenate([np.zeros(len(kernel)), shares, np.ones(len(kernel))])
@@ -159,4 +160,4 @@ def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
     last = int(np.flatnonzero(smooth < 1.0 - 1e-12)[-1]) + 1
     kept = np.clip(smooth[max(first, 0) : last + 1], 0.0, 1.0)
     kept[0], kept[-1] = 0.0, 1.0
-    return CubicSpline(step * np.arange(len(kept)), kept, bc_type="clamped")
+    return CubicSpline(spacing * np.arange(len(kept)), kept, bc_type="clamped")

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import PPoly
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
@@ -19,13 +19,13 @@ from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
-from mlivr_gym.schema import Maybe
+from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
 from mlivr_gym.simulation.time_optimal import time_optimal_clock
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-TIMING = Maybe(Of(Limits, Durations))
+TIMING = OrNone(InstanceOf(Limits, Durations))
 """Schema of the argument that determines the time scaling."""
 
 ROUNDING = 1e-6

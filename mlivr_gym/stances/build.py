@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mlivr_gym.arguments import Of, checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.compiled.warming import mark_of, warming
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
-from mlivr_gym.schema import Maybe
+from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -20,7 +20,7 @@ COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
 compiled."""
 
 
-@checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": Maybe(Of(Settings))})
+@checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": OrNone(InstanceOf(Settings))})
 def stance_graph(
     grasp_map: str | Path | GraspMap | dict[str, Any] | None = None,
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",

@@ -11,7 +11,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
-from mlivr_gym.schema import FieldPath, Whole
+from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceSet
@@ -50,7 +50,7 @@ class CheckedSteps(ChangingWorld):
 
     def mask_after_grasp(self, state: State, limb: int) -> int:
         """Return the branches and flips that a limb may be on after it has grasped."""
-        Whole(0, self.limbs - 1).read(limb, FieldPath("limb", StanceError))
+        Integer(0, self.limbs - 1).read(limb, FieldPath("limb", StanceError))
         posture = self.posture_of(state)
         if not self.settings.transitions:
             return int(posture.mask[0, limb])

@@ -11,7 +11,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.values import SMALLEST
+from mlivr_gym.values import MIN_SIZE
 from mlivr_gym.world.grasp_map import GraspMap
 
 TRIES = 200
@@ -90,7 +90,7 @@ def round_the_body(grasp_map: GraspMap, stances: IntArray) -> IntArray:
     points, normals = grasp_map.positions[stances], grasp_map.normals[stances]
     away = points - points.mean(axis=1, keepdims=True)
     out = normals.mean(axis=1)
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), SMALLEST)
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), MIN_SIZE)
     aside = np.cross(out, away[:, 0])
     ahead = np.cross(aside, out)
     x, y = (np.einsum("kni,ki->kn", away, axis) for axis in (ahead, aside))

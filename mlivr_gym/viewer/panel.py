@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mlivr_gym.extras import missing
+from mlivr_gym.extras import describe_missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
-from mlivr_gym.viewer.policy_view import NEEDED
+from mlivr_gym.viewer.policy_view import REQUIRED_PACKAGES
 from mlivr_gym.viewer.second_plan import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.viewer import (
     AIM,
@@ -112,7 +112,7 @@ def _add_showing(viewer: Viewer) -> None:
     choices = (PLAIN, REACH, *reasons, POLICY)
     points = gui.add_dropdown("colours show", choices, initial_value=PLAIN)
     page.item("points", points, viewer.set_colouring)
-    page.text("legend", missing(*NEEDED, extra="agents"))
+    page.text("legend", describe_missing(*REQUIRED_PACKAGES, extra="agents"))
 
     def switch(label: str, on: bool, on_change: Callable[[bool], None], hint: str = "") -> None:
         page.item(label, gui.add_checkbox(label, on, hint=hint or None), on_change)

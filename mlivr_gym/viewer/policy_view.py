@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.extras import need
+from mlivr_gym.extras import require
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mlivr_gym.agents.learned import LearnedPolicy
     from mlivr_gym.envs.env import MlivrEnv
 
-NEEDED = ("torch", "sb3_contrib", "stable_baselines3")
+REQUIRED_PACKAGES = ("torch", "sb3_contrib", "stable_baselines3")
 """Packages of the extra `agents`."""
 
 
@@ -30,7 +30,7 @@ class PolicyView:
         SettingError
             If the extra `agents` is not installed.
         """
-        need(*NEEDED, extra="agents")
+        require(*REQUIRED_PACKAGES, extra="agents")
         from mlivr_gym.agents.learned import load_policy
         from mlivr_gym.envs.env import MlivrEnv
 

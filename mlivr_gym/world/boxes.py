@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import Via
+from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError, shortened
 from mlivr_gym.files import load
-from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, Listed, Rotation, Struct, Text, Tuples
-from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST, Triple, triple, unique
+from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, ListOf, Rotation, Struct, Text, Tuples
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, Triple, as_triple, check_unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
 """Kinds of boxes."""
@@ -69,7 +69,7 @@ class Box:
     @staticmethod
     def rows(rotation: Array) -> tuple[Triple, Triple, Triple]:
         """Return the rows of a rotation matrix, shape (3, 3), as tuples."""
-        x, y, z = (triple(row) for row in rotation)
+        x, y, z = (as_triple(row) for row in rotation)
         return (x, y, z)
 
     @classmethod
@@ -83,7 +83,7 @@ class Box:
         if not (lower < upper).all():
             raise place.fault(f"has its min {lower.tolist()} not below its max {upper.tolist()}")
         return cls(
-            id, kind, triple(0.5 * (lower + upper)), triple(0.5 * (upper - lower)), UNIT, face
+            id, kind, as_triple(0.5 * (lower + upper)), as_triple(0.5 * (upper - lower)), UNIT, face
         )
 
     @classmethod
@@ -114,7 +114,7 @@ class Box:
         return np.stack([centre - half, centre + half])
 
 
-CORNER = Tuples((3,), most=LONGEST, unit="m")
+CORNER = Tuples((3,), most=MAX_LENGTH, unit="m")
 """A point of the world."""
 
 BOX_DATA = Struct(
@@ -123,7 +123,7 @@ BOX_DATA = Struct(
         "id": NAME,
         "kind": Choice(KINDS),
         "centre": CORNER,
-        "half": Tuples((3,), SMALLEST, LONGEST, "m"),
+        "half": Tuples((3,), MIN_SIZE, MAX_LENGTH, "m"),
         "rotation": Rotation(),
         "face": Text(least=0),
     },
@@ -151,8 +151,8 @@ class Boxes:
 
     def read(self, value: object, place: FieldPath) -> tuple[Box, ...]:
         """Return the boxes."""
-        boxes = Listed(Via(self.box)).read(value, place)
-        unique([box.id for box in boxes], f"{place.path}: box", place.error)
+        boxes = ListOf(Reader(self.box)).read(value, place)
+        check_unique([box.id for box in boxes], f"{place.path}: box", place.error)
         return boxes
 
     def box(self, value: object, place: FieldPath) -> Box:
@@ -168,7 +168,7 @@ class Boxes:
         return place.build(Box.between, data["id"], data["kind"], low, high, data["face"])
 
 
-OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": Listed(NAME, most=MOST_POINTS)})
+OBSTACLES = Fields({}, {"boxes": Boxes(), "occupied": ListOf(NAME, most=MAX_POINTS)})
 """A file of obstacles."""
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.errors import MapError, path_shown, shortened
-from mlivr_gym.values import MOST_POINTS
+from mlivr_gym.values import MAX_POINTS
 
 VECTORS = {"position": ("x", "y", "z"), "normal": ("nx", "ny", "nz"), "rail": ("rx", "ry", "rz")}
 """Columns of the vectors of a point: position [m], outward normal and direction of the rail."""
 
-NEEDED = ("id", *(column for columns in VECTORS.values() for column in columns))
+REQUIRED_COLUMNS = ("id", *(column for columns in VECTORS.values() for column in columns))
 """Columns that a table must have, in any order."""
 
 FACE = "face"
@@ -59,8 +59,8 @@ def _points(lines: Any, name: str) -> dict[int, dict[str, Any]]:
         line = lines.line_num
         if len(row) != len(header):
             raise MapError(f"line {line} has {len(row)} values; the header has {len(header)}")
-        if len(points) == MOST_POINTS:
-            raise MapError(f"line {line}: a map has at most {MOST_POINTS} points")
+        if len(points) == MAX_POINTS:
+            raise MapError(f"line {line}: a map has at most {MAX_POINTS} points")
         values = dict(zip(header, (value.strip() for value in row), strict=True))
         points[line] = {"id": values["id"], FACE: values.get(FACE) or name} | {
             vector: [_number(values[column], column, line) for column in columns]
@@ -71,12 +71,12 @@ def _points(lines: Any, name: str) -> dict[int, dict[str, Any]]:
 
 def _check_header(header: list[str]) -> None:
     """Refuse a header that lacks a column, or has one that is unknown or named twice."""
-    columns = f"the columns are {', '.join(NEEDED)} and, if you like, {FACE}"
-    for column in NEEDED:
+    columns = f"the columns are {', '.join(REQUIRED_COLUMNS)} and, if you like, {FACE}"
+    for column in REQUIRED_COLUMNS:
         if column not in header:
             raise MapError(f"line 1 lacks the column {column!r}; {columns}")
     for column in header:
-        if column not in (*NEEDED, FACE):
+        if column not in (*REQUIRED_COLUMNS, FACE):
             raise MapError(f"line 1 has the unknown column {shortened(column)}; {columns}")
         if header.count(column) > 1:
             raise MapError(f"line 1 names the column {column!r} twice")

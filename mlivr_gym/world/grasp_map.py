@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import SEED, FileName, Raising, Via, checked
+from mlivr_gym.arguments import SEED, FileName, Reader, WithError, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
@@ -28,8 +28,8 @@ from mlivr_gym.errors import (
     shortened,
 )
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import FieldPath, Listed, Maybe, Numbers, Tuples, are_rotations
-from mlivr_gym.values import unique
+from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples, are_rotations
+from mlivr_gym.values import check_unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.map_entries import (
@@ -55,10 +55,10 @@ def _point(value: Any, place: FieldPath) -> str | int:
     return point
 
 
-GOAL = Raising(GoalError, Numbers((3,)))
+GOAL = WithError(GoalError, Numbers((3,)))
 """A goal position [m]."""
 
-STANCE = Raising(StanceError, Listed(Via(_point)))
+STANCE = WithError(StanceError, ListOf(Reader(_point)))
 """Points by id or index, such as that of each limb."""
 
 
@@ -106,8 +106,8 @@ class GraspMap:
             raise place.fault("has no graspable point")
         for name, kind in POINTS.required.items():
             object.__setattr__(self, name, kind.read(getattr(self, name), place.field(name)))
-        unique(self.ids, "point", MapError)
-        unique([box.id for box in self.boxes], "box", MapError)
+        check_unique(self.ids, "point", MapError)
+        check_unique([box.id for box in self.boxes], "box", MapError)
         object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
         for name in ("faces", "positions", "rotations"):
             if len(getattr(self, name)) != len(self.ids):
@@ -167,7 +167,7 @@ class GraspMap:
             name=name or self.name,
         )
 
-    @checked({"seed": SEED, "keep": STANCE, "clear_deck": Maybe(Tuples((2,)))})
+    @checked({"seed": SEED, "keep": STANCE, "clear_deck": OrNone(Tuples((2,)))})
     def sparse(
         self, seed: int, keep: tuple[str, ...] = (), clear_deck: tuple[float, float] | None = None
     ) -> GraspMap:
@@ -364,5 +364,5 @@ def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
     return given
 
 
-MAP = Raising(MapError, Via(as_map))
+MAP = WithError(MapError, Reader(as_map))
 """A map as `as_map` takes it."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, SettingError
-from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Listed, Numbers, Tuples
-from mlivr_gym.values import LONGEST, MOST_POINTS, SMALLEST
+from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, ListOf, Numbers, Tuples
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE
 from mlivr_gym.world.boxes import CORNER, Box, Boxes
 from mlivr_gym.world.mesh_boxes import mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
@@ -24,10 +24,10 @@ The robots that ship hold a point at most 1.46 m from the middle of their body.
 UNIT_TOLERANCE = 1e-6
 """Largest deviation of a unit vector's length, and of its right angles, from 1 and 0."""
 
-SPACING = Tuples((), SMALLEST, LONGEST, "m")
+SPACING = Tuples((), MIN_SIZE, MAX_LENGTH, "m")
 """Distance of points along a rail."""
 
-CLEARANCE = Tuples((), 0.0, LONGEST, "m")
+CLEARANCE = Tuples((), 0.0, MAX_LENGTH, "m")
 """Distance of points from handrails."""
 
 POINT = Fields(
@@ -37,7 +37,7 @@ POINT = Fields(
 
 MESH = Fields(
     {"file": NAME},
-    {"resolution": Tuples((), 1e-3, LONGEST, "m"), "scale": Tuples((), SMALLEST, LONGEST)},
+    {"resolution": Tuples((), 1e-3, MAX_LENGTH, "m"), "scale": Tuples((), MIN_SIZE, MAX_LENGTH)},
 )
 """A mesh whose surface the robot must not touch; its file is relative to that of the map."""
 
@@ -49,10 +49,10 @@ MODULE = Fields(
     {
         **dict.fromkeys(REMARKS, Anything()),
         "name": NAME,
-        "points": Listed(POINT, most=MOST_POINTS),
-        "segments": Listed(SEGMENT),
+        "points": ListOf(POINT, most=MAX_POINTS),
+        "segments": ListOf(SEGMENT),
         "spacing": SPACING,
-        "handrails": Listed(HANDRAIL),
+        "handrails": ListOf(HANDRAIL),
         "clearance": CLEARANCE,
         "cabin": Fields({"min": CORNER, "max": CORNER}),
         "boxes": Boxes("panel"),
@@ -64,13 +64,13 @@ MODULE = Fields(
 POINTS = Fields(
     {
         "name": NAME,
-        "ids": Listed(NAME, 1, MOST_POINTS),
-        "faces": Listed(NAME, 1, MOST_POINTS),
-        "positions": Numbers((None, 3), most=LONGEST, unit="m", rows=(1, MOST_POINTS)),
-        "rotations": Numbers((None, 3, 3), rows=(1, MOST_POINTS)),
-        "cabin": Numbers((2, 3), most=LONGEST, unit="m"),
-        "segments": Listed(SEGMENT),
-        "handrails": Listed(HANDRAIL),
+        "ids": ListOf(NAME, 1, MAX_POINTS),
+        "faces": ListOf(NAME, 1, MAX_POINTS),
+        "positions": Numbers((None, 3), most=MAX_LENGTH, unit="m", rows=(1, MAX_POINTS)),
+        "rotations": Numbers((None, 3, 3), rows=(1, MAX_POINTS)),
+        "cabin": Numbers((2, 3), most=MAX_LENGTH, unit="m"),
+        "segments": ListOf(SEGMENT),
+        "handrails": ListOf(HANDRAIL),
         "boxes": Boxes("panel"),
     }
 )
@@ -86,7 +86,7 @@ def _frame(place: FieldPath, rail: Array, normal: Array) -> Array:
         raise place.field("normal").fault(
             f"is {normal.tolist()}, of length {length:.6g}; its length must be 1"
         )
-    if not np.linalg.norm(rail) > SMALLEST:
+    if not np.linalg.norm(rail) > MIN_SIZE:
         raise place.fault("has a rail without a direction")
     rail = rail / np.linalg.norm(rail)
     if abs(float(rail @ normal)) > UNIT_TOLERANCE:
@@ -108,7 +108,7 @@ def discretise(segment: Segment, spacing: float, most: int, place: FieldPath) ->
     if length > spacing * most:
         raise place.fault(
             f"is {length:g} m long and has too many points {spacing:g} m apart: "
-            f"a map has at most {MOST_POINTS}; take a larger spacing"
+            f"a map has at most {MAX_POINTS}; take a larger spacing"
         )
     half = int(np.floor(0.5 * length / spacing + 1e-9))
     middle, along = 0.5 * (start + end), frame[:, 0]
@@ -169,7 +169,7 @@ def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> d
     ]
     for i, segment in enumerate(segments):
         place = root.field("segments").entry(i)
-        rows.extend(discretise(segment, read.get("spacing", 0.2), MOST_POINTS - len(rows), place))
+        rows.extend(discretise(segment, read.get("spacing", 0.2), MAX_POINTS - len(rows), place))
     rows = clear_of_handrails(rows, handrails, read.get("clearance", 0.03))
     if not rows:
         raise MapError("the map has no graspable point; give 'points' or 'segments'")

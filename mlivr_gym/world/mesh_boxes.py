@@ -15,8 +15,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import MapError, path_shown
-from mlivr_gym.extras import need
-from mlivr_gym.values import LONGEST, MOST_PARTS, triple
+from mlivr_gym.extras import require
+from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, as_triple
 from mlivr_gym.world.boxes import Box
 
 RESOLUTION = 0.05
@@ -57,9 +57,9 @@ def mesh_boxes(
     corners = _triangles(path) * scale
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     extent = float((high - low).max())
-    if max(extent, float(np.abs(corners).max())) > LONGEST:
+    if max(extent, float(np.abs(corners).max())) > MAX_LENGTH:
         raise MapError(
-            f"mesh {path_shown(path)} is {extent:g} m long, a map at most {LONGEST:g} m; for a "
+            f"mesh {path_shown(path)} is {extent:g} m long, a map at most {MAX_LENGTH:g} m; for a "
             "file in millimetres give scale 0.001"
         )
     # A margin of half a cube, so that faces of the mesh do not lie on those of cubes.
@@ -75,10 +75,10 @@ def mesh_boxes(
     for part in _divided((corners - origin) / resolution):
         _mark(part, touched)
     cells = merged_cells(touched)
-    if len(cells) > MOST_PARTS:
+    if len(cells) > MAX_PARTS:
         raise MapError(
             f"mesh {path_shown(path)} needs {len(cells):,} boxes at a resolution of "
-            f"{resolution:g} m, at most {MOST_PARTS:,} are allowed; give a larger resolution"
+            f"{resolution:g} m, at most {MAX_PARTS:,} are allowed; give a larger resolution"
         )
     name = Path(path).stem
     edge = 0.5 * resolution
@@ -86,8 +86,8 @@ def mesh_boxes(
         Box(
             f"{name}/{k}",
             "panel",
-            triple(np.asarray(origin + edge * (first + last), dtype=np.float64)),
-            triple(np.asarray(edge * (last - first), dtype=np.float64)),
+            as_triple(np.asarray(origin + edge * (first + last), dtype=np.float64)),
+            as_triple(np.asarray(edge * (last - first), dtype=np.float64)),
         )
         for k, (first, last) in enumerate(cells)
     )
@@ -95,7 +95,7 @@ def mesh_boxes(
 
 def _triangles(path: str | Path) -> Array:
     """Return the corners of all triangles in the units of the file, shape (t, 3, 3)."""
-    need("trimesh", extra="mesh")
+    require("trimesh", extra="mesh")
     import trimesh
 
     try:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlivr_gym.errors import MapError, shortened
-from mlivr_gym.schema import NAME, Choice, FieldPath, Maybe, Struct, Tuples
-from mlivr_gym.values import LONGEST, SMALLEST, Triple, triple
+from mlivr_gym.schema import NAME, Choice, FieldPath, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_LENGTH, MIN_SIZE, Triple, as_triple
 from mlivr_gym.world.boxes import CORNER, Box
 
 INTO_BAR = 0.008
@@ -43,7 +43,7 @@ class Segment:
         return Box(
             self.id,
             "track",
-            triple(0.5 * (start + end) - 0.5 * self.thickness * normal),
+            as_triple(0.5 * (start + end) - 0.5 * self.thickness * normal),
             (0.5 * length, 0.5 * self.width, 0.5 * self.thickness),
             Box.rows(np.column_stack([along, np.cross(normal, along), normal])),
             self.face,
@@ -92,7 +92,7 @@ class Handrail:
 DIRECTION = Tuples((3,), -1e6, 1e6)
 """A vector of which the direction counts."""
 
-LENGTH = Tuples((), SMALLEST, LONGEST, "m")
+LENGTH = Tuples((), MIN_SIZE, MAX_LENGTH, "m")
 """A length above zero."""
 
 SEGMENT = Struct(
@@ -108,7 +108,7 @@ HANDRAIL = Struct(
     Handrail,
     {
         "id": NAME, "face": NAME, "min": CORNER, "max": CORNER, "axis": Choice(("x", "y", "z")),
-        "bar_min": Maybe(CORNER), "bar_max": Maybe(CORNER),
+        "bar_min": OrNone(CORNER), "bar_max": OrNone(CORNER),
     },
 )  # fmt: skip
 """Fields of a `Handrail`."""

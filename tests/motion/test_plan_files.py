@@ -34,7 +34,7 @@ FAULTS = [
     (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),
     (("steps", 0, "knots", 1, 3), 1e300, r"knots\[1\]\[3\] is 1e.300; it must be from -100 to 100"),
     (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
-    (("steps", 0, "knots"), [[u, *6 * [0.0]] for u in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
+    (("steps", 0, "knots"), [[s, *6 * [0.0]] for s in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
     (("steps", 0, "rounded"), [], r"steps\[0\].rounded has 0 corners for \d knots"),
     (("steps", 0, "rounded", 0), [0.5, 0.0], "both shares of a corner or none"),
     (("steps", 0, "rounded", 0), [0.5, 0.5], "must be 0 at both ends"),
@@ -42,7 +42,7 @@ FAULTS = [
         ("steps", 0),
         lambda step: (
             step
-            | {"knots": [[u, *6 * [0.0]] for u in (0.0, 0.3, 0.7, 1.0)]}
+            | {"knots": [[s, *6 * [0.0]] for s in (0.0, 0.3, 0.7, 1.0)]}
             | {"rounded": [[0.0, 0.0], [1.0, 0.6], [0.5, 1.0], [0.0, 0.0]]}
         ),
         "share each line between its two corners",

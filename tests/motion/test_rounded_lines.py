@@ -65,10 +65,10 @@ def configurations(graph, regrasp, share):
     """Where the robot is on its swing: base position, quaternion and joints of all limbs."""
     path = RegraspPath(graph, regrasp)
     parts = [path.swing(k, share) for k in range(path.segment_count)]
-    u = np.concatenate([part[0] for part in parts])
-    joints = path.supports(u)
+    s = np.concatenate([part[0] for part in parts])
+    joints = path.supports(s)
     joints[:, regrasp.limb] = np.concatenate([part[1] for part in parts])
-    return [(p, quaternion(r), q) for p, r, q in zip(*path.base(u), joints, strict=True)]
+    return [(p, quaternion(r), q) for p, r, q in zip(*path.base(s), joints, strict=True)]
 
 
 def in_the_corner(graph, step):

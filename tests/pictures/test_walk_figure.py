@@ -42,7 +42,7 @@ def test_a_box_hides_what_runs_behind_it(y, z, above, side):
 
 @pytest.fixture
 def drawn(graph, monkeypatch, tmp_path):
-    """Two plans, the first given up after a step."""
+    """Two plans, the first abandoned after a step."""
     planner, kept = Planner(graph), []
     first = planner.plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
     second = planner.plan(first.stances[1], (6.3, 0.5, 0.35), "base").unwrap()

@@ -9,7 +9,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.specification import geometric_order
-from mlivr_gym.values import SMALLEST
+from mlivr_gym.values import MIN_SIZE
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
@@ -58,9 +58,9 @@ def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
 
 
 def test_lengths_are_refused_below_the_smallest():
-    assert Limb(a2=-SMALLEST).a2 == -SMALLEST
+    assert Limb(a2=-MIN_SIZE).a2 == -MIN_SIZE
     with pytest.raises(RobotError, match="a2 is -5e-10; it must not be 0"):
-        Limb(a2=-0.5 * SMALLEST)
+        Limb(a2=-0.5 * MIN_SIZE)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.simulation.controller import FEEDFORWARD, Controller
+from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, robot_body_ids
 from mlivr_gym.simulation.execution import execute_walk, timed_walk
 from mlivr_gym.simulation.limits import GENTLE
@@ -95,7 +95,7 @@ def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, p
     away = drawn.point_offsets / np.linalg.norm(drawn.point_offsets, axis=1, keepdims=True)
     drawn = replace(drawn, point_offsets=0.005 * away)
     found = {}
-    for name, controller in (("guided", Controller()), ("blind", FEEDFORWARD)):
+    for name, controller in (("guided", ControllerParameters()), ("blind", FEEDFORWARD)):
         simulation = Simulation(
             checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
         )

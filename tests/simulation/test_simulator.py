@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import PlanError, SettingError, SimulationError
 from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, Controller
+from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.joint_control import JointControl, Reference
+from mlivr_gym.simulation.joint_controller import JointController, Reference
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import step_trajectory
@@ -92,7 +92,7 @@ LIMITS = np.tile([150.0, 150.0, 150.0, 28.0, 28.0, 28.0], 2)
 def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_limits(jem, plan):
     """The law is written out here with encoders that read 0.01 rad too much."""
     rng = np.random.default_rng(0)
-    controller = Controller()
+    controller = ControllerParameters()
     bias = Disturbances(encoder_bias=0.02).draw(7, 17, 2, len(jem))
     simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=bias)
     q, speed = rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12)
@@ -101,7 +101,7 @@ def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_lim
     data.qvel[6:] = speed
     wanted = np.tile(q + rng.uniform(-0.1, 0.1, 12), (3, 1))
     wanted_speed, torque = rng.uniform(-1, 1, (3, 12)), rng.uniform(-5, 5, (3, 12))
-    control = JointControl(model, data, controller, bias)
+    control = JointController(model, data, controller, bias)
     states, sensors = control.run(Reference(wanted, wanted_speed, torque), [False, True])
     kp = np.concatenate([controller.kp_free, controller.kp_hold])
     kd = np.concatenate([controller.kd_free, controller.kd_hold])
@@ -125,7 +125,7 @@ def test_torques_change_with_the_period_and_late_by_the_delay(jem, plan, period,
     simulation.reset(*plan.configuration(0), [FREE, FREE])
     start = plan.motion.joint_positions[0].ravel()
     reference = Reference(*(np.tile(x, (12, 1)) for x in (start + 0.01, 0 * start, 0 * start)))
-    control = JointControl(simulation.model, simulation.data, controller, late)
+    control = JointController(simulation.model, simulation.data, controller, late)
     states, sensors = control.run(reference, [False, False])
     address = simulation.model.sensor("limb0/joint2").adr[0]
     q, v = states[:, 9], states[:, 1 + simulation.model.nq + 7]
@@ -209,7 +209,7 @@ def test_no_sample_that_was_recorded_exceeds_the_peaks(walked):
 
 def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, simulation):
     with pytest.raises(SettingError, match=r"kp_free\[0\] is -1"):
-        Controller(kp_free=(-1.0,) * 6)
+        ControllerParameters(kp_free=(-1.0,) * 6)
     with pytest.raises(SettingError, match="hold_force is -1"):
         Physics(hold_force=-1.0)
     for timestep in (1e-9, 1.0):

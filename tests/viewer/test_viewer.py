@@ -142,7 +142,7 @@ def test_colours_tell_of_the_stance_that_is_shown(viewer):
 
 
 def test_a_policy_without_its_extra_is_said(viewer, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.viewer.policy_view.NEEDED", ("no_such_package",))
+    monkeypatch.setattr("mlivr_gym.viewer.policy_view.REQUIRED_PACKAGES", ("no_such_package",))
     viewer.set_colouring(viewers.POLICY)
     assert "pip install 'mlivr-gym[agents]'" in said(viewer, "legend")
 

@@ -9,19 +9,19 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import FieldPath, Kind, Struct
 
 
-class Figures:
+class ParameterSet:
     """Base class of the parameter sets of the simulation."""
 
-    called: ClassVar[str]
+    label: ClassVar[str]
     """Name of the parameter set in messages."""
     kinds: ClassVar[Mapping[str, Kind[Any]]]
     """Schema of each field."""
-    named: ClassVar[Mapping[str, Any]] = {}
+    presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        Struct(type(self), self.kinds).check(self, FieldPath(self.called, SettingError))
+        Struct(type(self), self.kinds).check(self, FieldPath(self.label, SettingError))
 
     @classmethod
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
@@ -32,5 +32,5 @@ class Figures:
         SettingError
             If no parameter set has this name, or a field is unknown or invalid.
         """
-        known = cls.named or None
-        return Struct(cls, cls.kinds).given(given, FieldPath(cls.called, SettingError), known)
+        known = cls.presets or None
+        return Struct(cls, cls.kinds).given(given, FieldPath(cls.label, SettingError), known)

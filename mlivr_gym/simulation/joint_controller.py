@@ -11,7 +11,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.controller import Controller
+from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.feedforward import feedforward
@@ -34,25 +34,29 @@ class Reference(NamedTuple):
 
     @classmethod
     def of(
-        cls, trajectory: Trajectory, robot: RobotSpec, physics: Physics, controller: Controller
+        cls,
+        trajectory: Trajectory,
+        robot: RobotSpec,
+        physics: Physics,
+        controller: ControllerParameters,
     ) -> Reference:
         """Return the reference of a trajectory, with feedforward if the controller has it."""
         count = len(trajectory.times)
         positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
         torques = np.zeros_like(positions)
         if controller.feedforward:
-            torques, shifts = feedforward(robot, physics, trajectory)
-            positions = positions + shifts
-            speeds = speeds + np.gradient(shifts, trajectory.times, axis=0)
+            torques, offsets = feedforward(robot, physics, trajectory)
+            positions = positions + offsets
+            speeds = speeds + np.gradient(offsets, trajectory.times, axis=0)
         return cls(*(array.reshape(count, -1) for array in (positions, speeds, torques)))
 
 
-class JointControl:
+class JointController:
     """Sampled control of the joints of a simulated robot.
 
     Attributes
     ----------
-    shift
+    offset
         Offset of the position references, shape (6 N,) [rad].
     """
 
@@ -60,7 +64,7 @@ class JointControl:
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
-        controller: Controller,
+        controller: ControllerParameters,
         disturbance: Disturbance,
     ) -> None:
         """Control the joints of a model by the motors of the same names."""
@@ -68,38 +72,38 @@ class JointControl:
         self._controller, self._sizes = controller, disturbance.sizes
         self._bias = disturbance.encoder_bias.ravel()
         self._rng = np.random.default_rng([disturbance.seed, 1])
-        count, step = len(self._bias), model.opt.timestep
+        count, time_step = len(self._bias), model.opt.timestep
         self._motors: Array = np.array(
             [model.actuator(model.joint(k + 1).name).id for k in range(count)]
         )
-        self._every = max(round(controller.period / step), 1)
-        self._late = round(disturbance.sizes.delay / step)
+        self._period = max(round(controller.period / time_step), 1)
+        self._delay = round(disturbance.sizes.delay / time_step)
         self.reset()
 
     def reset(self) -> None:
         """Set the offset of the references to zero and forget past readings."""
         count = len(self._bias)
-        self.shift = np.zeros(count)
-        self._past: deque[tuple[Array, Array]] = deque(maxlen=self._late + 1)
+        self.offset = np.zeros(count)
+        self._past: deque[tuple[Array, Array]] = deque(maxlen=self._delay + 1)
         self._ticks = 0
 
     def rebase(self, positions: Array) -> None:
         """Set the offset such that the references `positions` equal the encoder readings [rad]."""
-        self.shift = self._data.qpos[7:] + self._bias - positions
+        self.offset = self._data.qpos[7:] + self._bias - positions
 
     @property
     def speeds(self) -> Array:
         """Velocities of all joints at the last reading, shape (6 N,) [rad/s]."""
         return self._past[-1][1]
 
-    def _shifts(self, count: int, recovering: bool) -> Array:
+    def _offsets(self, count: int, recovering: bool) -> Array:
         """Return the offset at each of the next time steps, shape (1 or count, 6 N) [rad]."""
         if not recovering:
-            return self.shift[None]
-        step = self._model.opt.timestep / self._controller.recovery
-        shifts: Array = self.shift * np.exp(-step * np.arange(1, count + 1))[:, None]
-        self.shift = shifts[-1].copy()
-        return shifts
+            return self.offset[None]
+        decay = self._model.opt.timestep / self._controller.recovery
+        offsets: Array = self.offset * np.exp(-decay * np.arange(1, count + 1))[:, None]
+        self.offset = offsets[-1].copy()
+        return offsets
 
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
@@ -126,16 +130,16 @@ class JointControl:
         sensors = np.empty((count, model.nsensordata))
         noise = self._sizes.encoder_noise * self._rng.standard_normal((count, joints)) + self._bias
         speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
-        kp = np.ravel([controller.kp_hold if hold else controller.kp_free for hold in held])
-        kd = np.ravel([controller.kd_hold if hold else controller.kd_free for hold in held])
-        targets = reference.positions + self._shifts(count, recovering)
+        kp = np.ravel([controller.kp_hold if holds else controller.kp_free for holds in held])
+        kd = np.ravel([controller.kd_hold if holds else controller.kd_free for holds in held])
+        targets = reference.positions + self._offsets(count, recovering)
         forward = kd * reference.speeds + reference.torques
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
         for k in range(count):
             states[k, 0], positions[k], speeds[k] = data.time, qpos, qvel
             self._past.append((q + noise[k], v + speed_noise[k]))
-            if self._ticks % self._every == 0:
+            if self._ticks % self._period == 0:
                 position, speed = self._past[0]
                 ctrl[self._motors] = kp * (targets[k] - position) + (forward[k] - kd * speed)
             self._ticks += 1
