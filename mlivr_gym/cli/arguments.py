@@ -19,7 +19,7 @@ from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
-from mlivr_gym.world.grasp_map import GraspMap, jem_map
+from mlivr_gym.world.grasp_map import PLACES, GraspMap, as_map
 
 MAX_SEED = 2**31
 """Largest seed: each episode takes the next one, and NumPy's old generator accepts 32 bits."""
@@ -109,7 +109,8 @@ def world_arguments() -> argparse.ArgumentParser:
     parser = _parent_parser()
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
-    option(parser, "--map FILE", "map as a JSON file (default: the measured JEM)")
+    text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
+    option(parser, "--map MAP", text)
     option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
     option(parser, "--no-transitions", "do not check that steps are executable")
     option(parser, "--no-collisions", "do not check collisions")
@@ -195,7 +196,7 @@ def search_options(args: argparse.Namespace) -> dict[str, Any]:
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:
     """Return the map of `--map`, by default the measured JEM."""
-    return GraspMap.load(args.map) if args.map else jem_map()
+    return as_map(args.map)
 
 
 def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:

@@ -67,9 +67,11 @@ def _values() -> dict[str, tuple[str, ...]]:
     from mlivr_gym.planners.costs import HEURISTICS
     from mlivr_gym.planners.query import METHODS
     from mlivr_gym.robot.specification import ROBOTS
+    from mlivr_gym.world.grasp_map import PLACES
 
     return {
         "--robot": ROBOTS,
+        "--map": PLACES,
         "--heuristic": HEURISTICS,
         "plan --method": METHODS,
         "simulate --method": METHODS,

@@ -6,7 +6,7 @@ Modules that need MuJoCo are imported when the command runs, since MuJoCo loads 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,15 +80,22 @@ def add_command(add: Add) -> None:
     text = "use start, goal, map and cost of this case of Table I"
     option(parser, "--case CASE", text, type=int, choices=(1, 2, 3, 4))
     text = (
-        "as fast as the default limits allow, as gentler limits allow, or the paper's 50 s a step"
+        "as fast as the default limits allow, as gentler limits or those for the arms of a station "
+        "allow, or the paper's 50 s a step"
     )
-    option(parser, "--pace PACE", text, "fast", choices=("fast", "gentle", "paper"))
+    paces = ("fast", "gentle", "station", "paper")
+    option(parser, "--pace PACE", text, "fast", choices=paces)
     text = "duration of every step [s], which must keep the limits (default: the shortest)"
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
-    text = "feedforward with sensor guidance on approach, feedforward alone, or the paper's PD"
-    controllers = ("full", "feedforward", "paper")
-    option(parser, "--controller CONTROLLER", f"{text} control", "full", choices=controllers)
+    text = (
+        "feedforward with sensor guidance on approach, feedforward alone, the paper's PD control, "
+        "or guidance with gains for the arms of a station"
+    )
+    controllers = ("full", "feedforward", "paper", "station")
+    option(parser, "--controller CONTROLLER", text, "full", choices=controllers)
+    text = "grasps of a robot of the UR5e's size, or of the size of a station's arms"
+    option(parser, "--physics PHYSICS", text, "default", choices=("default", "station"))
     text = (
         "make robot and module differ from the model of the controller: not at all, or in all ways"
     )
@@ -165,12 +172,13 @@ def _setup(args: argparse.Namespace) -> Setup:
     """Return the setup of the execution: pace, controller, physics and disturbances."""
     RATES.read(args.rate, FieldPath("--rate", SettingError))
     from mlivr_gym.motion.clocks import Durations
+    from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import PACES
     from mlivr_gym.simulation.setup import Setup
 
     setup = Setup.of(
         controller=args.controller,
-        physics={"timestep": args.timestep},
+        physics=asdict(Physics.of(args.physics)) | {"timestep": args.timestep},
         disturbances=args.disturbances,
     )
     if args.pace == "paper":

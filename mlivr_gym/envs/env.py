@@ -134,7 +134,7 @@ class MlivrEnv(StanceGraphEnv):
     | argument | default | meaning |
     |---|---|---|
     | `robot` | `"mlivr2"` | name, path of a JSON file, `RobotSpec`, or plain data |
-    | `map` | None | path of a map file, `GraspMap`, or plain data; by default the JEM |
+    | `map` | None | name in `PLACES`, path of a file, `GraspMap`, or plain data; None: the JEM |
     | `manipulability` | True | whether stances must meet both thresholds |
     | `transitions` | True | whether steps are checked; if not, all are assumed possible |
     | `limb_threshold` | 0.1 | threshold of w_m |
@@ -147,10 +147,10 @@ class MlivrEnv(StanceGraphEnv):
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
     | `tasks` | `"walk"` | `"walk"`, `"far"`, or an `envs.tasks.TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
-    | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, see `Setup.of` |
-    | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, see `Setup.of` |
+    | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"station"`, see `Setup.of` |
+    | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"station"`, see `Setup.of` |
     | `disturbances` | None | `"none"`, `"all"`, see `Setup.of`; drawn for each episode |
-    | `physics` | None | parameters of grasps and failures, see `Setup.of` |
+    | `physics` | None | grasps and failures: None or `"station"`, see `Setup.of` |
     | `grasp_failure` | 0.0 | mean failure probability, or that of each point; kinematic only |
     | `grasp_failure_seed` | 0 | seed of the failure probabilities |
     | `precompute` | False | whether all steps are computed at once; two limbs, kinematic only |
@@ -204,7 +204,7 @@ class MlivrEnv(StanceGraphEnv):
         limits: Limits | dict[str, Any] | str | None = None,
         controller: ControllerParameters | dict[str, Any] | str | None = None,
         disturbances: Disturbances | dict[str, Any] | str | None = None,
-        physics: Physics | dict[str, Any] | None = None,
+        physics: Physics | dict[str, Any] | str | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
         precompute: bool = False,

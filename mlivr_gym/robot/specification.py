@@ -315,7 +315,9 @@ MLIVR2 = RobotSpec(name="mlivr2")
 EVEN = {f"mlivr{n}": replace(MLIVR2, name=f"mlivr{n}", limbs=n) for n in (2, 3, 4)}
 """Robots with two, three and four UR5e on that cube."""
 
-ROBOTS = (*EVEN, "mlivr2-ur3e", "mlivr2-ur10e", "mlivr2-iiwa", "mlivr2-unequal")
+ROBOTS = (
+    *EVEN, "mlivr2-ur3e", "mlivr2-ur10e", "mlivr2-iiwa", "mlivr2-unequal", "ssrms2",
+)  # fmt: skip
 """Names of the robots that ship; the others are files in `envs_assets`."""
 
 

@@ -116,7 +116,20 @@ joints."""
 FEEDFORWARD = replace(PAPER, feedforward=True)
 """The gains of the paper with feedforward."""
 
-CONTROLLERS = {"full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER}
+STATION = ControllerParameters(
+    kp_free=(2e5, 2e5, 1e5, 1e4, 5e3, 300.0), kd_free=(1e5, 1e5, 5e4, 5e3, 2e3, 100.0),
+    kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.3, patience=60.0,
+)  # fmt: skip
+"""Gains for arms of the size of a space station's.
+
+The robot turns about a supporting limb with some 5e5 kg m^2, its body and the parts of the arms
+beside it with 1e3 kg m^2 about the joints between them, which limits a sampled derivative gain at
+500 Hz to 5e5 N m s/rad; the last link of a free limb has 9 kg m^2 about its axis.
+"""
+
+CONTROLLERS = {
+    "full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER, "station": STATION,
+}  # fmt: skip
 """Controllers by name."""
 
 ControllerParameters.presets = CONTROLLERS

@@ -95,6 +95,19 @@ class Physics(ParameterSet):
     }  # fmt: skip
 
 
+STATION = Physics(
+    grasp_stiffness=1e6, grasp_damping=1e5, grasp_rotational_stiffness=5e6,
+    grasp_rotational_damping=1e6, capture_distance=0.05, hold_force=2000.0, hold_torque=6000.0,
+    saturation_time=1.0,
+)  # fmt: skip
+"""Grasps of end effectors of the size of a space station's; figures are assumed."""
+
+PHYSICS = {"default": Physics(), "station": STATION}
+"""Parameters of grasps and failures by name."""
+
+Physics.presets = PHYSICS
+
+
 def dynamics_spec(
     grasp_map: GraspMap,
     robot: RobotSpec,

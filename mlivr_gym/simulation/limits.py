@@ -71,7 +71,12 @@ class Limits(ParameterSet):
 GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0.1)
 """Limits with a reserve for a robot that differs from the model of the controller."""
 
-PACES = {"fast": Limits(), "gentle": GENTLE}
+STATION = Limits(
+    torque=0.5, grasp_force=500.0, grasp_torque=2000.0, surface_speed=0.1, rise_time=2.0
+)
+"""Limits for arms of the size of a space station's, of some 14 m and 1,600 kg."""
+
+PACES = {"fast": Limits(), "gentle": GENTLE, "station": STATION}
 """Limits by name."""
 
 Limits.presets = PACES

@@ -58,7 +58,7 @@ class Setup:
         cls,
         limits: Limits | dict[str, Any] | str | None = None,
         controller: ControllerParameters | dict[str, Any] | str | None = None,
-        physics: Physics | dict[str, Any] | None = None,
+        physics: Physics | dict[str, Any] | str | None = None,
         disturbances: Disturbances | dict[str, Any] | str | None = None,
     ) -> Setup:
         """Return a setup from instances, plain data or names; a part that is None has its defaults.
@@ -70,7 +70,7 @@ class Setup:
         controller
             A `ControllerParameters`, its fields, or a name in `controller.CONTROLLERS`.
         physics
-            `Physics`, or their fields.
+            `Physics`, their fields, or a name in `dynamics.PHYSICS`.
         disturbances
             `Disturbances`, their fields, or a name in `disturbances.DISTURBANCES`.
 

@@ -345,16 +345,29 @@ def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
+PLACES = ("jem", "truss", "uslab")
+"""Names of the maps that ship."""
+
+
 def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
-    """Return a map as it is, from plain data or a file, or the measured JEM for None.
+    """Return a map as it is, by name, from plain data or a file, or the measured JEM for None.
+
+    A name is one of `PLACES`.
 
     Raises
     ------
     MlivrError
-        If the file or the data are faulty, or it is nothing of these.
+        If the name is unknown, the file or the data are faulty, or it is nothing of these.
     """
     if given is None:
         return jem_map()
+    if isinstance(given, str) and given in PLACES:
+        return GraspMap.load(asset_path(f"{given}.json"))
+    if isinstance(given, str) and given.isidentifier() and not os.path.exists(given):
+        raise MapError(
+            f"unknown map {shortened(given)}; valid names are {', '.join(PLACES)}, or give the "
+            "path of a JSON or CSV file"
+        )
     if isinstance(given, dict):
         return place.build(GraspMap.from_dict, given)
     if isinstance(given, (str, os.PathLike)):

@@ -1,0 +1,313 @@
+"""Make the places and the robot outside and inside the station that ship beside the JEM.
+
+    python experiments/station_places.py
+
+It writes `truss.json`, `uslab.json` and `ssrms2.json` into `envs_assets/` from the published
+figures below; `source` and `sources` of each file say which figure comes from where, and what is
+assumed.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+from reports import ROOT
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.files import write_whole
+from mlivr_gym.robot.ssrms_limb import ELBOW, PITCH, SsrmsLimb
+
+SEGMENTS = {"P1": (-20.4, -6.7), "S0": (-6.7, 6.7), "S1": (6.7, 20.4)}
+"""Ends of the truss segments along x [m]: S0 is 13.4 m long, P1 and S1 13.7 m (NASA)."""
+
+WIDTH, HEIGHT = 4.6, 4.0
+"""Cross-section of the truss along y and z [m], 15 ft by 13 ft (NASA, P1)."""
+
+FIXTURES, PITCH_OF_FIXTURES = 12, 3.4
+"""Grapple fixtures along each face, and their distance [m]: assumed."""
+
+FACES = {
+    "forward": ((0.0, 1.0, 0.0), 0.5 * WIDTH),
+    "zenith": ((0.0, 0.0, 1.0), 0.5 * HEIGHT),
+    "aft": ((0.0, -1.0, 0.0), 0.5 * WIDTH),
+    "nadir": ((0.0, 0.0, -1.0), 0.5 * HEIGHT),
+}
+"""Outward normals of the faces of the truss, and their distance from its axis [m]."""
+
+ROOM = 16.0
+"""How far from the truss the base may be [m]: the reach of an arm."""
+
+
+def truss() -> dict[str, Any]:
+    """Return the map of three segments of the integrated truss."""
+    points = []
+    for face, (normal, distance) in FACES.items():
+        for k in range(FIXTURES):
+            along = (k - 0.5 * (FIXTURES - 1)) * PITCH_OF_FIXTURES
+            place = np.array([along, 0.0, 0.0]) + distance * np.array(normal)
+            points.append(
+                {
+                    "id": f"{face}:{k}", "face": face, "position": np.round(place, 6).tolist(),
+                    "normal": list(normal), "rail": [1.0, 0.0, 0.0],
+                }
+            )  # fmt: skip
+    half = (0.5 * WIDTH, 0.5 * HEIGHT)
+    ends = min(x for x, _ in SEGMENTS.values()), max(x for _, x in SEGMENTS.values())
+    low, high = [ends[0], -half[0], -half[1]], [ends[1], *half]
+    return {
+        "name": "truss",
+        "description": "Segments P1, S0 and S1 of the station's integrated truss, each a box, with "
+        "grapple fixtures on its four long faces.",
+        "frame": "origin in the middle of S0, x starboard along the truss, y forward, z zenith; "
+        "metres",
+        "sources": {
+            "segments": "NASA, STS-110 cargo (S0: 13.4 m long, 4.6 m wide) and STS-113 (P1: 13.7 m "
+            "long, 4.6 m wide, 4 m high), spaceflight.nasa.gov; S1 as P1 (NASA KSC-99PP-1185: 45 "
+            "ft long, 15 ft wide)",
+        },
+        "provenance": {
+            "points": "assumed: a grapple fixture every 3.4 m along the middle of each face. The "
+            "station's own fixtures are fewer, on modules and on the mobile base, whose eight "
+            "worksites lie along the forward face",
+            "boxes": "assumed: full boxes in place of open trusswork and its equipment",
+        },
+        "points": points,
+        "cabin": {"min": (np.array(low) - ROOM).tolist(), "max": (np.array(high) + ROOM).tolist()},
+        "boxes": [
+            {
+                "id": name, "min": [start, -half[0], -half[1]], "max": [end, *half],
+            }
+            for name, (start, end) in SEGMENTS.items()
+        ],
+    }  # fmt: skip
+
+
+HANDRAILS = (
+    ("stow", (-3.2258, -0.86, -1.09314), (0.0, 0.0)),
+    ("deck_1", (-2.2098, -0.37729, -1.09314), (0.0, 90.0)),
+    ("deck_2", (-1.0848, -0.15, -1.09314), (0.0, 90.0)),
+    ("deck_3", (-0.025, -0.67729, -1.09314), (0.0, 90.0)),
+    ("deck_4", (1.04, -0.15, -1.09314), (0.0, 90.0)),
+    ("port_0", (-1.0848, -1.1, 0.6), (-90.0, 90.0)),
+    ("port_1", (-0.0402, -1.1, 0.1), (-90.0, 90.0)),
+    ("port_2", (1.055, -1.1, 0.6), (-90.0, 90.0)),
+    ("port_3", (2.06, -1.1, 0.1), (-90.0, 90.0)),
+    ("stbd_0", (-2.2098, 1.09, 0.6), (90.0, -90.0)),
+    ("stbd_1", (-1.0848, 1.09, 0.1), (90.0, -90.0)),
+    ("stbd_2", (-0.03, 1.09, 0.6), (90.0, -90.0)),
+    ("stbd_3", (1.04, 1.09, 0.1), (90.0, -90.0)),
+    ("stbd_4", (2.06, 1.09, 0.6), (90.0, -90.0)),
+)
+"""Handrails of the US Lab: name, place [m], roll and yaw [degrees] (Chunting/r2_planning)."""
+
+BAR, STAND_OFF, BAR_SECTION = 1.0541, 0.0757, (0.0187, 0.0324)
+"""Length of a bar, 41.5 inches; its top above the wall, width and depth, as measured in the JEM
+[m]."""
+
+LAB = {"min": [-3.27, -1.1, -1.09314], "max": [3.13, 1.09, 1.09]}
+"""Room between the racks [m]: six racks of 1.067 m a face, walls where the handrails stand."""
+
+PANEL = 0.04
+"""Thickness of a wall [m]: assumed."""
+
+
+def uslab() -> dict[str, Any]:
+    """Return the map of the US Lab, whose handrails are what a limb holds."""
+    low, high = LAB["min"], LAB["max"]
+    segments = []
+    for name, place, (roll, yaw) in HANDRAILS:
+        c, s = np.round([np.cos(np.deg2rad(roll)), np.sin(np.deg2rad(roll))], 9)
+        turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+        c, s = np.round([np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))], 9)
+        along = turn @ [c, s, 0.0]
+        start = np.array(place) + STAND_OFF * turn[:, 2]
+        segments.append(
+            {
+                "id": name, "face": {"port": "port", "stbd": "starboard"}.get(name[:4], "deck"),
+                "start": np.round(start, 6).tolist(),
+                "end": np.round(start + BAR * along, 6).tolist(),
+                "normal": (turn[:, 2] + 0.0).tolist(),
+                "width": BAR_SECTION[0], "thickness": BAR_SECTION[1],
+            }
+        )  # fmt: skip
+    walls = []
+    for name, axis, at, sign in (
+        ("deck", 2, low[2], -1), ("overhead", 2, high[2], 1),
+        ("port", 1, low[1], -1), ("starboard", 1, high[1], 1),
+    ):  # fmt: skip
+        ends = [list(low), list(high)]
+        ends[0][axis], ends[1][axis] = sorted((at, round(at + sign * PANEL, 6)))
+        walls.append({"id": name, "face": name, "min": ends[0], "max": ends[1]})
+    return {
+        "name": "uslab",
+        "description": "The US Laboratory Module (Destiny), climbed by its handrails.",
+        "frame": "that of the handrails' source: x along the module, y starboard, z overhead; "
+        "metres",
+        "sources": {
+            "handrails": "Chunting/r2_planning commit 353f2f7e7e72e7d40a4341e7fc71111a32501d45 "
+            "(BSD), r2_planning_demos/world/iss_navigation.world.yaml: poses of 14 handrails of "
+            "41.5 inches in the world of Robonaut 2",
+            "racks": "Boeing and NASA pages on Destiny: six racks a face, each 1.067 m wide",
+            "bar": "cross-section and stand-off as measured in the JEM, jem.json",
+        },
+        "provenance": {
+            "handrails": "published poses; assumed that a pose is the end of a bar, which runs "
+            "along its x axis with z outwards, roll after yaw: so read all bars lie in the room",
+            "points": "assumed: every 0.2 m of a bar",
+            "boxes": "assumed: four walls, at the planes on which the handrails stand; overhead, "
+            "where none stands, at the starboard distance",
+            "cabin": "assumed: from the racks and the walls",
+        },
+        "segments": segments,
+        "spacing": 0.2,
+        "cabin": LAB,
+        "boxes": walls,
+    }
+
+
+BODY_EDGE, BODY_MASS = 1.0, 500.0
+"""Edge [m] and mass [kg] of the body between the arms: assumed."""
+
+MASSES = (243.66, 105.98, 105.98, 314.88, 279.2, 105.98, 105.98, 243.66)
+"""Masses of the bodies B1 to B8 of the SSRMS [kg] (Nguyen and Hughes 1994)."""
+
+INERTIAS = (
+    (9.336, 44.413, 44.413, 0.0),
+    (12.19, 12.13, 3.061, 0.0),
+    (8.088, 3.061, 8.446, 0.0),
+    (15.41, 2094.71, 2103.19, 49.52),
+    (9.522, 1966.28, 1966.28, -39.95),
+    (8.305, 3.061, 8.0386, 0.0),
+    (12.13, 12.13, 3.061, 0.0),
+    (9.336, 44.41, 44.41, 0.0),
+)
+"""Their inertias xx, yy, zz, xy in their published axes [kg m^2]."""
+
+TORQUE, SPEED = 2332.0, 0.0698132
+"""Largest torque [N m] and speed of each joint, 4 degrees a second [rad/s]."""
+
+ROTOR = 0.1
+"""Inertia of the rotors through their gears [kg m^2]: not published, far below that of the links.
+"""
+
+AXES = ("xyz", "xyz", "xzY", "xzY", "xzY", "yxZ", "yzx")
+"""Axes of the limb's frames of B2 (its base) to B8 as published axes, a capital runs backwards."""
+
+_D4, _SECOND = 2.0 * PITCH + ELBOW, PITCH + ELBOW
+
+ORIGINS = (
+    (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, PITCH, 0.0), (0.0, _SECOND, 0.0), (0.0, -PITCH, 0.0),
+    (0.0, 0.0, -0.7026), (1.3589, 0.0, 0.0),
+)  # fmt: skip
+"""Origins of those frames in the published ones [m]."""
+
+MIDDLES = (
+    (0.0, 0.0, 0.3513), (0.0, -0.5 * PITCH, 0.0), (3.555, 0.0, 0.0), (3.555, 0.0, 0.0),
+    (0.0, -0.5 * PITCH, 0.0), (0.0, 0.0, -0.3513), (0.67945, 0.0, 0.0),
+)  # fmt: skip
+"""Middles of B2 to B8 in the published frames [m], where their centres of mass are assumed."""
+
+SCALE = 17.4
+"""Length of the two booms, as a multiple of upper arm and forearm of the UR5e."""
+
+HELD_ANGLE = round(0.5 * np.pi, 9)
+"""Angle at which the roll of the shoulder is held [rad]."""
+
+LATCH = 0.4
+"""Length of the end effector that counts as the gripper [m]: assumed."""
+
+
+def tensor(inertia: tuple[float, ...]) -> Array:
+    """Return the inertia of a published body, shape (3, 3) [kg m^2]."""
+    xx, yy, zz, xy = inertia
+    return np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, zz]])
+
+
+def in_link(k: int) -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia of body B2 + k in the frame of link k of the limb."""
+    letters = AXES[k]
+    turn = np.stack([np.eye(3)["xyz".index(a.lower())] * (-1) ** a.isupper() for a in letters])
+    centre = turn @ (np.array(MIDDLES[k]) - ORIGINS[k])
+    return MASSES[k + 1], centre, turn @ tensor(INERTIAS[k + 1]) @ turn.T
+
+
+def upper(inertia: Array) -> list[float]:
+    """Return xx, yy, zz, xy, xz, yz of an inertia, shape (3, 3)."""
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    return (np.round(inertia[rows, columns], 4) + 0.0).tolist()
+
+
+def base() -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia of B1 and B2, which joint 1 holds together."""
+    parts = [(MASSES[0], np.array([-0.67945, 0.0, 0.0]), tensor(INERTIAS[0])), in_link(0)]
+    mass = sum(part[0] for part in parts)
+    middle = sum(m * centre for m, centre, _ in parts) / mass
+    whole = np.zeros((3, 3))
+    for m, centre, inertia in parts:
+        away = centre - middle
+        whole += inertia + m * (away @ away * np.eye(3) - np.outer(away, away))
+    return mass, middle, whole
+
+
+def dynamics() -> dict[str, Any]:
+    """Return the masses, inertias and limits of an arm."""
+    links = [in_link(k) for k in range(1, 7)]
+    mass, middle, inertia = base()
+    return {
+        "base_mass": round(mass, 4), "base_size": [0.18, 1.3589],
+        "base_centre": np.round(middle, 6).tolist(), "base_inertia": upper(inertia),
+        "masses": [mass for mass, _, _ in links],
+        "centres": [(np.round(centre, 6) + 0.0).tolist() for _, centre, _ in links],
+        "inertias": [upper(inertia) for _, _, inertia in links],
+        "torque_limits": [TORQUE] * 6, "speed_limits": [SPEED] * 6,
+        "rotor_inertias": [ROTOR] * 6,
+    }  # fmt: skip
+
+
+def ssrms2() -> dict[str, Any]:
+    """Return the robot of two SSRMS-type arms on a small body."""
+    limb, tip = SsrmsLimb(held_angle=HELD_ANGLE), 0.18
+    capsules = [
+        {"link": c.link, "start": list(c.start), "end": list(c.end), "radius": c.radius}
+        for c in limb.link_capsules[:-1]
+    ]
+    capsules += [
+        {"link": "wrist_3", "start": [0, 0, -limb.d6], "end": [0, 0, -LATCH], "radius": tip},
+        {"link": "gripper", "start": [0, 0, -LATCH], "end": [0, 0, -tip], "radius": tip},
+    ]
+    return {
+        "name": "ssrms2",
+        "limb": {"family": "ssrms", "held_angle": HELD_ANGLE},
+        "mount_radius": 0.5 * BODY_EDGE,
+        "tool_length": 0.0,
+        "characteristic_length": round(0.87 * SCALE, 2),
+        "grasp_separation": 1.0,
+        "span": round(2.4 * SCALE, 1),
+        "heights": [6.0, 8.0, 10.0, 12.0],
+        "lift": 1.0,
+        "capsules": capsules,
+        "body_size": BODY_EDGE,
+        "body_mass": BODY_MASS,
+        "gripper_mass": 0.0,
+        "dynamics": dynamics(),
+        "source": "figures of the SSRMS by Nguyen and Hughes (1994), as in TraceableRobotModels; "
+        "assumed: middles as mass centres, rotors, capsules 0.36 m thick, body; planning lengths: "
+        "17.4 of the UR5e's",
+    }  # fmt: skip
+
+
+FILES = {"truss": truss, "uslab": uslab, "ssrms2": ssrms2}
+"""Files by name, and what makes them."""
+
+
+def main() -> None:
+    """Write the files."""
+    for name, make in FILES.items():
+        text = json.dumps(make(), indent=1) + "\n"
+        write_whole(ROOT / "envs_assets" / f"{name}.json", text)
+
+
+if __name__ == "__main__":
+    main()
