@@ -29,9 +29,9 @@ def add_command(add: Add) -> None:
         add,
         run,
         groups=("world",),
-        description="Train a policy for two limbs. All steps of the map are checked once before: "
-        "one to two minutes for the JEM. Ctrl-C ends the training early and writes a checkpoint "
-        "of the policy so far.",
+        description="Train a policy for two limbs. All steps of the map are checked once before, "
+        "unless their table ships or is cached. Ctrl-C ends the training early and writes a "
+        "checkpoint of the policy so far.",
     )
     text = "behaviour cloning (bc), dagger, ppo, or ppo from a checkpoint (finetune)"
     option(parser, "--method METHOD", text, "dagger")
