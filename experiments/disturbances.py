@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from reports import command_line, keep, publish, read, table
 from tqdm import tqdm
 
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters

@@ -90,7 +90,7 @@ def markdown(data: dict[str, Any]) -> str:
         [words, ", ".join(f"{value:g}: {mean:.2f}" for value, mean in pace["fronts"][name])]
         for name, words in LIMITS.items()
     ]
-    clocks = [
+    scalings = [
         [title, f"{pace[name]['seconds_a_step']:.2f}",
          counted(pace[name]["deciding"]).replace("_", " ")]
         for name, title in CLOCKS.items()
@@ -121,7 +121,7 @@ default limits. Of the {pace["corners"]} corners of their swings {pace["rounded"
 within the clearance; *stopping at corners* is the duration of the same
 steps with no rounded corner.
 
-{table("time scaling | s a step | segments by binding limit", clocks)}
+{table("time scaling | s a step | segments by binding limit", scalings)}
 One limit varied, the others at their defaults (`pace.png`):
 
 {table("limit | s a step at each value", fronts)}

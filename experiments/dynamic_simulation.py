@@ -28,9 +28,9 @@ from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.clocks import Durations, duration_of
 from mlivr_gym.motion.path_segments import PathSegment, path_segments
 from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations, duration_of
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.controller import CONTROLLERS
@@ -39,7 +39,7 @@ from mlivr_gym.simulation.execution import Execution, execute
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.path_dynamics import segment_dynamics
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.timing import shortest_clock, step_trajectory
+from mlivr_gym.simulation.timing import shortest_scaling, step_trajectory
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -180,9 +180,9 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
         for path, parts in pieces:
             for piece in parts:
                 rows = segment_dynamics(graph.robot, path.regrasp, piece, limits)
-                clock = shortest_clock(rows, limits)
-                total += duration_of(clock)
-                deciding[rows.binding(clock).limit] += 1
+                scaling = shortest_scaling(rows, limits)
+                total += duration_of(scaling)
+                deciding[rows.binding(scaling).limit] += 1
         return total / len(steps), deciding
 
     data: dict[str, Any] = {

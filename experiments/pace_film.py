@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from reports import case_3, command_line
 
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.film import default_speed, film_pictures, film_samples, save_film
 from mlivr_gym.simulation.controller import FEEDFORWARD

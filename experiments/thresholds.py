@@ -24,8 +24,8 @@ from tqdm import tqdm
 
 from mlivr_gym import Settings
 from mlivr_gym.errors import StanceError
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import PAPER

@@ -3,7 +3,7 @@
     python experiments/time_cost.py [--out results] [--tasks 40]
 
 For each random task, one plan is made for each cost of `fastest.COSTS`, and each of its steps gets
-the time-optimal clock at the default limits. The means over the tasks form a Pareto front;
+the time-optimal time scaling at the default limits. The means over the tasks form a Pareto front;
 `fastest` is the quickest of the plans of a task. Writes `time_cost.json`, `time_cost.md` and
 `time_cost.png`.
 """

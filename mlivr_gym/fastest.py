@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.clocks import Durations, duration_of
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations, duration_of
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import OrNone
@@ -67,7 +67,7 @@ def step_durations(
     durations = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        durations.append(sum(map(duration_of, timed_path(path, timing).clocks)))
+        durations.append(sum(map(duration_of, timed_path(path, timing).time_scalings)))
     return durations
 
 

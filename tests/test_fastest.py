@@ -6,7 +6,7 @@ import pytest
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.fastest import COSTS, fastest_plan, step_durations
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import GENTLE

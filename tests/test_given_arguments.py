@@ -24,8 +24,8 @@ from mlivr_gym.envs.wrappers import ActionMaskObservation, RecordVideo
 from mlivr_gym.errors import MlivrError, shortened
 from mlivr_gym.fastest import fastest_plan, step_durations
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import load_npz, save_csv, save_npz, save_ros
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.film import film

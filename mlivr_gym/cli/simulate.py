@@ -171,7 +171,7 @@ def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan)
 def _setup(args: argparse.Namespace) -> Setup:
     """Return the setup of the execution: pace, controller, physics and disturbances."""
     RATES.read(args.rate, FieldPath("--rate", SettingError))
-    from mlivr_gym.motion.clocks import Durations
+    from mlivr_gym.motion.time_scaling import Durations
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import PACES
     from mlivr_gym.simulation.setup import Setup

@@ -1,7 +1,7 @@
 """Trajectories: the path of a step with a time scaling, sampled on a regular time grid.
 
-Each path segment runs from rest to rest on its clock. The geometric path that was checked is kept
-exactly, on lines as well as on rounded corners; at a corner that is not rounded velocity and
+Each path segment runs from rest to rest by its time scaling. The geometric path that was checked is
+kept exactly, on lines as well as on rounded corners; at a corner that is not rounded velocity and
 acceleration vanish.
 """
 
@@ -16,9 +16,9 @@ import scipy
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
-from mlivr_gym.motion.clocks import duration_of
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import RegraspPath
+from mlivr_gym.motion.time_scaling import duration_of
 
 FREE = -1
 """Point index of a limb that holds no point."""
@@ -28,19 +28,19 @@ MAX_SAMPLES = 1_000_000
 
 
 class TimedPath(NamedTuple):
-    """A step with a clock for each of its path segments."""
+    """A step with a time scaling for each of its path segments."""
 
     path: RegraspPath
     """The path of the step."""
     segments: tuple[PathSegment, ...]
     """The path segments of the step."""
-    clocks: tuple[scipy.interpolate.PPoly, ...]
+    time_scalings: tuple[scipy.interpolate.PPoly, ...]
     """Clock of each segment."""
 
     @property
     def ends(self) -> Array:
         """Time at which each segment ends [s]."""
-        ends: Array = np.cumsum([duration_of(clock) for clock in self.clocks])
+        ends: Array = np.cumsum([duration_of(scaling) for scaling in self.time_scalings])
         return ends
 
     @property
@@ -134,12 +134,12 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
 
     By the chain rule the velocity is `q' sigma_dot` and the acceleration
     `q' sigma_ddot + q'' sigma_dot^2`, with the derivatives q', q'' of the path segment and those of
-    its clock sigma(t).
+    its time scaling sigma(t).
 
     Parameters
     ----------
     timed
-        The step with its clocks.
+        The step with its time scalings.
     period
         Spacing of the time grid [s]. The step is slowed down by less than one period, so that
         it takes a whole number of periods.
@@ -169,17 +169,17 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     s, moving = np.zeros(count), np.empty((count, 6))
     speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
     last = len(ends) - 1
-    for k, (segment, clock) in enumerate(zip(timed.segments, timed.clocks, strict=True)):
+    for k, (segment, scaling) in enumerate(zip(timed.segments, timed.time_scalings, strict=True)):
         here = part == k
-        since = np.clip(times[here] / slower - starts[k], 0.0, clock.x[-1])
-        share = np.clip(clock(since), 0.0, 1.0)
+        since = np.clip(times[here] / slower - starts[k], 0.0, scaling.x[-1])
+        share = np.clip(scaling(since), 0.0, 1.0)
         if k == 0:
             moving[here] = path.departure(share)
         elif k == last:
             moving[here], s[here] = path.approach(share), 1.0
         else:
             s[here], moving[here] = path.swing(k - 1, share)
-        rate, change = clock(since, 1) / slower, clock(since, 2) / slower**2
+        rate, change = scaling(since, 1) / slower, scaling(since, 2) / slower**2
         first, second = segment.curve(share, 1), segment.curve(share, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second

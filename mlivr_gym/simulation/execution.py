@@ -17,8 +17,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.arguments import WALK
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.controller import ControllerParameters

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from mlivr_gym.motion.clocks import MAX_DURATION
+from mlivr_gym.motion.time_scaling import MAX_DURATION
 from mlivr_gym.schema import Choice, Kind, OrNone, Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
 

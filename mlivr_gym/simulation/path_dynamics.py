@@ -4,9 +4,9 @@ Without gravity, joint torques and grasp wrenches at share sigma of a segment ar
 `a(sigma) sigma'' + b(sigma) sigma'^2` and velocities are `c(sigma) sigma'`, with derivatives by
 time (Bobrow, Dubowsky and Gibson, International Journal of Robotics Research 4, 1985). One pass of
 inverse dynamics over the segment gives the coefficients, which are stored in units of the limits.
-On a clock of given shape, torques and wrenches scale with `1 / T^2` and velocities with `1 / T`, so
-the shortest duration T is one number (dynamic scaling: Hollerbach, ASME Journal of Dynamic Systems
-106, 1984).
+For a time scaling of given shape, torques and wrenches are proportional to `1 / T^2` and velocities
+to `1 / T`, so the shortest duration T is one number (dynamic scaling: Hollerbach, ASME Journal of
+Dynamic Systems 106, 1984).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 from mlivr_gym.simulation.limits import Limits
 
-CLOCK_SAMPLES = 201
-"""Number of times at which the loads on a clock are evaluated."""
+TIME_SAMPLES = 201
+"""Number of times at which the loads during a time scaling are evaluated."""
 
 
 class Binding(NamedTuple):
@@ -64,17 +64,17 @@ class SegmentDynamics(NamedTuple):
     """Velocities of the joints, then of the gripper on departure or approach, by sigma', (K, 6 N +
     1)."""
 
-    def loads(self, clock: PPoly) -> tuple[Array, Array]:
-        """Return loads and speeds at `CLOCK_SAMPLES` times of a clock.
+    def loads(self, scaling: PPoly) -> tuple[Array, Array]:
+        """Return loads and speeds at `TIME_SAMPLES` times of a time scaling.
 
         Returns
         -------
         tuple[Array, Array]
             Magnitudes of joint torques, grasp forces and grasp torques in units of their limits,
-            shape (CLOCK_SAMPLES, 6 N + 2 n), and of velocities, shape (CLOCK_SAMPLES, 6 N + 1).
+            shape (TIME_SAMPLES, 6 N + 2 n), and of velocities, shape (TIME_SAMPLES, 6 N + 1).
         """
-        times = np.linspace(0.0, clock.x[-1], CLOCK_SAMPLES)
-        share, rate, change = (clock(times, order) for order in range(3))
+        times = np.linspace(0.0, scaling.x[-1], TIME_SAMPLES)
+        share, rate, change = (scaling(times, order) for order in range(3))
         count = len(self.shares)
         both = np.concatenate(
             [self.torques.reshape(count, -1), self.wrenches.reshape(count, -1), self.speeds], axis=1
@@ -85,15 +85,15 @@ class SegmentDynamics(NamedTuple):
             coefficients, [2 * joints, 2 * joints + 6 * grasps], axis=1
         )
         factors = np.stack([change, rate**2], axis=1)
-        torque = (factors[:, :, None] * torques.reshape(CLOCK_SAMPLES, 2, -1)).sum(axis=1)
-        wrench = (factors[:, :, None] * wrenches.reshape(CLOCK_SAMPLES, 2, -1)).sum(axis=1)
-        sizes = np.linalg.norm(wrench.reshape(CLOCK_SAMPLES, grasps, 3), axis=2)
+        torque = (factors[:, :, None] * torques.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
+        wrench = (factors[:, :, None] * wrenches.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
+        sizes = np.linalg.norm(wrench.reshape(TIME_SAMPLES, grasps, 3), axis=2)
         return np.column_stack([np.abs(torque), sizes]), np.abs(rate[:, None] * speeds)
 
-    def binding(self, clock: PPoly) -> Binding:
-        """Return the shortest duration of the segment on a clock of this shape, and its limit."""
-        loads, speeds = self.loads(clock)
-        joints, duration = self.torques.shape[2], float(clock.x[-1])
+    def binding(self, scaling: PPoly) -> Binding:
+        """Return the shortest duration of a time scaling of this shape, and its limit."""
+        loads, speeds = self.loads(scaling)
+        joints, duration = self.torques.shape[2], float(scaling.x[-1])
         load, speed = loads.max(axis=0), speeds.max(axis=0)
         heaviest, fastest = int(np.argmax(load)), int(np.argmax(speed))
         if speed[fastest] > np.sqrt(load[heaviest]):

@@ -9,7 +9,7 @@ from typing import Any
 from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import WALK
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Struct
 from mlivr_gym.simulation.controller import ControllerParameters

@@ -5,9 +5,9 @@ all limits are convex in b and sigma'' (Verscheure, Demeulenaere, Swevers, De Sc
 IEEE Transactions on Automatic Control 54, 2009). A backward pass computes the largest b from which
 the end can still be reached, a forward pass the largest b that can be reached from the start
 (reachability analysis: Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based
-on Reachability Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this clock
-is discontinuous. A moving average over time limits its rate of change, and a final uniform time
-scaling restores the limits.
+on Reachability Analysis", IEEE Transactions on Robotics 34, 2018). The acceleration of this time
+scaling is discontinuous. A moving average over time limits its rate of change, and a final uniform
+stretch restores the limits.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 TINY = 1e-12
 """Numbers below this count as zero."""
 
-CLOCK_SAMPLES = 400
-"""Number of samples of a clock in time."""
+TIME_SAMPLES = 400
+"""Number of times at which a time scaling is sampled."""
 
 
-def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
-    """Return the time-optimal clock of a segment, smoothed to a continuous acceleration.
+def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
+    """Return the time-optimal time scaling of a segment, smoothed to a continuous acceleration.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ def time_optimal_clock(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     """
     squares = time_optimal_squared_rates(dynamics)
     times, shares = _sampled(dynamics.shares, squares)
-    clock = _smoothed(times, shares, rise_time)
-    factor = dynamics.binding(clock).duration / float(clock.x[-1])
-    order = len(clock.c) - 1
+    scaling = _smoothed(times, shares, rise_time)
+    factor = dynamics.binding(scaling).duration / float(scaling.x[-1])
+    order = len(scaling.c) - 1
     powers = np.arange(order, -1, -1)[:, None]
-    return PPoly(clock.c / factor**powers, clock.x * factor)
+    return PPoly(scaling.c / factor**powers, scaling.x * factor)
 
 
 class _SquaredLoads(NamedTuple):
@@ -136,11 +136,11 @@ def _largest_feasible(
 
 
 def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
-    """Return evenly spaced times of a clock given by b at its nodes, and its shares there."""
+    """Return evenly spaced times of a time scaling given by b at its nodes, and the shares."""
     rates = np.sqrt(squares)
     intervals = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], TINY)
     nodes = np.concatenate([[0.0], np.cumsum(intervals)])
-    times = np.linspace(0.0, nodes[-1], CLOCK_SAMPLES)
+    times = np.linspace(0.0, nodes[-1], TIME_SAMPLES)
     part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(intervals) - 1)
     change = (squares[part + 1] - squares[part]) / (2.0 * np.diff(shares)[part])
     since = times - nodes[part]
@@ -148,7 +148,7 @@ def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
 
 
 def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
-    """Return the clock through a moving average of shares over two successive windows."""
+    """Return the time scaling through a moving average of shares over two successive windows."""
     spacing = times[1]
     half = max(round(0.5 * window / spacing), 1)
     box = np.ones(half) / half

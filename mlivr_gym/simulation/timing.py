@@ -14,15 +14,15 @@ from scipy.interpolate import PPoly
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.arguments import WALK
-from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretched
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
-from mlivr_gym.simulation.time_optimal import time_optimal_clock
+from mlivr_gym.simulation.time_optimal import time_optimal_scaling
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TIMING = OrNone(InstanceOf(Limits, Durations))
@@ -33,7 +33,7 @@ ROUNDING = 1e-6
 
 
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
-    """Return a step with a clock for each of its path segments.
+    """Return a step with a time scaling for each of its path segments.
 
     Parameters
     ----------
@@ -56,11 +56,11 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
         segment_dynamics(path.graph.robot, path.regrasp, segment, limits) for segment in segments
     ]
     if isinstance(timing, Durations):
-        clocks = timing.clocks(segments)
-        _check(dynamics, clocks, timing)
-        return TimedPath(path, segments, clocks)
-    clocks = tuple(shortest_clock(one, limits) for one in dynamics)
-    shortest = sum(map(duration_of, clocks))
+        scalings = timing.time_scalings(segments)
+        _check(dynamics, scalings, timing)
+        return TimedPath(path, segments, scalings)
+    scalings = tuple(shortest_scaling(one, limits) for one in dynamics)
+    shortest = sum(map(duration_of, scalings))
     if limits.step_duration is not None:
         if limits.step_duration < shortest * (1.0 - ROUNDING):
             slowest = max(dynamics, key=lambda one: one.binding(quintic(1.0)).duration)
@@ -68,30 +68,30 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
                 limits.step_duration, slowest.binding(quintic(1.0)).description, shortest
             )
         factor = limits.step_duration / shortest
-        clocks = tuple(stretched(clock, factor) for clock in clocks)
-    return TimedPath(path, segments, clocks)
+        scalings = tuple(stretched(scaling, factor) for scaling in scalings)
+    return TimedPath(path, segments, scalings)
 
 
-def shortest_clock(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
-    """Return the shortest clock of a segment within limits, for the profile of the limits.
+def shortest_scaling(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
+    """Return the shortest time scaling of a segment within limits, for the profile of the limits.
 
     The quintic is also a candidate for the profile `"fastest"`: it can be shorter than the
-    time-optimal clock with limited rise time.
+    time-optimal time scaling with limited rise time.
     """
     plain = quintic(dynamics.binding(quintic(1.0)).duration)
     if limits.profile == "quintic":
         return plain
-    fast = time_optimal_clock(dynamics, limits.rise_time)
+    fast = time_optimal_scaling(dynamics, limits.rise_time)
     return min(fast, plain, key=duration_of)
 
 
 def _check(
-    dynamics: Sequence[SegmentDynamics], clocks: Sequence[PPoly], durations: Durations
+    dynamics: Sequence[SegmentDynamics], scalings: Sequence[PPoly], durations: Durations
 ) -> None:
     """Check that durations respect all limits; the error names the durations that would."""
-    bindings = [one.binding(clock) for one, clock in zip(dynamics, clocks, strict=True)]
+    bindings = [one.binding(scaling) for one, scaling in zip(dynamics, scalings, strict=True)]
     factors = [
-        one.duration / duration_of(clock) for one, clock in zip(bindings, clocks, strict=True)
+        one.duration / duration_of(scaling) for one, scaling in zip(bindings, scalings, strict=True)
     ]
     worst = int(np.argmax(factors))
     if factors[worst] > 1.0 + ROUNDING:

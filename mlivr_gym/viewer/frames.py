@@ -12,10 +12,10 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import PlanError, one_line
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -128,8 +128,8 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
         pieces = path_segments(path)
-        clocks = Durations.of_step(STEP_TIME).clocks(pieces)
-        parts.append(trajectory(TimedPath(path, pieces, clocks), FRAME_TIME))
+        scalings = Durations.of_step(STEP_TIME).time_scalings(pieces)
+        parts.append(trajectory(TimedPath(path, pieces, scalings), FRAME_TIME))
     return reduce(lambda before, after: after.after(before), parts)
 
 

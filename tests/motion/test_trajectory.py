@@ -14,8 +14,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError
-from mlivr_gym.motion.clocks import Durations, quintic
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations, quintic
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.motion.trajectory_files import load_npz, save_csv, save_npz, save_ros
 from mlivr_gym.planners import Planner

@@ -13,9 +13,9 @@ from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.motion.clocks import Durations
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners import planner as planner_module
 from mlivr_gym.simulation.execution import execute

@@ -3,7 +3,7 @@
 import pytest
 from plans import first_steps
 
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute

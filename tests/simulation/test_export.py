@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import save_npz
 from mlivr_gym.simulation.export import exported_model
 from mlivr_gym.simulation.timing import step_trajectory

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.clocks import Durations, duration_of, quintic, stretched
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretched
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.path_dynamics import CLOCK_SAMPLES, segment_dynamics
+from mlivr_gym.simulation.path_dynamics import TIME_SAMPLES, segment_dynamics
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.time_optimal import time_optimal_clock, time_optimal_squared_rates
+from mlivr_gym.simulation.time_optimal import time_optimal_scaling, time_optimal_squared_rates
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 
@@ -32,9 +32,9 @@ def rows_of(path, limits):
 
 
 def bindings(timed, limits):
-    """What decides how long each piece of a step has to take on its clock."""
+    """What decides how long each piece of a step has to take by its time scaling."""
     rows = rows_of(timed.path, limits)
-    return [row.binding(clock) for row, clock in zip(rows, timed.clocks, strict=True)]
+    return [row.binding(scaling) for row, scaling in zip(rows, timed.time_scalings, strict=True)]
 
 
 def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
@@ -77,15 +77,15 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
     limits = Limits(profile=profile)
     for path in paths:
         timed = timed_path(path, limits)
-        for rows, clock in zip(rows_of(path, limits), timed.clocks, strict=True):
-            loads, speeds = rows.loads(clock)
+        for rows, scaling in zip(rows_of(path, limits), timed.time_scalings, strict=True):
+            loads, speeds = rows.loads(scaling)
             assert max(loads.max(), speeds.max()) == pytest.approx(1.0, abs=1e-6)
-            times = np.linspace(0.0, duration_of(clock), 500)
-            assert (np.diff(clock(times)) > -1e-9).all()
-            ends = np.array([0.0, duration_of(clock)])
-            np.testing.assert_allclose(clock(ends), [0.0, 1.0], atol=1e-9)
-            np.testing.assert_allclose(clock(ends, 1), 0.0, atol=1e-6)
-            slower, faster = stretched(clock, 2.0), stretched(clock, 0.5)
+            times = np.linspace(0.0, duration_of(scaling), 500)
+            assert (np.diff(scaling(times)) > -1e-9).all()
+            ends = np.array([0.0, duration_of(scaling)])
+            np.testing.assert_allclose(scaling(ends), [0.0, 1.0], atol=1e-9)
+            np.testing.assert_allclose(scaling(ends, 1), 0.0, atol=1e-6)
+            slower, faster = stretched(scaling, 2.0), stretched(scaling, 0.5)
             np.testing.assert_allclose(rows.loads(slower)[0], loads / 4.0, atol=1e-9)
             np.testing.assert_allclose(rows.loads(faster)[1], 2.0 * speeds, atol=1e-9)
 
@@ -134,7 +134,7 @@ def test_the_fastest_clock_is_shorter_than_the_quintic_and_its_jerk_goes_with_th
         for rows in rows_of(path, limits):
             total["quintic"] += rows.binding(quintic(1.0)).duration
             for rise in (0.1, 0.2, 0.4):
-                total[rise] += duration_of(time_optimal_clock(rows, rise))
+                total[rise] += duration_of(time_optimal_scaling(rows, rise))
     assert total[0.1] < total[0.2] < total[0.4]
     assert total[0.2] < 0.85 * total["quintic"]
 
@@ -154,7 +154,7 @@ def test_a_duration_that_breaks_a_limit_is_refused_with_the_shortest(checked_gra
     assert max(entry.duration / part for entry, part in zip(
         found, np.diff([0.0, *timed_path(paths[0], longer).ends]), strict=True
     )) == pytest.approx(1.0, abs=1e-3)  # fmt: skip
-    assert len(step_trajectory(checked_graph, walk, 0, longer).times) > CLOCK_SAMPLES
+    assert len(step_trajectory(checked_graph, walk, 0, longer).times) > TIME_SAMPLES
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError, SimulationError
-from mlivr_gym.motion.clocks import Durations
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbances

@@ -1,9 +1,9 @@
-"""Time scalings (clocks) of path segments, each from rest to rest.
+"""Time scalings of path segments, each from rest to rest.
 
-A clock is the function sigma(t) that maps the time since the start of a segment to the share sigma
-of the segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's `PPoly`)
-whose first and second derivatives vanish at both ends; its last breakpoint is the duration of the
-segment [s].
+A time scaling is the function sigma(t) that maps the time since the start of a segment to the share
+sigma of the segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's
+`PPoly`) whose first and second derivatives vanish at both ends; its last breakpoint is the duration
+of the segment [s].
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def quintic(duration: float) -> scipy.interpolate.PPoly:
 
     Examples
     --------
-    >>> clock = quintic(2.0)
-    >>> round(float(clock(1.0)), 6), round(float(clock(1.0, 1)), 6)
+    >>> scaling = quintic(2.0)
+    >>> round(float(scaling(1.0)), 6), round(float(scaling(1.0, 1)), 6)
     (0.5, 0.9375)
     """
     powers = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
@@ -47,16 +47,16 @@ def quintic(duration: float) -> scipy.interpolate.PPoly:
     )
 
 
-def duration_of(clock: scipy.interpolate.PPoly) -> float:
-    """Return the duration of a clock [s]."""
-    return float(clock.x[-1])
+def duration_of(scaling: scipy.interpolate.PPoly) -> float:
+    """Return the duration of a time scaling [s]."""
+    return float(scaling.x[-1])
 
 
-def stretched(clock: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
-    """Return the clock of the same shape that takes `factor` times as long."""
-    order = len(clock.c) - 1
+def stretched(scaling: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
+    """Return the time scaling of the same shape that takes `factor` times as long."""
+    order = len(scaling.c) - 1
     return scipy.interpolate.PPoly(
-        clock.c / factor ** np.arange(order, -1, -1)[:, None], clock.x * factor
+        scaling.c / factor ** np.arange(order, -1, -1)[:, None], scaling.x * factor
     )
 
 
@@ -102,8 +102,8 @@ class Durations:
         total = DURATION.read(total, FieldPath("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def clocks(self, segments: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
-        """Return a quintic clock for each segment of a step.
+    def time_scalings(self, segments: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
+        """Return a quintic time scaling for each segment of a step.
 
         The segments of the swing share its duration in proportion to the square root of their
         largest joint travel. Accelerations scale with travel over time squared, so the segments
