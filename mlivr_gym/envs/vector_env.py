@@ -52,11 +52,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     [m], `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`,
     `invalid_action` and `grasp_failed`, of shape (k,) unless stated.
 
-    The same objects serve as rewards and task generators: a reward is called with arrays, which
-    have an entry for each copy that took an action, a generator once for each copy that is reset.
-    Each copy draws its tasks and grasp failures
-    from a stream of its own. With seed s, copy i does exactly what a `MlivrEnv` with seed s + i
-    does under the same actions, over any number of episodes.
+    The same objects serve as rewards and task generators. A reward is called with arrays that have
+    an entry for each copy that took an action, a generator once for each copy that is reset. Each
+    copy draws its tasks and grasp failures from a stream of its own. With seed s, copy i does
+    exactly what a `MlivrEnv` with seed s + i does under the same actions, over any number of
+    episodes.
 
     By default a copy whose episode has ended is reset on the next step, which ignores its action
     and returns reward 0. With `autoreset_mode="Disabled"` call `reset` with the option

@@ -27,4 +27,4 @@ WALK: Kinds = {
     "title": Text(0),
     "progress": OrNone(Function()),
 }
-"""Schema of each argument, by the name that the argument has in all of these functions."""
+"""Kind of each argument, by the name that the argument has in all of these functions."""

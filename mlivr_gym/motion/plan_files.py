@@ -56,10 +56,10 @@ MAX_STANCES = 10_000
 twenty."""
 
 COUNT = Integer(0, 1 << 62)
-"""Schema of a number of states."""
+"""Kind of a number of states."""
 
 NON_NEGATIVE = Tuples((), 0.0)
-"""Schema of a cost, or of a time [s]."""
+"""Kind of a cost, or of a time [s]."""
 
 QUERY = Struct(
     Query,

@@ -15,7 +15,7 @@ class ParameterSet:
     label: ClassVar[str]
     """Name of the parameter set in messages."""
     kinds: ClassVar[Mapping[str, Kind[Any]]]
-    """Schema of each field."""
+    """Kind of each field."""
     presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
 
