@@ -138,7 +138,7 @@ METHOD_FIELDS: dict[str, Kind[Any]] = {
 """Kinds of the parts of a method: imitation, PPO in copies of the environment, or both in order."""
 
 
-def checked_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
+def check_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
     """Return the hyperparameters of one method and the sizes of the networks, after checking them.
 
     Parameters
@@ -186,6 +186,6 @@ def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, An
         found = Fields({method: every.pop(method), "networks": SIZES}, every).read(
             data, FieldPath("", SettingError)
         )
-        return checked_settings({**found[method], "networks": found["networks"]}, method)
+        return check_settings({**found[method], "networks": found["networks"]}, method)
 
     return load(file, "hyperparameters", SettingError, build)

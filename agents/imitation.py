@@ -293,10 +293,10 @@ class Imitation:
         )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
-            looks = ObservationArrays.of(
+            arrays = ObservationArrays.of(
                 self._observation_table, samples.stances, samples.masks, samples.goals
             )
-            return as_tensors(self.policy, looks.observation()), legal
+            return as_tensors(self.policy, arrays.observation()), legal
         return as_tensors(self.policy, seen), legal
 
     def _learn(

@@ -17,7 +17,7 @@ from mlivr_gym import __version__
 from mlivr_gym.agents.hyperparameters import (
     METHODS,
     ImitationSettings,
-    checked_settings,
+    check_settings,
     hyperparameters,
 )
 from mlivr_gym.agents.imitation import Imitation
@@ -88,7 +88,7 @@ def train(
         If the training is interrupted; `out` then contains the policy learned so far.
     """
     choice("method", method, METHODS)
-    settings = hyperparameters(method) if settings is None else checked_settings(settings)
+    settings = hyperparameters(method) if settings is None else check_settings(settings)
     if method == "finetune" and init is None:
         raise SettingError(
             "method 'finetune' needs a checkpoint to start from; give its path as init"

@@ -113,8 +113,8 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(Planner(graph), start, goal, args)
-    asked = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
-    live = LivePlan(graph, asked)
+    query = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
+    live = LivePlan(graph, query)
     live.replan()
     return live, None
 

@@ -14,7 +14,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.motion.plan_checks import check_motion, check_totals
-from mlivr_gym.motion.plan_files import parts_of, plan_data
+from mlivr_gym.motion.plan_files import plan_data, read_parts
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, OrNone
 from mlivr_gym.world.grasp_map import GraspMap
@@ -157,7 +157,7 @@ class Plan:
             If a field is missing or invalid, if the plan belongs to another map or to another
             version of the graph rules, or if a value differs from the recomputed one.
         """
-        plan = cls(*parts_of(data))
+        plan = cls(*read_parts(data))
         if grasp_map is not None:
             plan.check_map(grasp_map)
             check_motion(plan.query, plan.world, plan.motion, grasp_map)

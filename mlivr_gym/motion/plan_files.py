@@ -176,7 +176,7 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
     return data | {"checksum": checksum(data)}
 
 
-def parts_of(data: Any) -> tuple[Query, World, Motion, Statistics]:
+def read_parts(data: Any) -> tuple[Query, World, Motion, Statistics]:
     """Read the parts of a plan from plain data.
 
     Raises

@@ -57,10 +57,10 @@ class RoundedLines:
             t = 0.5 + 0.5 * (share[here, None] - knot_shares[k]) / half
             into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
             before, after = self.corners[k - 1]
-            values[here] = knots[k] - before * into * eased(1.0 - t) + after * out * eased(t)
+            values[here] = knots[k] - before * into * ease(1.0 - t) + after * out * ease(t)
         return values
 
 
-def eased(t: Array) -> Array:
+def ease(t: Array) -> Array:
     """Return `t^3 (2 - t)`, from 0 at rest to 1 with velocity 2, both without acceleration."""
     return t**3 * (2.0 - t)

@@ -52,7 +52,7 @@ def duration_of(scaling: scipy.interpolate.PPoly) -> float:
     return float(scaling.x[-1])
 
 
-def stretched(scaling: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
+def stretch(scaling: scipy.interpolate.PPoly, factor: float) -> scipy.interpolate.PPoly:
     """Return the time scaling of the same shape that takes `factor` times as long."""
     order = len(scaling.c) - 1
     return scipy.interpolate.PPoly(

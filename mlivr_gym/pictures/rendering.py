@@ -87,11 +87,11 @@ class SceneRenderer:
             If no GL library can be used.
         """
         from mlivr_gym.pictures.studio import studio_spec
-        from mlivr_gym.simulation.gl import forget_context, mujoco, no_gl
-        from mlivr_gym.simulation.scene import compiled
+        from mlivr_gym.simulation.gl import forget_context, mujoco, render_error
+        from mlivr_gym.simulation.scene import compile_spec
 
         self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
-        self.model = compiled(studio_spec(grasp_map, robot, obstacles))
+        self.model = compile_spec(studio_spec(grasp_map, robot, obstacles))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
         self._rise = max(robot.heights) + 0.5 * float(robot.body_edges[2])
         try:
@@ -99,7 +99,7 @@ class SceneRenderer:
             # Registered after the GL loader's exit hook, hence run before it.
             atexit.register(self._renderer.close)
         except Exception as error:  # GL loaders raise errors of many kinds
-            raise no_gl(error) from None
+            raise render_error(error) from None
         except BaseException as interruption:
             forget_context(interruption)
             raise
@@ -236,14 +236,14 @@ class SceneWindow:
                 "render_mode='human' needs a screen, but DISPLAY is not set; "
                 "use render_mode='rgb_array'"
             )
-        from mlivr_gym.simulation.scene import compiled, scene_spec  # isort: skip
+        from mlivr_gym.simulation.scene import compile_spec, scene_spec  # isort: skip
 
         try:
             import mujoco
             import mujoco.viewer
 
             self.obstacles = tuple(obstacles)
-            self.model = compiled(scene_spec(grasp_map, robot, obstacles))
+            self.model = compile_spec(scene_spec(grasp_map, robot, obstacles))
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)
         except SceneError:

@@ -14,7 +14,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Anything
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import compiled
+from mlivr_gym.simulation.scene import compile_spec
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE, GraspMap
@@ -82,6 +82,6 @@ def exported_model(
         mode=mujoco.mjtCamLight.mjCAMLIGHT_TARGETBODY, targetbody="base", fovy=60.0,
     )  # fmt: skip
     spec.add_key(name=START, qpos=simulation.data.qpos.copy())
-    compiled(spec)
+    compile_spec(spec)
     exported: str = spec.to_xml()
     return exported

@@ -13,7 +13,7 @@ import sys
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.schema import Choice, FieldPath
 
-__all__ = ["forget_context", "mujoco", "no_gl"]
+__all__ = ["forget_context", "mujoco", "render_error"]
 
 BACKENDS = ("egl", "osmesa", "glfw", "disable")
 """Values of `MUJOCO_GL`: GPU without a screen, software, with a screen, and no rendering."""
@@ -24,7 +24,7 @@ ALIASES = {"", "glx", "wgl", "cgl", "enable", "enabled", "on", "true", "1"} | {
 """Further values that MuJoCo accepts."""
 
 
-def no_gl(error: Exception) -> RenderError:
+def render_error(error: Exception) -> RenderError:
     """Return the error for a GL library that cannot be loaded, from the loader's own error."""
     backend = os.environ.get("MUJOCO_GL", "default")
     message = (
@@ -56,4 +56,4 @@ if _backend not in ALIASES:
 try:
     import mujoco
 except Exception as error:  # GL loaders raise errors of many kinds
-    raise no_gl(error) from None
+    raise render_error(error) from None

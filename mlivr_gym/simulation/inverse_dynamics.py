@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import compiled, robot_alone
+from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 
 class InverseDynamics(NamedTuple):
@@ -34,7 +34,7 @@ class InverseDynamics(NamedTuple):
 @lru_cache(maxsize=8)
 def robot_model(robot: RobotSpec) -> mujoco.MjModel:
     """Return the MuJoCo model of the robot alone, floating freely."""
-    return compiled(robot_alone(robot))
+    return compile_spec(robot_alone(robot))
 
 
 def compute_inverse_dynamics(

@@ -114,7 +114,7 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
     return spec
 
 
-def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile the model of a scene.
 
     Raises

@@ -33,7 +33,7 @@ from mlivr_gym.simulation.instruments import Instruments
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_controller import JointController, Reference
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.scene import compiled, set_configuration
+from mlivr_gym.simulation.scene import compile_spec, set_configuration
 from mlivr_gym.world.boxes import BOX, Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -96,7 +96,7 @@ class Simulation:
         """Compile the model."""
         self.grasp_map, self.robot, self.physics = grasp_map, robot, physics or Physics()
         self.controller = controller or ControllerParameters()
-        self.model = compiled(dynamics_spec(grasp_map, robot, self.physics, obstacles))
+        self.model = compile_spec(dynamics_spec(grasp_map, robot, self.physics, obstacles))
         self.disturbance = disturbance or NONE.draw(
             0, robot_model(robot).nbody - 1, robot.limbs, len(grasp_map)
         )

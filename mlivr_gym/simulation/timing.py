@@ -17,7 +17,7 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretched
+from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.limits import Limits
@@ -68,7 +68,7 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
                 limits.step_duration, slowest.binding(quintic(1.0)).description, shortest
             )
         factor = limits.step_duration / shortest
-        scalings = tuple(stretched(scaling, factor) for scaling in scalings)
+        scalings = tuple(stretch(scaling, factor) for scaling in scalings)
     return TimedPath(path, segments, scalings)
 
 

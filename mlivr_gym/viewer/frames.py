@@ -127,9 +127,9 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     parts = []
     for index in range(len(plan.steps)):
         path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        pieces = path_segments(path)
-        scalings = Durations.of_step(STEP_TIME).time_scalings(pieces)
-        parts.append(trajectory(TimedPath(path, pieces, scalings), FRAME_TIME))
+        segments = path_segments(path)
+        scalings = Durations.of_step(STEP_TIME).time_scalings(segments)
+        parts.append(trajectory(TimedPath(path, segments, scalings), FRAME_TIME))
     return reduce(lambda before, after: after.after(before), parts)
 
 

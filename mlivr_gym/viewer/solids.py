@@ -14,7 +14,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.pictures.robot_shapes import JOINT_COLOUR
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
+from mlivr_gym.simulation.scene import compile_spec, rgba, scene_spec
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -89,7 +89,7 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
     SceneError
         If MuJoCo refuses the scene.
     """
-    model = compiled(scene_spec(grasp_map, robot, obstacles))
+    model = compile_spec(scene_spec(grasp_map, robot, obstacles))
     faces = {scene_name(BOX, box.id): box.face for box in (*grasp_map.boxes, *obstacles)}
     groups: dict[tuple[str, str, Colour, bool], list[Mesh]] = defaultdict(list)
     for k in range(model.ngeom):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from mlivr_gym.agents.hyperparameters import METHODS, checked_settings, hyperparameters
+from mlivr_gym.agents.hyperparameters import METHODS, check_settings, hyperparameters
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
@@ -57,4 +57,4 @@ def test_settings_of_a_caller_are_checked_too(env):
     with pytest.raises(SettingError, match="settings has an unknown field 'imitatoin'"):
         train("bc", env=env, settings={"imitatoin": {}, "networks": {}})
     with pytest.raises(SettingError, match="networks is missing"):
-        checked_settings({"imitation": {}})
+        check_settings({"imitation": {}})

@@ -54,10 +54,10 @@ def test_the_outline_of_a_capsule_has_its_area():
 def test_parts_are_where_mujoco_has_the_shapes_of_their_names(ladder, name):
     import mujoco
 
-    from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+    from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
 
     robot = robot_spec(name)
-    model = compiled(scene_spec(ladder, robot))
+    model = compile_spec(scene_spec(ladder, robot))
     data = mujoco.MjData(model)
     for configuration in configurations(robot.limbs):
         set_configuration(model, data, *configuration)

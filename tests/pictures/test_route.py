@@ -13,7 +13,7 @@ from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
 from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_paths, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.scene import compiled, rgba, scene_spec
+from mlivr_gym.simulation.scene import compile_spec, rgba, scene_spec
 
 
 def geoms(scene, kind):
@@ -21,7 +21,7 @@ def geoms(scene, kind):
 
 
 def scene_of(graph, most=2000):
-    return mujoco.MjvScene(compiled(scene_spec(graph.grasp_map, graph.robot)), most)
+    return mujoco.MjvScene(compile_spec(scene_spec(graph.grasp_map, graph.robot)), most)
 
 
 @pytest.mark.parametrize("kind", PATH_KINDS)

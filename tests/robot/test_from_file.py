@@ -12,7 +12,7 @@ from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.from_file import read_robot
-from mlivr_gym.simulation.scene import compiled, robot_alone
+from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 
 def written(tmp_path, text, name="arm.urdf"):
@@ -69,7 +69,7 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, seed):
     file = read_robot(path, rotor_inertia=0.0)
     robot = RobotSpec.from_urdf(path, rotor_inertia=0.0, gripper_mass=0.0)
     theirs = mujoco.MjSpec.from_file(path).compile()
-    ours = compiled(robot_alone(robot))
+    ours = compile_spec(robot_alone(robot))
     rng = np.random.default_rng(2)
     for _ in range(5):
         angles = rng.uniform(-3.0, 3.0, 6)
@@ -117,7 +117,7 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     # Where MuJoCo has the flanges of the file, ours are too.
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = False
-    theirs, ours = spec.compile(), compiled(robot_alone(robot))
+    theirs, ours = spec.compile(), compile_spec(robot_alone(robot))
     angles = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 6))
     there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
     for k, name in enumerate(n for names in file.joint_names for n in names):

@@ -10,7 +10,7 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
-from mlivr_gym.simulation.scene import compiled, robot_alone
+from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 ARMS = {"iiwa": IIWA14, "kr16": KR16, "puma": PUMA560}
 LENGTHS = {
@@ -78,7 +78,7 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
     options = held_of(name, np.random.default_rng(1)) | {"rotor_inertia": 0.0}
     file = read_robot(path, **options)
     robot = RobotSpec.from_urdf(path, gripper_mass=0.0, mount_radius=CLEAR, **options)
-    theirs, ours = mujoco.MjSpec.from_file(path).compile(), compiled(robot_alone(robot))
+    theirs, ours = mujoco.MjSpec.from_file(path).compile(), compile_spec(robot_alone(robot))
     rng = np.random.default_rng(2)
     moving = [theirs.joint(joint).dofadr[0] for joint in file.joint_names[0]]
     for _ in range(5):

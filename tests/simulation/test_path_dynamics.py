@@ -8,7 +8,7 @@ import pytest
 from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretched
+from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
@@ -85,7 +85,7 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
             ends = np.array([0.0, duration_of(scaling)])
             np.testing.assert_allclose(scaling(ends), [0.0, 1.0], atol=1e-9)
             np.testing.assert_allclose(scaling(ends, 1), 0.0, atol=1e-6)
-            slower, faster = stretched(scaling, 2.0), stretched(scaling, 0.5)
+            slower, faster = stretch(scaling, 2.0), stretch(scaling, 0.5)
             np.testing.assert_allclose(rows.loads(slower)[0], loads / 4.0, atol=1e-9)
             np.testing.assert_allclose(rows.loads(faster)[1], 2.0 * speeds, atol=1e-9)
 

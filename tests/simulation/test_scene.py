@@ -10,7 +10,7 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import RenderError, SceneError, ShapeError
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.simulation.dynamics import dynamics_spec
-from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monke
     spec = scene_spec(ladder, robot_spec("mlivr2"))
     spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
     with pytest.raises(SceneError, match=r"MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
-        compiled(spec)
+        compile_spec(spec)
     for module in ("pictures.studio", "simulation.scene"):  # the first imports the second
         monkeypatch.setattr(f"mlivr_gym.{module}.scene_spec", lambda *_: spec)
     with pytest.raises(SceneError, match="cannot build scene"):

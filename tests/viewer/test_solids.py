@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.robot.specification import robot_spec
-from mlivr_gym.simulation.scene import compiled, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
 from mlivr_gym.world.boxes import Box
 
 pytest.importorskip("trimesh", reason="the extra 'viewer' is not installed")
@@ -31,7 +31,7 @@ def link_poses(scene, configuration):
 @pytest.mark.parametrize("name", ["mlivr2", "mlivr4"])
 def test_links_are_where_mujoco_has_them(jem, name):
     robot, rng = robot_spec(name), np.random.default_rng(0)
-    scene, model = scene_solids(jem, robot), compiled(scene_spec(jem, robot))
+    scene, model = scene_solids(jem, robot), compile_spec(scene_spec(jem, robot))
     data = mujoco.MjData(model)
     for _ in range(5):
         quaternion = rng.normal(size=4)
@@ -51,7 +51,7 @@ def test_every_geom_is_drawn_in_its_colour_and_size(jem):
     obstacle = Box.between("cargo", "obstacle", (3.0, -0.5, -0.5), (3.4, 0.5, 0.0))
     robot = robot_spec("mlivr2")
     scene = scene_solids(jem, robot, [obstacle])
-    model = compiled(scene_spec(jem, robot, [obstacle]))
+    model = compile_spec(scene_spec(jem, robot, [obstacle]))
     solids = (*scene.robot, *scene.surroundings)
     found = {(s.link, s.colour) for s in solids}
     for k in range(model.ngeom):
