@@ -38,7 +38,7 @@ Each test has its own, shorter limit, so that a fault that hangs makes a test fa
 
 PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
          "kinematics/test_manipulability.py", "kinematics/test_poses.py",
-         "kinematics/test_ur.py", "transitions/test_rule.py",
+         "kinematics/test_families.py", "transitions/test_rule.py",
          "compiled/test_records.py", "kinematics/test_holding.py",
          "planners/test_bucket_queue.py", "collisions/test_distances.py",
          "collisions/test_box_grid.py", "collisions/test_placing.py",

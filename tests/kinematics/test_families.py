@@ -1,155 +1,215 @@
-"""Every operation of an arm on a second one: that of a space station, its first joint locked.
+"""Every operation of arms of all families against Pinocchio models built from their tables."""
 
-It is of the form of the UR arms, with other lengths, and `station_arm` has it as published.
-"""
-
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import station_arm
-from branches import arm_of, flange_axis, solutions
+from arms import ARMS, frames, jacobian, truth, turned
+from branches import arm_of, flange_axis
+from branches import solutions as solutions_of
 from compiled import called
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import volume
 from scipy.spatial.transform import Rotation
-from station_arm import LIMB, SIGNS, ZEROS, links
 
 from mlivr_gym import GraspMap, robot_spec, stance_graph
-from mlivr_gym.kinematics.arm import JointAxes
-from mlivr_gym.kinematics.families import (
-    branch_frames,
-    branch_terms,
-    forward_kinematics,
-    joint_axes,
-    link_frames,
-)
+from mlivr_gym.kinematics.arm import UR, JointAxes
+from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes, link_frames
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 
-ARM = arm_of(LIMB)
-FAR = 1e-2 * abs(LIMB.a2 * LIMB.a3)
-"""Volume of the Jacobian from which a posture is not close to a singular one [m^3]."""
-L_C = 7.11
-TURN = st.floats(-1.5 * np.pi, 1.5 * np.pi)
-"""The published joints turn by 270 degrees each way."""
-ANGLES = st.lists(TURN, min_size=6, max_size=6).map(np.array)
-MANY = settings(max_examples=200, deadline=None)
+each_arm = pytest.mark.parametrize("name", ARMS)
+angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6).map(np.array)
+MANY = settings(max_examples=100, deadline=None)
 
 
-def published_volume(locked, q):
-    """`|det J|` of the published arm without column 1 [m^3], at the limb's joint angles."""
-    return volume(station_arm.jacobian([locked, *SIGNS * (q - ZEROS)])[:, 1:])
+def solutions(name, pose, *slack):
+    return solutions_of(arm_of(ARMS[name]), pose[:3, 3], pose[:3, :3], *slack)
 
 
-def turned(a, b):
-    """Largest difference of joint angles, whole turns aside."""
-    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max()
+def regular(name):
+    """Volume of the Jacobian from which a posture is not close to a singular one [m^3]."""
+    return 1e-3 * (station_arm.LIMB.a2**3 if name == "station" else 1.0)
 
 
-@given(TURN, ANGLES)
+@each_arm
+@given(angles)
 @MANY
-def test_forward_kinematics_is_that_of_the_published_arm(locked, q):
-    np.testing.assert_allclose(
-        forward_kinematics(q, LIMB.lengths)[6], links(locked, q)[6], atol=1e-12
-    )
+def test_forward_kinematics_and_jacobian_agree_with_pinocchio(name, q):
+    pose, columns, _ = truth(name, q)
+    np.testing.assert_allclose(frames(ARMS[name], q)[6], pose, atol=1e-12)
+    np.testing.assert_allclose(jacobian(ARMS[name], q), columns, atol=1e-12)
 
 
-@given(TURN, ANGLES)
-@MANY
-def test_every_branch_reaches_the_flange_and_one_has_the_angles(locked, q):
-    pose = links(locked, q)[6]
-    mask, out = solutions(ARM, pose[:3, 3], pose[:3, :3], 0.0)
+def check_all_branches(name, q):
+    """Every solution reproduces the pose, and the given angles are among them."""
+    pose, columns, _ = truth(name, q)
+    mask, out = solutions(name, pose)
+    assert mask
     for branch in range(8):
         if mask >> branch & 1:
-            np.testing.assert_allclose(links(locked, out[branch])[6], pose, atol=1e-9)
-    if published_volume(locked, q) > FAR:
-        assert mask
-        assert min(turned(out[b], q) for b in range(8) if mask >> b & 1) < 1e-8
+            np.testing.assert_allclose(truth(name, out[branch])[0], pose, atol=1e-7)
+        else:
+            assert np.isnan(out[branch]).all()
+    if volume(columns) > 1e-4:
+        assert min(turned(out[b], q) for b in range(8) if mask >> b & 1) < 1e-6
+    return mask, out
 
 
-@given(TURN, ANGLES)
+@each_arm
+@given(angles)
+@settings(max_examples=150, deadline=None)
+def test_inverse_kinematics_finds_all_branches_of_random_poses(name, q):
+    mask, out = check_all_branches(name, q)
+    if volume(jacobian(ARMS[name], q)) > 1e-3:
+        for a, b in itertools.combinations([b for b in range(8) if mask >> b & 1], 2):
+            regular = volume(jacobian(ARMS[name], out[a])) >= 1e-4
+            assert not regular or turned(out[a], out[b]) > 1e-3
+
+
+@each_arm
+def test_inverse_kinematics_of_every_right_angled_configuration(name):
+    for quarters in itertools.product(range(4), repeat=5):
+        check_all_branches(name, np.array([sum(quarters) % 4, *quarters]) * np.pi / 2)
+
+
+def test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches():
+    down = np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]])
+    for x, y in itertools.product((0.3, 0.4, 0.5), (-0.3, 0.0, 0.3)):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = down, (x, y, -0.1)
+        mask, out = solutions("ur5e", pose)
+        assert mask == 0xFF
+        for q in out:
+            np.testing.assert_allclose(truth("ur5e", q)[0], pose, atol=1e-9)
+
+
+@each_arm
+def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6(name):
+    pose = frames(ARMS[name], np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0]))[6]
+    flipped = pose.copy()
+    flipped[:3, :2] *= -1.0
+    (mask, a), (flipped_mask, b) = solutions(name, pose), solutions(name, flipped)
+    assert mask == flipped_mask
+    for branch in range(8):
+        if mask >> branch & 1:
+            assert turned(a[branch] + [0, 0, 0, 0, 0, np.pi], b[branch]) < 1e-12
+
+
+@each_arm
+def test_no_flange_is_farther_than_the_reach_and_none_there_has_a_solution(name):
+    limb, rng = ARMS[name], np.random.default_rng(0)
+    flanges = [frames(limb, q)[6, :3, 3] for q in rng.uniform(-np.pi, np.pi, (500, 6))]
+    assert np.linalg.norm(flanges, axis=1).max() <= limb.reach
+    pose = np.eye(4)
+    pose[0, 3] = 1.1 * limb.reach
+    mask, out = solutions(name, pose)
+    assert mask == 0
+    assert np.isnan(out).all()
+
+
+@each_arm
+@given(angles)
 @MANY
-def test_determinant_and_w_m_are_those_of_the_jacobian_without_its_first_column(locked, q):
-    pose = links(locked, q)[6]
-    mask, out = solutions(ARM, pose[:3, 3], pose[:3, :3], 0.0)
-    terms = np.empty((4, 4))
-    called(branch_terms)(ARM, flange_axis(pose), terms)
+@example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
+def test_terms_and_axes_give_the_jacobian_without_joint_angles(name, q):
+    """The determinant factorises, and is a lower bound of that of all seven joints."""
+    arm, pose = arm_of(ARMS[name]), frames(ARMS[name], q)[6]
+    slack, close = ((0.0,), 1e-4) if name == "station" else ((), 1e-5)
+    mask, out = solutions(name, pose, *slack)
+    terms, axes = np.empty((4, 4)), JointAxes.row()
+    called(branch_terms)(arm, flange_axis(pose), terms)
     for branch in range(8):
         if not mask >> branch & 1:
             continue
-        ours = abs(LIMB.a2 * LIMB.a3) * np.sqrt(max(terms[branch >> 1, 3], 0.0))
-        truth = published_volume(locked, out[branch])
-        assert ours == pytest.approx(truth, rel=1e-7, abs=1e-4)
-        jacobian = station_arm.jacobian([locked, *SIGNS * (out[branch] - ZEROS)])[:, 1:]
-        w_m = limb_manipulability(jacobian, L_C)
-        assert ours / L_C**3 == pytest.approx(w_m, rel=1e-7, abs=1e-6)
+        _, columns, every = truth(name, out[branch])
+        determinant = volume(columns)
+        predicted = arm["links"] * np.sqrt(max(terms[branch >> 1, 3], 0.0))
+        assert predicted == pytest.approx(determinant, rel=1e-7, abs=close)
+        six, seven = (limb_manipulability(some, 0.87) ** 2 for some in (columns, every))
+        assert six <= seven + 1e-12
+        if determinant > regular(name):
+            assert called(joint_axes)(arm, flange_axis(pose), branch, axes)
+            moments = np.cross(axes["axis"], pose[:3, 3] - axes["point"])
+            built = np.vstack([moments.T, axes["axis"].T])
+            np.testing.assert_allclose(built, columns, atol=1e-9)
 
 
-@given(TURN, ANGLES)
+@each_arm
+@given(angles)
 @MANY
-def test_joint_axes_are_those_of_the_published_arm(locked, q):
-    pose = links(locked, q)[6]
-    mask, out = solutions(ARM, pose[:3, 3], pose[:3, :3], 0.0)
-    axes = JointAxes.row()
+@example(np.array([0.3, -1.1, 0.0, 0.2, 0.9, -2.0]))
+@example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
+@example(np.array([0.3, 0.0, 0.0, 0.2, 0.0, -2.0]))
+def test_without_slack_singular_postures_alone_are_missing(name, q):
+    pose = frames(ARMS[name], q)[6]
+    (mask, out), (strict, same) = solutions(name, pose), solutions(name, pose, 0.0)
+    assert strict & ~mask == 0
     for branch in range(8):
-        if not mask >> branch & 1 or published_volume(locked, out[branch]) < FAR:
-            continue
-        assert called(joint_axes)(ARM, flange_axis(pose), branch, axes)
-        poses = station_arm.bodies([locked, *SIGNS * (out[branch] - ZEROS)])
-        base = poses[0] @ station_arm.transform(np.eye(3), station_arm.LINKS[0][1])
-        seen = np.linalg.inv(base) @ poses[1:]
-        letters = ["xyz".index(axis) for _, axis in station_arm.JOINTS[1:]]
-        truth = SIGNS[:, None] * seen[np.arange(6), :3, letters]
-        np.testing.assert_allclose(axes["axis"], truth, atol=1e-9)
-        # Any point of an axis will do.
-        off = np.cross(axes["point"] - seen[:, :3, 3], truth)
-        np.testing.assert_allclose(off, 0.0, atol=1e-8)
+        if strict >> branch & 1:
+            np.testing.assert_array_equal(same[branch], out[branch])
+        elif mask >> branch & 1:
+            assert volume(jacobian(ARMS[name], out[branch])) < regular(name)
 
 
-@given(TURN, ANGLES)
+@each_arm
+@given(angles)
 @MANY
-def test_link_frames_are_those_of_the_published_bodies(locked, q):
+def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles(name, q):
+    """Frames 2 and 3 of a UR's links lie at the near end of the link, of its table at the far one.
+
+    The axes of link 6 across that of the flange do not matter.
+    """
+    limb, arm, form = ARMS[name], arm_of(ARMS[name]), frames(ARMS[name], q)
+    found, built, axes = np.empty((7, 4, 3)), np.empty((7, 4, 3)), JointAxes.row()
+    called(link_frames)(arm, q, found)
+    near = [0, 1, 1, 2, 4, 5, 6] if limb.family_code == UR else range(7)
+    np.testing.assert_allclose(found[:, 0], form[list(near), :3, 3], atol=1e-12)
+    np.testing.assert_allclose(found[6, 3], form[6, :3, 2], atol=1e-12)
+    if limb.family_code != UR:
+        expected = form[:6, :3, :3].transpose(0, 2, 1)
+        np.testing.assert_allclose(found[:6, 1:], expected, atol=1e-12)
+    for turn in found[:, 1:]:
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(turn) == pytest.approx(1.0)
+    mask, out = solutions(name, form[6], 0.0)
+    for branch in range(8):
+        if not mask >> branch & 1 or volume(jacobian(limb, out[branch])) < regular(name):
+            continue
+        called(link_frames)(arm, out[branch], found)
+        assert called(branch_frames)(arm, flange_axis(form[6]), branch, axes, built)
+        np.testing.assert_allclose(built[:6], found[:6], atol=1e-7)
+        np.testing.assert_allclose(built[6, [0, 3]], found[6, [0, 3]], atol=1e-9)
+        np.testing.assert_allclose(built[6, 1:] @ built[6, 1:].T, np.eye(3), atol=1e-9)
+        assert np.linalg.det(built[6, 1:]) == pytest.approx(1.0)
+
+
+@given(st.floats(-1.5 * np.pi, 1.5 * np.pi), angles)
+@MANY
+def test_links_of_the_station_arm_are_the_published_bodies(locked, q):
     """Those of link 6 across the flange axis do not matter."""
-    truth, frames, axes = links(locked, q), np.empty((7, 4, 3)), JointAxes.row()
-    called(link_frames)(ARM, q, frames)
-    expected = truth[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
-    np.testing.assert_allclose(frames[:6], expected[:6], atol=1e-12)
-    np.testing.assert_allclose(frames[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
-    pose = truth[6]
-    mask, out = solutions(ARM, pose[:3, 3], pose[:3, :3], 0.0)
-    for branch in range(8):
-        if not mask >> branch & 1 or published_volume(locked, out[branch]) < FAR:
-            continue
-        assert called(branch_frames)(ARM, flange_axis(pose), branch, axes, frames)
-        expected = links(locked, out[branch])[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
-        np.testing.assert_allclose(frames[:6], expected[:6], atol=1e-8)
-        np.testing.assert_allclose(frames[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
+    published, found = station_arm.links(locked, q), np.empty((7, 4, 3))
+    called(link_frames)(arm_of(station_arm.LIMB), q, found)
+    expected = published[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
+    np.testing.assert_allclose(found[:6], expected[:6], atol=1e-12)
+    np.testing.assert_allclose(found[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
+    np.testing.assert_allclose(frames(station_arm.LIMB, q)[6], published[6], atol=1e-12)
 
 
-@pytest.fixture(scope="module")
-def truss():
-    """Fifteen points 3 m apart on a plane."""
-    points = [
-        {
-            "id": f"{row}:{k}",
-            "face": "deck",
-            "position": [3.0 * k, 3.0 * row, 0.0],
-            "normal": [0, 0, 1],
-            "rail": [1, 0, 0],
-        }
-        for row in range(3)
-        for k in range(5)
-    ]
-    return GraspMap.from_dict({"name": "truss", "points": points})
-
-
-def test_a_robot_with_two_such_arms_holds_stances_of_a_map_of_its_size(truss):
+def test_a_robot_with_two_such_arms_holds_stances_of_a_map_of_its_size():
     """Each limb of each stance reaches its grasp on each of its branches, as published."""
+    points = [
+        {"id": f"{row}:{k}", "face": "deck", "position": [3.0 * k, 3.0 * row, 0.0],
+         "normal": [0, 0, 1], "rail": [1, 0, 0]}
+        for row, k in itertools.product(range(3), range(5))
+    ]  # fmt: skip
+    truss = GraspMap.from_dict({"name": "truss", "points": points})
     robot = replace(
-        robot_spec("mlivr2"), name="station", limb=LIMB, mount_radius=0.5, body_size=1.0,
-        tool_length=0.5, characteristic_length=7.0, span=15.0, grasp_separation=1.0, lift=0.5,
-        heights=(4.0, 5.0, 6.0, 7.0),
+        robot_spec("mlivr2"), name="station", limb=station_arm.LIMB, mount_radius=0.5,
+        body_size=1.0, tool_length=0.5, characteristic_length=7.0, span=15.0,
+        grasp_separation=1.0, lift=0.5, heights=(4.0, 5.0, 6.0, 7.0),
     )  # fmt: skip
     graph = stance_graph(truss, robot)
     assert len(graph) > 50
@@ -158,11 +218,10 @@ def test_a_robot_with_two_such_arms_holds_stances_of_a_map_of_its_size(truss):
         position, quaternion, joints = graph.configuration(state)
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         for i, point in enumerate(stance):
-            frame = links(0.0, joints[i])[6]
+            frame = station_arm.links(0.0, joints[i])[6]
             tip = frame[:3, 3] + robot.tool_length * frame[:3, 2]
             world = position + base @ (robot.mount_positions[i] + robot.mount_rotations[i] @ tip)
             np.testing.assert_allclose(world, truss.positions[point], atol=1e-9)
             axis = base @ robot.mount_rotations[i] @ frame[:3, 2]
             np.testing.assert_allclose(axis, -truss.normals[point], atol=1e-9)
-    steps = graph.successors(graph.state(graph.points[0].tolist()))
-    assert len(steps)
+    assert len(graph.successors(graph.state(graph.points[0].tolist())))

@@ -1,67 +1,73 @@
-"""How far joints turn, against joint angles at many places."""
+"""How far joints turn and links move, against joint angles at many places."""
+
+from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from branches import angles_on, arm_of, flanges_nearby, solutions
+from arms import NEAR, angles_nearby, flanges_in_mount, frames, path_near, random_posture
+from branches import angles_on, arm_of
 from compiled import called
-from held_paths import GRIP, LIMB, MOUNT, ORIGIN, TOOL, path_between, random_ends
+from held_paths import GRIP, TOOL
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from wrist_arms import LIMBS
 
+from mlivr_gym.kinematics.arm import UR
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
-from mlivr_gym.kinematics.families import held_turns
+from mlivr_gym.kinematics.families import grasp_motion, held_turns, link_frames, link_motion
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
-from mlivr_gym.kinematics.ur import forward_kinematics
 
-ARM = arm_of(LIMB)
-SUMS = {
-    "q1": [0], "q2": [1], "q23": [1, 2], "q234": [1, 2, 3], "q3": [2], "q34": [2, 3], "q4": [3],
-    "q5": [4], "q6": [5],
-}  # fmt: skip
+each_limb = pytest.mark.parametrize("limb", NEAR.values(), ids=NEAR)
+each_wrist = pytest.mark.parametrize("limb", LIMBS.values(), ids=LIMBS)
 PLACES = 81
 
 
-def flanges_in_mount(path, s):
-    """The flange that is held, in the limb base frame, at places of a base path."""
-    positions, rotations = base_poses(path, s)
-    mounts, origins = rotations @ MOUNT, positions + rotations @ ORIGIN
-    return np.einsum("kji,kj->ki", mounts, GRIP - origins), mounts.transpose(0, 2, 1) @ TOOL
-
-
-def followed(places, turned, branch):
-    """Joint angles at flange poses in the limb base frame, continuous; None out of reach."""
-    found = [angles_on(ARM, p, r, branch) for p, r in zip(places, turned, strict=True)]
-    return None if any(q is None for q in found) else np.unwrap(np.array(found), axis=0)
-
-
-def bounded(q, flange):
-    """Bounds before and after the angles at the ends are used; None where there are none."""
-    middle, turns = q[len(q) // 2].copy(), Turns.row()
-    if not called(held_turns)(ARM, middle, flange, turns):
-        return None
-    way = {name: float(turns[name]) for name in SUMS}
-    called(lower_turns)(ARM, q[0] - middle, q[-1] - middle, turns)
-    return way, {name: float(turns[name]) for name in SUMS}
-
-
-def farthest(q):
-    """How far joints and sums of joints are at most from where they were in the middle."""
-    off = q - q[len(q) // 2]
-    return {name: float(np.abs(off[:, joints].sum(axis=1)).max()) for name, joints in SUMS.items()}
-
-
-def travelled(q):
-    """How far they go on the way to the farther end."""
-    half = len(q) // 2
-    steps = np.diff(q, axis=0)
-    out = {}
-    for name, joints in SUMS.items():
-        ways = np.abs(steps[:, joints].sum(axis=1))
-        out[name] = float(max(ways[:half].sum(), ways[half:].sum()))
+def scalars(limb, changes):
+    """What `Turns` bounds, of changes of joint angles, shape (k, 6)."""
+    out = {f"q{k + 1}": column for k, column in enumerate(changes.T)}
+    out["q23"] = arm_of(limb)["c_held"] * changes[:, 1] + changes[:, 2]
+    if limb.family_code == UR:
+        out |= {"q234": changes[:, 1:4].sum(axis=1), "q34": changes[:, 2:4].sum(axis=1)}
     return out
 
 
+def followed(limb, places, turned, branch):
+    """Joint angles at flange poses in the limb base frame, continuous; None out of reach."""
+    arm = arm_of(limb)
+    found = [angles_on(arm, p, r, branch) for p, r in zip(places, turned, strict=True)]
+    return None if any(q is None for q in found) else np.unwrap(np.array(found), axis=0)
+
+
+def farthest(limb, q):
+    """How far joints and sums of joints are at most from where they were in the middle."""
+    off = scalars(limb, q - q[len(q) // 2])
+    return {one: float(np.abs(values).max()) for one, values in off.items()}
+
+
+def flange_motion(limb, path, s, half):
+    """How far wrist and axis of a flange at rest go at most, seen from the base."""
+    (position,), (rotation,) = base_poses(path, np.array([s]))
+    wrist, base = GRIP - limb.d6 * TOOL[:, 2], pose(position, rotation)
+    return FlangeMotion(
+        called(travel_seen)(path, base, s, half, tuple(wrist.tolist())),
+        called(turn_seen)(path, base, half, tuple(TOOL[:, 2].tolist())),
+        float(path["angle"]) * half,
+    )
+
+
+def bounded(limb, q, moved):
+    """Bounds before and after the angles at the ends are used; None where there are none."""
+    middle, turns = q[len(q) // 2].copy(), Turns.row()
+    if not called(held_turns)(arm_of(limb), middle, moved, turns):
+        return None
+    way = {one: float(turns[one]) for one in Turns.dtype.names}
+    called(lower_turns)(arm_of(limb), q[0] - middle, q[-1] - middle, turns)
+    return way, turns
+
+
+@each_limb
 @given(
     st.integers(0, 10**6),
     st.sampled_from([STRAIGHT, ARC]),
@@ -69,118 +75,153 @@ def travelled(q):
     st.floats(-5.0, -0.5),
     st.integers(0, 7),
 )
-@settings(max_examples=300, deadline=None)
-def test_joints_of_a_limb_that_holds_turn_no_farther(seed, kind, s, exponent, branch):
-    half = min(10.0**exponent, s, 1.0 - s)
-    path, places = (
-        path_between(random_ends(seed), kind, GRIP),
-        s + half * np.linspace(-1, 1, PLACES),
-    )
-    flanges = flanges_in_mount(path, places)
-    q = followed(*flanges, branch)
+@settings(max_examples=100, deadline=None)
+def test_joints_of_a_limb_that_holds_turn_no_farther(limb, seed, kind, s, exponent, branch):
+    half, path = min(10.0**exponent, s, 1.0 - s), path_near(limb, seed, kind)
+    places, turned = flanges_in_mount(path, s + half * np.linspace(-1, 1, PLACES))
+    q = followed(limb, places, turned, branch)
     assume(q is not None)
-    (position,), (rotation,) = base_poses(path, np.array([s]))
-    wrist, base = GRIP - LIMB.d6 * TOOL[:, 2], pose(position, rotation)
-    axis = tuple(TOOL[:, 2].tolist())
-    flange = FlangeMotion(
-        called(travel_seen)(path, base, s, half, tuple(wrist.tolist())),
-        called(turn_seen)(path, base, half, axis),
-        float(path["angle"]) * half,
-    )
-    wrists = flanges[0] - LIMB.d6 * flanges[1][:, :, 2]
-    way = np.linalg.norm(np.diff(wrists, axis=0), axis=1)
-    assert max(way[: PLACES // 2].sum(), way[PLACES // 2 :].sum()) <= flange.travel + 1e-12
-    cosine = flanges[1][:, :, 2] @ flanges[1][PLACES // 2, :, 2]
-    assert np.arccos(np.clip(cosine, -1, 1)).max() <= flange.axis + 1e-7
-    found = bounded(q, flange)
+    moved = flange_motion(limb, path, s, half)
+    gone = np.linalg.norm(np.diff(places - limb.d6 * turned[:, :, 2], axis=0), axis=1)
+    assert max(gone[: PLACES // 2].sum(), gone[PLACES // 2 :].sum()) <= moved.travel + 1e-12
+    cosine = turned[:, :, 2] @ turned[PLACES // 2, :, 2]
+    assert np.arccos(np.clip(cosine, -1, 1)).max() <= moved.axis + 1e-7
+    found = bounded(limb, q, moved)
     if found is None:
         return
     way, most = found
-    for name, turned in farthest(q).items():
-        assert turned <= most[name] + 1e-9, name
-        assert travelled(q)[name] <= way[name] + 1e-9, name
-        assert most[name] <= way[name]
+    steps = scalars(limb, np.diff(q, axis=0))
+    for one, angle in farthest(limb, q).items():
+        gone = np.abs(steps[one])
+        assert max(gone[: PLACES // 2].sum(), gone[PLACES // 2 :].sum()) <= way[one] + 1e-9, one
+        assert angle <= most[one] + 1e-9, one
+        assert most[one] <= way[one]
 
 
 @pytest.mark.parametrize("kind", [STRAIGHT, ARC])
 def test_bounds_of_short_intervals_are_not_far_from_the_truth(kind):
     """Mostly within three times; a bound without end would be of no use."""
-    ratios = []
+    limb, ratios = NEAR["ur5e"], []
     for seed in range(60):
-        path = path_between(random_ends(seed), kind, GRIP)
-        places = 0.5 + 1e-3 * np.linspace(-1, 1, PLACES)
-        q = followed(*flanges_in_mount(path, places), 0)
-        if q is None:
-            continue
-        (position,), (rotation,) = base_poses(path, np.array([0.5]))
-        wrist, base = GRIP - LIMB.d6 * TOOL[:, 2], pose(position, rotation)
-        flange = FlangeMotion(
-            called(travel_seen)(path, base, 0.5, 1e-3, tuple(wrist.tolist())),
-            called(turn_seen)(path, base, 1e-3, tuple(TOOL[:, 2].tolist())),
-            float(path["angle"]) * 1e-3,
-        )
-        found = bounded(q, flange)
+        path = path_near(limb, seed, kind)
+        places = flanges_in_mount(path, 0.5 + 1e-3 * np.linspace(-1, 1, PLACES))
+        q = followed(limb, *places, 0)
+        found = None if q is None else bounded(limb, q, flange_motion(limb, path, 0.5, 1e-3))
         if found is not None:
-            ratios += [found[1][name] / far for name, far in farthest(q).items() if far > 1e-4]
+            ratios += [found[1][one] / a for one, a in farthest(limb, q).items() if a > 1e-4]
     assert len(ratios) > 100
     assert np.median(ratios) < 3.0
 
 
-def test_joints_turn_no_farther_wherever_wrist_and_axis_go_and_nearly_as_far():
+@each_limb
+def test_joints_turn_no_farther_wherever_wrist_and_axis_go_and_nearly_as_far(limb):
     """To poses all round; also where the elbow is nearly stretched, where little moves it most."""
-    rng, loose = np.random.default_rng(0), {name: [] for name in SUMS}
+    rng, loose = np.random.default_rng(0), defaultdict(list)
     for k in range(150):
-        q = rng.uniform(-np.pi, np.pi, 6)
-        if k % 2:
-            q[2] = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.6)
+        q = random_posture(limb, rng, k)
         size = 10.0 ** rng.uniform(-3.0, -1.5)
         change, most = [(size, 0.0), (0.0, size)][rng.integers(2)], Turns.row()
-        if not called(held_turns)(ARM, q, FlangeMotion(*change, change[1]), most):
+        if not called(held_turns)(arm_of(limb), q, FlangeMotion(*change, change[1]), most):
             continue
-        frame = forward_kinematics(q, LIMB.lengths)[6]
-        _, angles = solutions(ARM, frame[:3, 3], frame[:3, :3])
-        branch = int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
-        poses = flanges_nearby(LIMB, frame, change, rng)
-        found = np.array([angles_on(ARM, *pose, branch) for pose in poses], dtype=np.float64)
-        off = np.angle(np.exp(1j * (found - q)))
-        for name, joints in SUMS.items():
-            turned = np.abs(off[:, joints].sum(axis=1)).max()
-            assert turned <= most[name] + 1e-12, name
-            if turned > 1e-9:
-                loose[name].append(most[name] / turned)
-    assert min(map(len, loose.values())) > 40
-    assert max(np.median(ratios) for ratios in loose.values()) < 3.0
+        found = np.array(angles_nearby(limb, q, change, rng), dtype=np.float64)
+        for one, off in scalars(limb, np.angle(np.exp(1j * (found - q)))).items():
+            angle = np.abs(off).max()
+            assert angle <= most[one] + 1e-12, one
+            if angle > 1e-9:
+                loose[one].append(most[one] / angle)
+    assert min(map(len, loose.values())) > 25
+    assert max(map(np.median, loose.values())) < (3.0 if limb.family_code == UR else 5.0)
 
 
-@given(st.integers(0, 10**6), st.floats(0.0, 0.1), st.integers(0, 7))
-@settings(max_examples=100, deadline=None)
-def test_joints_of_a_limb_that_departs_turn_no_farther(seed, lift, branch):
-    rng = np.random.default_rng(seed)
-    start = np.concatenate(list(flanges_in_mount(path_between(random_ends(seed)), np.zeros(1))[0]))
-    turned = flanges_in_mount(path_between(random_ends(seed)), np.zeros(1))[1][0]
-    middle = start + rng.normal(size=3) * 0.05
-    places = middle - np.linspace(-lift, lift, PLACES)[:, None] * turned[:, 2]
-    q = followed(places, np.tile(turned, (PLACES, 1, 1)), branch)
-    assume(q is not None)
-    found = bounded(q, FlangeMotion(lift, 0.0, 0.0))
-    if found is not None:
-        assert all(turned <= found[1][name] + 1e-9 for name, turned in farthest(q).items())
-
-
-@given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6).map(np.array))
-@settings(deadline=None)
-def test_on_a_line_joints_turn_as_far_as_its_end(change):
-    turns = Turns.row()
-    called(line_turns)(ARM, change, turns)
-    for name, joints in SUMS.items():
-        assert turns[name] == pytest.approx(abs(change[joints].sum()), abs=1e-12)
-
-
+@each_limb
 @given(st.integers(0, 10**6))
-@settings(max_examples=50, deadline=None)
-def test_of_two_lines_joints_turn_as_far_as_on_the_longer_one(seed):
+@settings(max_examples=30, deadline=None)
+def test_on_lines_joints_turn_as_far_as_the_longer_one(limb, seed):
     both, turns = np.random.default_rng(seed).normal(size=(2, 6)), Turns.row()
-    called(line_turns)(ARM, both[0], turns)
-    called(more_turns)(ARM, both[1], turns)
-    for name, joints in SUMS.items():
-        assert turns[name] == pytest.approx(np.abs(both[:, joints].sum(axis=1)).max(), abs=1e-15)
+    found = scalars(limb, both)
+    called(line_turns)(arm_of(limb), both[0], turns)
+    assert all(turns[one] == pytest.approx(abs(found[one][0]), abs=1e-12) for one in found)
+    called(more_turns)(arm_of(limb), both[1], turns)
+    assert all(turns[one] == pytest.approx(np.abs(found[one]).max(), abs=1e-12) for one in found)
+
+
+def test_a_held_angle_of_zero_is_the_limit_of_small_ones():
+    """The bounds of both forms agree where both hold."""
+    iiwa, rng, checked = LIMBS["iiwa"], np.random.default_rng(0), 0
+    for k in range(50):
+        q, both, moved = random_posture(iiwa, rng, k), (Turns.row(), Turns.row()), [1e-3] * 3
+        zero, small = (
+            called(held_turns)(arm_of(replace(iiwa, held_angle=held)), q, FlangeMotion(*moved), to)
+            for held, to in zip((0.0, 1e-9), both, strict=True)
+        )
+        assert zero == small
+        checked += zero
+        for one in scalars(iiwa, np.zeros((1, 6))) if zero else ():
+            assert both[0][one] == pytest.approx(both[1][one], rel=1e-6), one
+    assert checked > 20
+
+
+def frames_at(arm, q):
+    out = np.empty((7, 4, 3))
+    called(link_frames)(arm, q, out)
+    return out
+
+
+def angle_of(before, after):
+    """Angle of the rotation between frames of one link, shape (3, 3) with axes as rows [rad]."""
+    cosine, skew = 0.5 * (np.trace(before @ after.T) - 1.0), before.T @ after
+    skew = 0.5 * (skew - skew.T)
+    return np.arctan2(np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]]), cosine)
+
+
+def seen_from(frames, row):
+    """Origins and axes of all links seen from link `row`."""
+    axes = frames[row, 1:]
+    return (frames[:, 0] - frames[row, 0]) @ axes.T, frames[:, 1:] @ axes.T
+
+
+@each_wrist
+def test_links_and_anchors_move_no_farther_seen_from_each_link(limb):
+    """Anchors are the origin of link 2, the elbow and, as forearm end and wrist, that of link 4."""
+    rng, loose, arm, turns = np.random.default_rng(0), [], arm_of(limb), Turns.row()
+    shift, spin = np.empty((5, 4)), np.empty((5, 7))
+    for _ in range(150):
+        q = random_posture(limb, rng, int(rng.integers(3)))
+        change = rng.normal(size=6) * 10.0 ** rng.uniform(-2.0, -0.3) * (rng.random(6) < 0.6)
+        called(line_turns)(arm, change, turns)
+        called(link_motion)(arm, turns, shift, spin)
+        middle = frames_at(arm, q)
+        for s in (-1.0, -0.5, 0.5, 1.0):
+            here = frames_at(arm, q + s * change)
+            for row in range(5):
+                (origins, axes), (moved, turned) = seen_from(middle, row), seen_from(here, row)
+                for link in range(row + 1, 6):
+                    angle = angle_of(axes[link], turned[link])
+                    assert angle <= spin[row, link] + 1e-9
+                    if row == 0 and angle > 1e-3:
+                        loose.append(spin[row, link] / angle)
+                for anchor, link in ((0, 2), (1, 3), (2, 4), (3, 4)):
+                    if row < link:
+                        way = np.linalg.norm(moved[link] - origins[link])
+                        assert way <= shift[row, anchor] + 1e-9
+    assert np.median(loose) < 2.5
+
+
+@each_wrist
+def test_links_move_no_farther_followed_from_the_grasp(limb):
+    """Turns of links 2 to 5 seen from the flange, and the travel of the elbow."""
+    rng, arm, turns = np.random.default_rng(0), arm_of(limb), Turns.row()
+    for _ in range(150):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        change = rng.normal(size=6) * 10.0 ** rng.uniform(-2.0, -0.3) * (rng.random(6) < 0.6)
+        called(line_turns)(arm, change, turns)
+        bound = called(grasp_motion)(arm, turns)
+        before, after = (
+            np.linalg.inv(f[6]) @ f for f in (frames(limb, q), frames(limb, q + change))
+        )
+        for link, most in ((5, bound.wrist_2), (4, bound.wrist_1), (3, bound.forearm),
+                           (2, bound.upper_arm)):  # fmt: skip
+            angle = angle_of(before[link, :3, :3].T, after[link, :3, :3].T)
+            assert angle <= most + 1e-9
+        for link, most in ((3, bound.elbow), (4, bound.forearm_end)):
+            assert np.linalg.norm(after[link, :3, 3] - before[link, :3, 3]) <= most + 1e-9

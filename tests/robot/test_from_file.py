@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
@@ -42,49 +41,6 @@ def test_lengths_are_found_whatever_the_frames_signs_and_zeros_of_a_file(tmp_pat
         assert limb.d1 == pytest.approx(UR10E[0], abs=1e-9)
         np.testing.assert_array_equal(file.offsets, 0.0)
         np.testing.assert_array_equal(file.signs, 1.0)
-
-
-@pytest.mark.parametrize("seed", [None, 3, 4])
-def test_flanges_are_where_pinocchio_has_them(tmp_path, seed):
-    pinocchio = pytest.importorskip("pinocchio")
-    text = one_arm(seed=seed)
-    file = read_robot(written(tmp_path, text))
-    model = pinocchio.buildModelFromXML(text)
-    data, tool = model.createData(), model.getFrameId("tool0")
-    rng, seen = np.random.default_rng(1), []
-    for _ in range(20):
-        angles = rng.uniform(-3.0, 3.0, 6)
-        pinocchio.framesForwardKinematics(model, data, angles)
-        ours = forward_kinematics(file.from_file_angles(angles)[0], file.fields["limb"].lengths)[-1]
-        seen.append(data.oMf[tool].homogeneous @ np.linalg.inv(ours))
-        np.testing.assert_allclose(file.to_file_angles(file.from_file_angles(angles))[0], angles)
-    # All postures agree on where the limb's base is, which lies on joint 1.
-    np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (20, 4, 4)), atol=1e-7)
-
-
-@pytest.mark.parametrize("seed", [None, 5])
-def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, seed):
-    """The joint-space inertia of a limb on a fixed base, at random postures."""
-    path = written(tmp_path, one_arm(seed=seed))
-    file = read_robot(path, rotor_inertia=0.0)
-    robot = RobotSpec.from_urdf(path, rotor_inertia=0.0, gripper_mass=0.0)
-    theirs = mujoco.MjSpec.from_file(path).compile()
-    ours = compile_spec(robot_alone(robot))
-    rng = np.random.default_rng(2)
-    for _ in range(5):
-        angles = rng.uniform(-3.0, 3.0, 6)
-        there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
-        there.qpos[:] = angles
-        here.qpos[:7] = 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0
-        here.qpos[7:13] = file.from_file_angles(angles)[0]
-        full = []
-        for model, data in ((theirs, there), (ours, here)):
-            mujoco.mj_forward(model, data)
-            dense = np.zeros((model.nv, model.nv))
-            mujoco.mj_fullM(model, data, dense)
-            full.append(dense)
-        signs = np.outer(file.signs[0], file.signs[0])
-        np.testing.assert_allclose(full[1][6:12, 6:12], full[0] * signs, atol=1e-6)
 
 
 def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
@@ -295,9 +251,3 @@ def test_a_loop_of_an_mjcf_and_its_speeds(tmp_path):
     with pytest.raises(RobotError, match="'limb0/joint1' has no speed limit; give speed_limits"):
         robot_spec(path)
     assert RobotSpec.from_mjcf(path, speed_limits=1.5).speed_limits.max() == 1.5
-
-
-def test_another_family_can_be_added_as_a_row():
-    from mlivr_gym.robot.recognition import FAMILIES
-
-    assert [family.joints for family in FAMILIES] == [6, 7, 6]

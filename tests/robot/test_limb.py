@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym import Limb, SphericalWristLimb
-from mlivr_gym.kinematics import arm
+from mlivr_gym import Limb
 
 TURN = 2.0 * np.pi
 ANGLES = st.floats(-20.0, 20.0)
@@ -47,8 +46,3 @@ def test_folds_are_kept_where_some_winding_of_every_joint_lies_in_its_window(lim
             expected.append([values[0] for values in inside])
     found = limb.folds_in_windows(folds)
     np.testing.assert_allclose(found, np.array(expected).reshape(-1, 5), atol=1e-9)
-
-
-def test_families_have_the_numbers_of_the_kernels():
-    assert Limb().family_code == arm.UR
-    assert SphericalWristLimb().family_code == arm.SPHERICAL_WRIST

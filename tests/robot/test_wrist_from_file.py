@@ -1,9 +1,9 @@
-"""Arms with a spherical wrist from URDF and MJCF: Pinocchio tells where flanges are."""
+"""Arms of all families from URDF and MJCF: Pinocchio tells where flanges are."""
 
 import mujoco
 import numpy as np
 import pytest
-from robot_texts import IIWA14, KR16, PUMA560, frames_along, one_arm
+from robot_texts import IIWA14, KR16, PUMA560, UR10E, frames_along, frames_of, one_arm
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
@@ -12,13 +12,15 @@ from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
-ARMS = {"iiwa": IIWA14, "kr16": KR16, "puma": PUMA560}
+ARMS = {"ur10e": frames_of(UR10E), "iiwa": IIWA14, "kr16": KR16, "puma": PUMA560}
 LENGTHS = {
+    "ur10e": np.abs(UR10E[1:]),
     "iiwa": (0.0, 0.0, 0.42, 0.0, 0.4, 0.126),
     "kr16": (0.26, 0.0, 0.68, 0.035, 0.67, 0.158),
     "puma": (0.0, 0.14909, 0.4318, 0.0203, 0.43307, 0.05625),
 }
-"""a1, d2, a2, a3, d4, d6 of the arms [m]; of the last, d2 and a3 point either way."""
+"""a2, a3, d4, d5, d6 of the first; a1, d2, a2, a3, d4, d6 of the others, which may point either way
+[m]."""
 CLEAR = 0.2
 """Mount radius at which the arms stand clear of the body [m]."""
 
