@@ -30,6 +30,7 @@ import planning_report
 import reference_curves
 import simulation_figures
 import start_up
+import station_places
 import table1_statistics
 import thresholds
 import time_cost
@@ -202,6 +203,7 @@ def parts(results: Path) -> dict[str, str]:
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
+        "places": station_places.places(),
         **format_tables.tables(),
     }
 

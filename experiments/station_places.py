@@ -13,11 +13,13 @@ import json
 from typing import Any
 
 import numpy as np
-from reports import ROOT
+from reports import ROOT, table
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
+from mlivr_gym.errors import MapError
+from mlivr_gym.files import read_json, write_whole
 from mlivr_gym.robot.ssrms_limb import ELBOW, PITCH, SsrmsLimb
+from mlivr_gym.world.grasp_map import PLACES, as_map
 
 SEGMENTS = {"P1": (-20.4, -6.7), "S0": (-6.7, 6.7), "S1": (6.7, 20.4)}
 """Ends of the truss segments along x [m]: S0 is 13.4 m long, P1 and S1 13.7 m (NASA)."""
@@ -296,6 +298,27 @@ def ssrms2() -> dict[str, Any]:
         "assumed: middles as mass centres, rotors, capsules 0.36 m thick, body; planning lengths: "
         "17.4 of the UR5e's",
     }  # fmt: skip
+
+
+SOURCES = {
+    "jem": "NASA's mesh of the JEM, measured",
+    "truss": "NASA's dimensions of S0, S1 and P1",
+    "uslab": "handrail poses of Chunting/r2_planning (BSD)",
+}
+"""Where the figures of each map come from, in short; its file has the whole."""
+
+
+def places() -> str:
+    """Return the table of the maps that ship."""
+    rows = []
+    for name in PLACES:
+        place = as_map(name)
+        size = " x ".join(f"{edge:.1f}" for edge in place.cabin[1] - place.cabin[0])
+        data = read_json(ROOT / "envs_assets" / f"{name}.json", "map", MapError)
+        rows.append(
+            (f"`{name}`", len(place), size, len(place.boxes), data["description"], SOURCES[name])
+        )
+    return table("name | points | where the base may be [m] | boxes | what it is | source", rows)
 
 
 FILES = {"truss": truss, "uslab": uslab, "ssrms2": ssrms2}
