@@ -140,3 +140,35 @@ def test_a_faulty_field_is_refused_in_one_line(field, message):
     with pytest.raises(RobotError, match=message) as caught:
         RobotSpec.from_dict({"limb": {"family": "ssrms"} | field})
     assert "\n" not in str(caught.value)
+
+
+def published_urdf():
+    """The published joints as a URDF with bodies of a sphere each; the tool's z axis is joint 7."""
+    parts, parent = ['<robot name="arm"><link name="b0"/>'], "b0"
+    for k, ((x, y, z), axis) in enumerate(station_arm.JOINTS):
+        along = " ".join(str(int(axis == name)) for name in "xyz")
+        parts.append(
+            f'<joint name="j{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>'
+            f'<origin xyz="{x} {y} {z}"/><axis xyz="{along}"/>'
+            '<limit lower="-4.7" upper="4.7" effort="2332" velocity="0.07"/></joint>'
+            f'<link name="l{k}"><inertial><mass value="100"/><inertia ixx="9" iyy="9" izz="9" '
+            'ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><sphere radius="0.18"/>'
+            "</geometry></collision></link>"
+        )
+        parent = f"l{k}"
+    parts.append(
+        f'<link name="tool0"/><joint name="tip" type="fixed"><parent link="{parent}"/>'
+        f'<child link="tool0"/><origin xyz="{station_arm.END[0]} 0 0" rpy="0 1.5707963267949 0"/>'
+        "</joint></robot>"
+    )
+    return "".join(parts)
+
+
+def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
+    """It is then a limb of the UR family; the sign of the booms is a choice of axes."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(published_urdf())
+    robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="j0")
+    np.testing.assert_allclose(np.abs(robot.limb.lengths), LIMB.lengths, atol=1e-6)
+    with pytest.raises(RobotError, match="no supported family"):
+        RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5)
