@@ -28,6 +28,7 @@ import limb_starts
 import many_limbs
 import planning_report
 import reference_curves
+import robots
 import simulation_figures
 import start_up
 import station_places
@@ -202,6 +203,7 @@ def parts(results: Path) -> dict[str, str]:
         "disturbances": disturbances.readme_text(data("disturbances")),
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
+        "robots": robots.markdown(data("robots")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),
         **format_tables.tables(),

@@ -33,6 +33,8 @@ MAX_THREADS = 1024
 MAX_BEAM_WIDTH = 1000
 """Maximum width of a beam search."""
 
+CAPSULES = "draw the collision shapes of the limbs in place of their visual meshes"
+"""Help of the option `--capsules`."""
 
 Add: TypeAlias = Callable[..., argparse.ArgumentParser]
 """`add_parser` of the subcommands, with the name and the help line of one command."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.cli.arguments import (
+    CAPSULES,
     Add,
     chosen_graph,
     chosen_map,
@@ -52,6 +53,7 @@ def add_command(add: Add) -> None:
     option(parser, "--size W H", "width and height of the picture of one stance [px]", (1280, 640))
     text = "also export the simulation model as MJCF, in the first stance drawn"
     option(parser, "--mjcf FILE", text)
+    option(parser, "--capsules", CAPSULES)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -76,7 +78,10 @@ def run(args: argparse.Namespace) -> None:
         drawn = [Shot(held[0])]
     scene = _mjcf(grasp_map, robot, obstacles, held) if args.mjcf else None
     with Progress("drawing", quiet=args.quiet):
-        draw(grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route)
+        draw(
+            grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route,
+            capsules=args.capsules,
+        )  # fmt: skip
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
     if scene is not None:
         write_whole(args.mjcf, scene)
@@ -133,16 +138,19 @@ def draw(
     size: tuple[int, int],
     obstacles: Sequence[Box] = (),
     route: Route | None = None,
+    *,
+    capsules: bool = False,
 ) -> None:
     """Render pictures with MuJoCo, or with matplotlib if no GL library can be used.
 
     `pictures` are the shots of each picture, which are placed side by side, by the PNG file to
-    write; `size` is that of one shot [px]. With the route of a plan, shots have captions.
+    write; `size` is that of one shot [px]. With the route of a plan, shots have captions. With
+    `capsules` limbs are drawn by their collision shapes.
     """
     width, height = size
     strip = strip_height(height) if route is not None else 0
     try:
-        renderer = SceneRenderer(grasp_map, robot, width, height - strip, obstacles)
+        renderer = SceneRenderer(grasp_map, robot, width, height - strip, obstacles, capsules)
     except RenderError as error:
         print(f"no GL library can be used, so matplotlib draws instead: {error}", flush=True)
         for path, shots in pictures.items():

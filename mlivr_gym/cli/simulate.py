@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    CAPSULES,
     Add,
     chosen_graph,
     chosen_map,
@@ -105,6 +106,7 @@ def add_command(add: Add) -> None:
     option(parser, "--rate HZ", "sampling rate of the trajectory files [Hz]", 10.0)
     option(parser, "--film NAME", "file name of the film, .gif or .mp4", "walk.gif")
     option(parser, "--no-film", "make no film")
+    option(parser, "--capsules", CAPSULES)
     option(parser, "--size W H", "width and height of the film [px]", DEFAULT_SIZE)
     option(
         parser,
@@ -195,7 +197,7 @@ def _check_film(args: argparse.Namespace) -> None:
     SIZE.read(args.size, FieldPath("--size", SettingError))
     OrNone(SPEED).read(args.speed, FieldPath("--speed", SettingError))
     if args.no_film:
-        refuse_without_effect(args, "with --no-film", "film", "size", "speed")
+        refuse_without_effect(args, "with --no-film", "film", "size", "speed", "capsules")
     else:
         check_film_format(args.film)
 
@@ -262,6 +264,7 @@ def _film(
                 size=tuple(args.size),
                 speed=speed,
                 obstacles=plan.world.obstacles,
+                capsules=args.capsules,
                 progress=progress.show,
             )
     except RenderError as error:

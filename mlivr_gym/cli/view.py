@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    CAPSULES,
     Add,
     chosen_graph,
     chosen_map,
@@ -58,6 +59,7 @@ def add_command(add: Add) -> None:
     option(parser, "--host HOST", text, HOST)
     text = "port of the server, or the next free one if it is taken; 0 for any free port"
     option(parser, "--port PORT", text, PORT)
+    option(parser, "--capsules", CAPSULES)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
         if live.plan is None:
             cause = live.cause()
             raise NoPlanError(f"{live.message}; {cause}" if cause else live.message)
-        size = write_html(args.out, live.graph, live.plan, recording)
+        size = write_html(args.out, live.graph, live.plan, recording, args.capsules)
         print(f"page: {args.out}, {size / 1e6:.2f} MB")
         args.result |= {"files": [args.out], "bytes": size}
         return SUCCESS
@@ -142,7 +144,8 @@ def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None
                 f"plan {args.plan[1]!r} is for robot {second.world.robot.name!r}, the first one "
                 f"for {live.graph.robot.name!r}; only plans of the same robot can be compared"
             )
-    viewer = Viewer(Page(args.host, args.port, "mlivr-gym"), live, recording)
+    page = Page(args.host, args.port, "mlivr-gym")
+    viewer = Viewer(page, live, recording, capsules=args.capsules)
     try:
         if recording is not None:
             viewer.speed = 10.0

@@ -26,7 +26,7 @@ from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath, OrNone, Tuples
+from mlivr_gym.schema import FieldPath, Flag, OrNone, Tuples
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -70,6 +70,7 @@ def _recording(value: Any, place: FieldPath) -> Recording:
         "plan": OrNone(WALK["plan"]),
         "size": SIZE,
         "speed": OrNone(SPEED),
+        "capsules": Flag(),
     }
 )
 def film(
@@ -82,6 +83,7 @@ def film(
     size: tuple[int, int] = DEFAULT_SIZE,
     speed: float | None = None,
     obstacles: Sequence[Box] = (),
+    capsules: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> None:
     """Film a recording from the side; the forward wall is hidden and the camera follows the robot.
@@ -108,6 +110,8 @@ def film(
         Speed of the film relative to simulated time; by default `default_speed`.
     obstacles
         Boxes in addition to those of the map.
+    capsules
+        Draw limbs by their collision shapes, not by their visual meshes.
     progress
         Function called with the number of frames rendered so far.
 
@@ -122,7 +126,7 @@ def film(
     speed = default_speed(recording) if speed is None else speed
     pictures = film_pictures(
         grasp_map, robot, recording, film_samples(recording, speed), plan=plan, size=size,
-        speed=speed, obstacles=obstacles, progress=progress,
+        speed=speed, obstacles=obstacles, capsules=capsules, progress=progress,
     )  # fmt: skip
     save_film(pictures, path)
 
@@ -168,12 +172,13 @@ def film_pictures(
     size: tuple[int, int] = DEFAULT_SIZE,
     speed: float = 1.0,
     obstacles: Sequence[Box] = (),
+    capsules: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> list[NDArray[np.uint8]]:
     """Render one picture for each of the given samples of a recording; see `film`."""
     width, height = size
     picture_height = height - (strip_height(height) if plan is not None else 0)
-    renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles)
+    renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles, capsules)
     shown = [_configuration(recording, int(k)) for k in samples]
     cameras = film_cameras(robot, shown, width / picture_height)
     route = Route.of(grasp_map, plan) if plan is not None else None

@@ -24,7 +24,7 @@ from mlivr_gym.pictures.camera import CAMERA, Camera
 from mlivr_gym.pictures.captions import with_labels
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, Choice, FieldPath, Integer, ListOf, OrNone
+from mlivr_gym.schema import Anything, Choice, FieldPath, Flag, Integer, ListOf, OrNone
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -68,7 +68,7 @@ class SceneRenderer:
     (540, 960, 3)
     """
 
-    @checked({**WALK, "width": WIDTH, "height": HEIGHT})
+    @checked({**WALK, "width": WIDTH, "height": HEIGHT, "capsules": Flag()})
     def __init__(
         self,
         grasp_map: GraspMap,
@@ -76,8 +76,12 @@ class SceneRenderer:
         width: int = 960,
         height: int = 540,
         obstacles: Sequence[Box] = (),
+        capsules: bool = False,
     ) -> None:
         """Compile the scene and open a GL context.
+
+        Limbs are drawn by their visual meshes where these ship, or, with `capsules`, by their
+        collision shapes.
 
         Raises
         ------
@@ -91,7 +95,7 @@ class SceneRenderer:
         from mlivr_gym.simulation.scene import compile_spec
 
         self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
-        self.model = compile_spec(studio_spec(grasp_map, robot, obstacles))
+        self.model = compile_spec(studio_spec(grasp_map, robot, obstacles, capsules))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
         self._rise = max(robot.heights) + 0.5 * float(robot.body_edges[2])
         try:
@@ -236,6 +240,7 @@ class SceneWindow:
                 "render_mode='human' needs a screen, but DISPLAY is not set; "
                 "use render_mode='rgb_array'"
             )
+        from mlivr_gym.pictures.limb_meshes import show_meshes
         from mlivr_gym.simulation.scene import compile_spec, scene_spec  # isort: skip
 
         try:
@@ -243,7 +248,9 @@ class SceneWindow:
             import mujoco.viewer
 
             self.obstacles = tuple(obstacles)
-            self.model = compile_spec(scene_spec(grasp_map, robot, obstacles))
+            spec = scene_spec(grasp_map, robot, obstacles)
+            show_meshes(spec, robot)
+            self.model = compile_spec(spec)
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)
         except SceneError:

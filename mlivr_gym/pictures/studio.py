@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.limb_meshes import show_meshes
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import FACE_GROUPS, scene_spec
@@ -34,9 +35,11 @@ _KEY, _TOP = "studio/key", "studio/top"
 
 
 def studio_spec(
-    grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
+    grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), capsules: bool = False
 ) -> mujoco.MjSpec:
     """Return the model of `scene_spec` with lamps and a hull added; its names stay the same.
+
+    Limbs are shown by their visual meshes where these ship, unless `capsules` is set.
 
     Raises
     ------
@@ -44,6 +47,8 @@ def studio_spec(
         If two boxes have the same id.
     """
     spec = scene_spec(grasp_map, robot, obstacles)
+    if not capsules:
+        show_meshes(spec, robot)
     visual = spec.visual
     visual.headlight.ambient, visual.headlight.diffuse = [0.34] * 3, [0.08] * 3
     visual.headlight.specular = [0.0] * 3

@@ -138,8 +138,9 @@ def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> Non
     for link in scene.links:
         page.frame(paths[link.name], position=link.position, wxyz=link.quaternion)
     for k, solid in enumerate(scene.robot):
-        colour = (*solid.colour[:3], solid.colour[3] * opacity)
-        page.mesh(f"{paths[solid.link]}/shape{k}", solid.mesh, colour)
+        if not solid.covered:
+            colour = (*solid.colour[:3], solid.colour[3] * opacity)
+            page.mesh(f"{paths[solid.link]}/shape{k}", solid.mesh, colour)
 
 
 def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
@@ -154,12 +155,17 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
             page.nodes[paths[link.name]].wxyz = link.orientation(joints)
 
 
-def show_unchecked(page: Page, name: str, scene: Scene, visible: bool) -> None:
-    """Show or hide the shapes of a robot that are not collision shapes."""
+def show_collision_shapes(page: Page, name: str, scene: Scene, alone: bool) -> None:
+    """Show the collision shapes of a robot alone, or what is drawn in their place."""
     paths = _paths(name, scene)
     for k, solid in enumerate(scene.robot):
-        if not solid.checked:
-            page.show(f"{paths[solid.link]}/shape{k}", visible)
+        path = f"{paths[solid.link]}/shape{k}"
+        if solid.covered and alone:
+            page.mesh(path, solid.mesh, solid.colour)
+        elif solid.covered:
+            page.remove(path)
+        elif not solid.checked:
+            page.show(path, not alone)
 
 
 def _paths(name: str, scene: Scene) -> dict[str, str]:

@@ -30,12 +30,14 @@ ABOVE = np.array([0.0, 0.0, 0.5])
 
 
 def write_html(
-    path: str | Path, graph: StanceGraph, plan: Plan, recording: Recording | None = None
-) -> int:
+    path: str | Path, graph: StanceGraph, plan: Plan, recording: Recording | None = None,
+    capsules: bool = False,
+) -> int:  # fmt: skip
     """Write a page that plays a plan, or its execution, and return the size of the file in bytes.
 
     The page loads nothing from elsewhere. An execution is played at a speed at which a step takes
-    `STEP_TIME` on average, like a step of a plan.
+    `STEP_TIME` on average, like a step of a plan. `capsules` draws the collision shapes in place of
+    visual meshes.
 
     Raises
     ------
@@ -46,16 +48,18 @@ def write_html(
     """
     page = Page("127.0.0.1", 0, "mlivr-gym")
     try:
-        content = _html_of_plan(page, graph, plan, recording)
+        content = _html_of_plan(page, graph, plan, recording, capsules)
     finally:
         page.close()
     write_whole(path, content)
     return len(content)
 
 
-def _html_of_plan(page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None) -> bytes:
+def _html_of_plan(
+    page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None, capsules: bool
+) -> bytes:
     """Draw a plan or its execution on a page, and return its HTML."""
-    grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot)
+    grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot, (), capsules)
     frames = plan_frames(graph, plan) if recording is None else recording_frames(recording)
     drawing.add_lights(page)
     positions = drawing.visible_positions(grasp_map, np.array(plan.query.goal), plan)

@@ -120,6 +120,6 @@ def _add_showing(viewer: Viewer) -> None:
     switch("explored steps", False, lambda on: viewer.set_visible("tree", on))
     switch("path and footholds", True, lambda on: viewer.set_visible("plan", on))
     switch("previous plan, pale", True, lambda on: viewer.set_visible("ghost", on))
-    hint = "hide the rods that represent joints, which are not checked for collisions"
+    hint = "hide meshes and rods, which are not checked for collisions"
     switch("collision shapes only", False, viewer.show_collision_shapes, hint)
     switch("hide walls in front", True, viewer.set_walls_hidden)

@@ -11,6 +11,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.pictures.limb_meshes import body_of, limb_meshes
 from mlivr_gym.pictures.robot_shapes import JOINT_COLOUR
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
@@ -44,6 +45,8 @@ class Solid(NamedTuple):
     """Whether it is a collision shape."""
     mesh: Mesh
     """Its triangles in the frame of the link."""
+    covered: bool = False
+    """Whether a visual mesh of the link is drawn in its place."""
 
 
 class Link(NamedTuple):
@@ -81,8 +84,12 @@ class Scene(NamedTuple):
     """Shapes that do not move; those of the same face and colour are merged."""
 
 
-def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()) -> Scene:
-    """Return the scene of a robot in a module, with rods for joints, which MuJoCo's scene omits.
+def scene_solids(
+    grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), capsules: bool = False
+) -> Scene:
+    """Return the scene of a robot in a module, with visual meshes where they ship.
+
+    Limbs without meshes, or all with `capsules`, have rods for joints, which MuJoCo's scene omits.
 
     Raises
     ------
@@ -101,14 +108,26 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box]
         checked = bool(geom.contype[0])
         groups[link, faces.get(geom.name, ""), (r, g, b, opacity), checked].append(mesh)
     links = _links(model)
+    meshes = () if capsules else tuple(_visual_meshes(robot))
+    covered = {solid.link for solid in meshes}
     for link, rod in _rods(model, links):
-        groups[link, "", rgba(JOINT_COLOUR), False].append(rod)
-    solids = [Solid(*key, merged(meshes)) for key, meshes in groups.items()]
+        if link not in covered:
+            groups[link, "", rgba(JOINT_COLOUR), False].append(rod)
+    solids = [Solid(*key, merged(made), key[0] in covered) for key, made in groups.items()]
+    solids += meshes
     return Scene(
         links,
         tuple(solid for solid in solids if solid.link != "world"),
         tuple(solid for solid in solids if solid.link == "world"),
     )
+
+
+def _visual_meshes(robot: RobotSpec) -> Iterator[Solid]:
+    """Yield the visual meshes of the limbs."""
+    for limb in range(robot.limbs):
+        for mesh in limb_meshes(robot, limb):
+            triangles = _with_edges(trimesh.Trimesh(mesh.vertices, mesh.faces))
+            yield Solid(body_of(limb, mesh.link), "", mesh.colour(limb), False, triangles)
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:

@@ -71,11 +71,12 @@ class Viewer:
     """
 
     def __init__(
-        self, page: Page, live: LivePlan, recording: Recording | None = None, aspect: float = ASPECT
-    ) -> None:
+        self, page: Page, live: LivePlan, recording: Recording | None = None,
+        aspect: float = ASPECT, capsules: bool = False,
+    ) -> None:  # fmt: skip
         """Draw module and robot; `refresh` draws the plan, or its execution if recorded."""
         self.page, self.live, self.recording = page, live, recording
-        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot)
+        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, (), capsules)
         self.time, self.playing, self.speed = 0.0, False, 1.0
         self.click, self.colouring, self.walls_hidden = EXPLAIN, PLAIN, True
         self.second: SecondPlan | None = None
@@ -346,8 +347,8 @@ class Viewer:
         self.page.show(name, visible)
 
     def show_collision_shapes(self, alone: bool) -> None:
-        """Show the collision shapes alone, or with the rods that represent joints."""
-        drawing.show_unchecked(self.page, "robot", self.scene, not alone)
+        """Show the collision shapes alone, or with what is drawn in their place."""
+        drawing.show_collision_shapes(self.page, "robot", self.scene, alone)
 
     def add_box(self) -> None:
         """Add a box in the middle of the base path, with arrows to drag it."""

@@ -15,7 +15,11 @@ def test_physics_are_those_of_the_scene(jem):
     hull = [lit.geom(k).name for k in range(lit.ngeom) if lit.geom(k).name.startswith("studio/")]
     assert len(hull) == 6
     assert all(lit.geom(name).contype == lit.geom(name).conaffinity == 0 for name in hull)
-    assert lit.ngeom == plain.ngeom + 6
+    meshes = [k for k in range(lit.ngeom) if lit.geom_type[k] == mujoco.mjtGeom.mjGEOM_MESH]
+    assert meshes
+    assert not lit.geom_contype[meshes].any()
+    assert not lit.geom_conaffinity[meshes].any()
+    assert lit.ngeom == plain.ngeom + 6 + len(meshes)
     assert lit.body_mass.sum() == plain.body_mass.sum()
     ended = []
     for model in (plain, lit):

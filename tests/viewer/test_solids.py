@@ -50,7 +50,7 @@ def test_every_geom_is_drawn_in_its_colour_and_size(jem):
     """Bounds of all shapes of a link and colour are those of MuJoCo's geoms."""
     obstacle = Box.between("cargo", "obstacle", (3.0, -0.5, -0.5), (3.4, 0.5, 0.0))
     robot = robot_spec("mlivr2")
-    scene = scene_solids(jem, robot, [obstacle])
+    scene = scene_solids(jem, robot, [obstacle], capsules=True)
     model = compile_spec(scene_spec(jem, robot, [obstacle]))
     solids = (*scene.robot, *scene.surroundings)
     found = {(s.link, s.colour) for s in solids}
@@ -75,7 +75,22 @@ def test_every_geom_is_drawn_in_its_colour_and_size(jem):
 
 
 def test_what_is_not_checked_is_told_apart(jem):
-    scene = scene_solids(jem, robot_spec("mlivr2"))
+    scene = scene_solids(jem, robot_spec("mlivr2"), capsules=True)
     unchecked = [solid for solid in scene.robot if not solid.checked]
     assert {solid.link for solid in unchecked} >= {"base", "limb0/upper_arm", "limb1/forearm"}
     assert all(solid.checked for solid in scene.robot if solid.link.endswith("gripper"))
+
+
+def test_meshes_are_drawn_in_the_place_of_collision_shapes(jem):
+    """Of a UR10e no meshes ship, so limb 0 keeps its capsules and rods."""
+    for name, limbs in (("mlivr2", {"limb0", "limb1"}), ("mlivr2-unequal", {"limb1"})):
+        scene = scene_solids(jem, robot_spec(name))
+        covered = {solid.link for solid in scene.robot if solid.covered}
+        assert {link.split("/")[0] for link in covered} == limbs
+        for limb in limbs:
+            assert {f"{limb}/shoulder", f"{limb}/forearm", f"{limb}/wrist_3"} <= covered
+            assert f"{limb}/gripper" not in covered
+        for link in covered:
+            own = [solid for solid in scene.robot if solid.link == link]
+            assert any(not solid.checked for solid in own)
+            assert all(solid.covered == solid.checked for solid in own)

@@ -1,0 +1,89 @@
+"""Measure the robots that ship as files: stances, time of the first and of a later plan, a walk.
+
+    python experiments/robots.py [--out results]
+
+Each robot of two limbs that fits into the JEM plans the walk of `START` and `GOAL` with the step
+cost, collisions checked, in a process of its own, once to compile and once to measure: "first"
+contains the stance graph and every step that the search had to check, "later" is the way back.
+Times are processor time, which other programs on the machine do not lengthen. The walk is then
+executed in MuJoCo. Writes `robots.json`; `readme.py` shows the table in the docs.
+"""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import Any
+
+from reports import command_line, keep, table
+
+from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym.planners import Planner
+from mlivr_gym.robot.limb_dynamics import arm_of
+from mlivr_gym.robot.specification import ROBOTS
+from mlivr_gym.simulation.execution import execute
+
+START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
+"""Stances between which the robots walk, two racks to port."""
+
+
+def measured(name: str) -> dict[str, Any]:
+    """Return what is measured of a robot."""
+    robot, began = robot_spec(name), time.process_time()
+    graph = stance_graph(robot=robot)
+    planner = Planner(graph)
+    start, goal = (graph.configuration(graph.state(ids))[0].tolist() for ids in (START, GOAL))
+    plan = planner.plan(START, goal, "steps").unwrap()
+    first = time.process_time()
+    planner.plan(plan.stances[-1], start, "steps").unwrap()
+    later = time.process_time()
+    execution = execute(graph, plan)
+    arms = [robot.dynamics_of(limb) for limb in range(robot.limbs)]
+    masses = (arm.base_mass + sum(arm.masses) + robot.gripper_mass for arm in arms)
+    return {
+        "limbs": robot.limbs,
+        "arms": [arm_of(limb) or "iiwa 14" for limb in robot.every_limb],
+        "mass_kg": robot.body_mass + sum(masses),
+        "stances": len(graph),
+        "first_plan_s": first - began,
+        "later_plan_s": later - first,
+        "steps": len(plan.steps),
+        "walked": execution.failure is None,
+        "walk_s": execution.simulated_time,
+        "source": robot.source,
+    }
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the table for the page on robots."""
+    head = (
+        "robot | limbs | mass [kg] | stances | first plan [s] | later plan [s] | steps of the walk "
+        "| duration of the walk [s] | figures"
+    )
+    rows = [
+        (
+            f"`{name}`", ", ".join(dict.fromkeys(row["arms"])), f"{row['mass_kg']:.1f}",
+            f"{row['stances']:,}", f"{row['first_plan_s']:.1f}", f"{row['later_plan_s']:.2f}",
+            row["steps"], f"{row['walk_s']:.0f}" if row["walked"] else "fails",
+            row["source"] or "see `envs_assets/ur5e.json`",
+        )
+        for name, row in data.items()
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def main() -> None:
+    """Measure and write the results."""
+    out, data = command_line(__doc__).parse_args().out, {}
+    for name in ROBOTS:
+        if name.startswith("mlivr2"):  # the others do not fit into the module
+            for _ in range(2):
+                with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+                    data[name] = pool.submit(measured, name).result()
+    keep(out, "robots", data)
+    print(markdown(data))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Visual meshes of limbs, which pictures show in place of the collision shapes.
+
+They ship for the UR3e and UR5e, see `experiments/visual_meshes.py`. Other arms are drawn by their
+capsules. Meshes take no part in physics or in checks of collisions.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.robot.colours import LIMB_COLOURS
+from mlivr_gym.robot.limb_dynamics import arm_of
+from mlivr_gym.robot.model import rgba
+from mlivr_gym.robot.specification import RobotSpec
+
+STEP = 1e-4
+"""Length of which the coordinates in the files are multiples [m]."""
+
+COLOURS = {
+    "Black": (0.11, 0.11, 0.12, 1.0),
+    "JointGrey": (0.46, 0.48, 0.51, 1.0),
+    "LinkGrey": (0.84, 0.85, 0.87, 1.0),
+}
+"""Colours of materials; the lids of the joints, `URBlue`, have the colour of the limb."""
+
+
+class LimbMesh(NamedTuple):
+    """A mesh of one material, fixed to a link of a limb."""
+
+    link: str
+    """One of `capsules.LINKS`."""
+    material: str
+    """A key of `COLOURS`, or another name for the colour of the limb."""
+    vertices: Array
+    """Vertices in the frame of the link, shape (v, 3) [m]."""
+    faces: IntArray
+    """Triangles, shape (f, 3)."""
+
+    def colour(self, limb: int) -> tuple[float, float, float, float]:
+        """Return its colour on a limb."""
+        return COLOURS.get(self.material, rgba(LIMB_COLOURS[limb]))
+
+
+@cache
+def _arm_meshes(name: str) -> tuple[LimbMesh, ...]:
+    """Return the meshes of an arm, none if none ship for it."""
+    path = asset_path(f"meshes-{name}.npz")
+    if not path.is_file():
+        return ()
+    meshes = []
+    with np.load(path) as file:
+        for key in file:
+            link, material, what = key.split("/")
+            if what == "vertices":
+                faces = file[f"{link}/{material}/faces"].astype(np.int64)
+                vertices = STEP * file[key].astype(np.float64)
+                meshes.append(LimbMesh(link, material, vertices, faces))
+    return tuple(meshes)
+
+
+def limb_meshes(robot: RobotSpec, limb: int) -> tuple[LimbMesh, ...]:
+    """Return the meshes of a limb of a robot, none if it is drawn by its capsules."""
+    name = arm_of(robot.every_limb[limb])
+    return () if name is None else _arm_meshes(name)
+
+
+def show_meshes(spec: Any, robot: RobotSpec) -> None:
+    """Add the meshes of a robot to a scene, a `mujoco.MjSpec`, and hide the capsules they cover."""
+    import mujoco
+
+    for i in range(robot.limbs):
+        meshes = limb_meshes(robot, i)
+        covered = {body_of(i, mesh.link) for mesh in meshes}
+        for geom in spec.geoms:
+            if geom.parent.name in covered:
+                geom.rgba[3] = 0.0
+        for k, mesh in enumerate(meshes):
+            name = f"limb{i}/mesh/{k}"
+            spec.add_mesh(
+                name=name, uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            )  # fmt: skip
+            spec.body(body_of(i, mesh.link)).add_geom(
+                name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=mesh.colour(i),
+                material="matt", mass=0, contype=0, conaffinity=0,
+            )  # fmt: skip
+
+
+def body_of(limb: int, link: str) -> str:
+    """Return the name of a link's body in the scene."""
+    return f"limb{limb}" if link == "base" else f"limb{limb}/{link}"

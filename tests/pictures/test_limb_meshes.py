@@ -1,0 +1,70 @@
+"""Visual meshes lie where the maker's lengths have the links, and take no part in physics."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from mlivr_gym import robot_spec
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.pictures.limb_meshes import limb_meshes
+from mlivr_gym.pictures.studio import studio_spec
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.simulation.dynamics import dynamics_spec
+
+WIDEST = {"mlivr2": 0.0755, "mlivr2-ur3e": 0.0645}
+"""Radius of the widest part, the base [m]: half the footprints of 149 and 128 mm, rounded up."""
+
+
+@pytest.mark.parametrize("name", WIDEST)
+def test_links_reach_from_joint_to_joint(name):
+    """From the base plate to the flange, along the lengths of the maker's DH table."""
+    limb, widest = robot_spec(name).limb, WIDEST[name]
+    meshes = limb_meshes(robot_spec(name), 0)
+    assert {mesh.link for mesh in meshes} == set(LINKS[:-1])
+    low, high = {}, {}
+    for mesh in meshes:
+        assert mesh.faces.min() >= 0
+        assert mesh.faces.max() < len(mesh.vertices)
+        bounds = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        low[mesh.link] = np.minimum(bounds[0], low.get(mesh.link, np.inf))
+        high[mesh.link] = np.maximum(bounds[1], high.get(mesh.link, -np.inf))
+    assert low["base"][2] == pytest.approx(0.0, abs=2e-3)
+    assert high["wrist_3"][2] == pytest.approx(0.0, abs=2e-3)
+    for link, length in (("upper_arm", limb.a2), ("forearm", limb.a3)):
+        assert length - widest < low[link][0] < length
+        assert 0.0 < high[link][0] < widest
+    for link in ("shoulder", "wrist_1", "wrist_2", "wrist_3"):  # about their joint
+        assert (np.maximum(-low[link], high[link]) < widest + 2e-3).all()
+    for link in LINKS[:-1]:
+        assert -widest - 1e-3 < low[link][1] < 0.0 < high[link][1] < widest + 2e-3
+
+
+def test_capsules_may_be_drawn_in_their_place(ladder):
+    """Also where no meshes ship; a capsule that is covered is not seen."""
+    for name, count in (("mlivr2", 2), ("mlivr2-unequal", 1), ("mlivr2-ur10e", 0)):
+        robot = robot_spec(name)
+        for capsules in (False, True):
+            model = studio_spec(ladder, robot, capsules=capsules).compile()
+            shown = {
+                model.geom(k).name.split("/mesh/")[0]
+                for k in range(model.ngeom)
+                if model.geom_type[k] == mujoco.mjtGeom.mjGEOM_MESH
+            }
+            assert len(shown) == (0 if capsules else count)
+            seen = [model.geom(f"limb{i}/forearm/0").rgba[3] for i in range(2)]
+            assert sum(seen) == 2 - len(shown)
+            assert all(model.geom(f"limb{i}/gripper/0").rgba[3] == 1.0 for i in range(2))
+
+
+def test_the_simulated_model_has_no_meshes(ladder):
+    model = dynamics_spec(ladder, robot_spec("mlivr2")).compile()
+    assert model.nmesh == 0
+    assert not (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).any()
+
+
+def test_files_of_meshes_are_small_and_have_their_licence():
+    files = list(asset_path("").glob("meshes-*.npz"))
+    assert sum(file.stat().st_size for file in files) < 500_000
+    text = asset_path("meshes-licence.txt").read_text("utf-8")
+    assert "MIT License" in text
+    assert "Redistributions in binary form must reproduce" in text
