@@ -6,7 +6,8 @@ Each robot of two limbs that fits into the JEM plans the walk of `START` and `GO
 cost, collisions checked, in a process of its own, once to compile and once to measure: "first"
 contains the stance graph and every step that the search had to check, "later" is the way back.
 Times are processor time, which other programs on the machine do not lengthen. The walk is then
-executed in MuJoCo. Writes `robots.json`; `readme.py` shows the table in the docs.
+executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the docs, and
+`robots.png`, the robots in the first stance; `--picture` writes the picture alone.
 """
 
 from __future__ import annotations
@@ -14,11 +15,17 @@ from __future__ import annotations
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from reports import command_line, keep, table
 
 from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.captions import with_caption
+from mlivr_gym.pictures.figures import save_image
+from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.specification import ROBOTS
@@ -26,6 +33,12 @@ from mlivr_gym.simulation.execution import execute
 
 START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
 """Stances between which the robots walk, two racks to port."""
+
+NAMES = [name for name in ROBOTS if name.startswith("mlivr2")]
+"""Robots of two limbs that fit into the module."""
+
+SIZE = (420, 400)
+"""Width and height of the picture of one robot [px]."""
 
 
 def measured(name: str) -> dict[str, Any]:
@@ -73,15 +86,34 @@ def markdown(data: dict[str, Any]) -> str:
     return table(head, rows)
 
 
+def picture(path: Path) -> None:
+    """Draw the robots in the first stance, with their names."""
+    shots = []
+    for name in NAMES:
+        graph = stance_graph(robot=name)
+        shown = graph.configuration(graph.state(START))
+        x, y, z = shown[0].tolist()
+        camera = Camera((x, y, z - 0.2), distance=2.7, azimuth=70.0, elevation=-15.0)
+        renderer = SceneRenderer(graph.grasp_map, graph.robot, *SIZE)
+        image = renderer.render(*shown, camera=camera)
+        renderer.close()
+        shots.append(with_caption(image, name, SIZE[1]))
+    save_image(np.hstack(shots), path)
+
+
 def main() -> None:
     """Measure and write the results."""
-    out, data = command_line(__doc__).parse_args().out, {}
-    for name in ROBOTS:
-        if name.startswith("mlivr2"):  # the others do not fit into the module
-            for _ in range(2):
-                with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                    data[name] = pool.submit(measured, name).result()
-    keep(out, "robots", data)
+    parser, data = command_line(__doc__), {}
+    parser.add_argument("--picture", action="store_true", help="write the picture alone")
+    args = parser.parse_args()
+    picture(args.out / "robots.png")
+    if args.picture:
+        return
+    for name in NAMES:
+        for _ in range(2):
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+                data[name] = pool.submit(measured, name).result()
+    keep(args.out, "robots", data)
     print(markdown(data))
 
 
