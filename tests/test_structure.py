@@ -19,7 +19,7 @@ LAYERS = (
     {"viewer"},
     {"agents"},
     {"envs"},
-    {"pictures", "fastest"},
+    {"pictures", "fastest", "closed_loop"},
     {"planners", "simulation"},
     {"motion", "paper"},
     {"stances"},

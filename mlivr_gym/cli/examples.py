@@ -12,6 +12,10 @@ EXAMPLES = {
         "mlivr-gym simulate --case 3 --out walk",
         "mlivr-gym simulate --plan plan.json --no-film --out walk",
     ),
+    "walk": (
+        "mlivr-gym walk --unknown 3.2 -1.0 -1.0 3.5 1.0 0.3 --picture walk.png",
+        "mlivr-gym walk --refusing A4a:4 --disturbances all --out walk.json",
+    ),
     "table1": ("mlivr-gym table1 --out results",),
     "info": ("mlivr-gym info", "mlivr-gym info --map my_map.json --robot my_robot.json --json"),
     "render": (

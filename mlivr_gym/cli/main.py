@@ -33,6 +33,7 @@ from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 COMMANDS = {
     "plan": "plan a path from a start stance to a goal position",
     "simulate": "execute a plan in MuJoCo",
+    "walk": "walk through a partly unknown module, sensing and replanning",
     "table1": "reproduce the four cases of the paper's Table I",
     "info": "describe a map, a robot and their stance graph",
     "render": "draw the robot in a stance, or a plan",

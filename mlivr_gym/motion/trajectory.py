@@ -17,7 +17,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.path_segments import PathSegment
-from mlivr_gym.motion.regrasp import RegraspPath
+from mlivr_gym.motion.regrasp import PHASES, RegraspPath
 from mlivr_gym.motion.time_scaling import duration_of
 
 FREE = -1
@@ -117,6 +117,25 @@ class Trajectory:
         kept["times"] = self.period * np.arange(len(places), dtype=np.float64)
         return replace(self, **kept)
 
+    def backwards(self, slowness: int) -> Trajectory:
+        """Return the way back, which takes `slowness` times as long, with the phases exchanged.
+
+        Samples between those of this trajectory are interpolated linearly.
+        """
+        count = (len(self.times) - 1) * slowness + 1
+        later, share = np.divmod(np.arange(count)[::-1] / slowness, 1.0)
+        first = later.astype(np.int64)
+        last = np.minimum(first + 1, len(self.times) - 1)
+        back = self.at(np.where(share < 0.5, first, last))
+        between: dict[str, Any] = {}
+        for name, scale in MOTION.items():
+            values = getattr(self, name)
+            weight = share.reshape(-1, *[1] * (values.ndim - 1))
+            between[name] = (-1.0 / slowness) ** scale * (
+                (1.0 - weight) * values[first] + weight * values[last]
+            )
+        return replace(back, phase=len(PHASES) - 1 - back.phase, **between)
+
     def every(self, period: float) -> Trajectory:
         """Return every n-th sample, about `period` seconds apart, and the last one."""
         stride = max(round(period / self.period), 1)
@@ -127,6 +146,12 @@ class Trajectory:
 
 ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
 """Names of the array fields of `Trajectory`."""
+
+MOTION = {
+    "joint_positions": 0, "joint_velocities": 1, "joint_accelerations": 2, "base_positions": 0,
+    "base_quaternions": 0, "base_velocities": 1, "base_accelerations": 2,
+}  # fmt: skip
+"""Fields that change with the time of a trajectory, and how often each is derived by it."""
 
 
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:

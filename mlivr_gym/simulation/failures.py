@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.instruments import Measurements
 from mlivr_gym.simulation.recording import Failure, Recording
+from mlivr_gym.world.boxes import BOX
 
 SATURATION_SHARE = 0.999
 """A joint torque above this share of its limit counts as saturated."""
@@ -98,6 +102,53 @@ class FailureMonitor:
                 "outside its limits"
             )
             yield k, "joint limit", limb, message, {"joint": joint + 1.0, "angle_rad": angle}
+
+
+def grasp_failure(
+    physics: Physics, limb: int, name: str, error: tuple[float, float], refused: bool
+) -> tuple[str, str, dict[str, float]] | None:
+    """Return kind, message and values of the failure of a grasp, or None if it succeeds.
+
+    Parameters
+    ----------
+    physics
+        Parameters of the grasps.
+    limb
+        Index of the limb.
+    name
+        Id of the point.
+    error
+        Distance [m] and angle [rad] between gripper and point.
+    refused
+        Whether nothing can be grasped at the point.
+    """
+    distance, angle = error
+    values = {
+        "distance_m": distance, "allowed_distance_m": physics.capture_distance,
+        "angle_rad": angle, "allowed_angle_rad": physics.capture_angle,
+    }  # fmt: skip
+    if not can_capture(physics, distance, angle):
+        message = (
+            f"limb {limb} missed point {name!r} by {1e3 * distance:.1f} mm "
+            f"and {np.rad2deg(angle):.2f} deg; it grasps within "
+            f"{1e3 * physics.capture_distance:g} mm and {np.rad2deg(physics.capture_angle):g} deg"
+        )
+        return "missed grasp", message, values
+    if refused:
+        return "refused grasp", f"limb {limb} reached point {name!r}, which refused it", values
+    return None
+
+
+def with_contact_names(failure: Failure, model: mujoco.MjModel, data: mujoco.MjData) -> Failure:
+    """Return a collision failure with the names of the two geoms in contact."""
+    if failure.kind != "collision" or not data.ncon:
+        return failure
+    contact = data.contact[int(np.argmin(data.contact.dist))]
+    names = [model.geom(int(geom)).name for geom in contact.geom]
+    robot = next(name for name in names if not name.startswith(BOX))
+    limb = int(robot[4 : robot.index("/")]) if robot.startswith("limb") else -1
+    message = f"{names[0]} and {names[1]} touch, {-1e3 * contact.dist:.2f} mm deep"
+    return replace(failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)})
 
 
 _Event = tuple[int, str, int, str, dict[str, float]]

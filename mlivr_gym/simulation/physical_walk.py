@@ -18,7 +18,7 @@ from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
-from mlivr_gym.motion.trajectory import trajectory
+from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import Disturbances
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
@@ -28,6 +28,7 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
+from mlivr_gym.world.boxes import Box
 
 MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
@@ -60,16 +61,28 @@ class PhysicalWalk:
     state: State
     joints: Array
     measures: dict[str, Any]
+    _executed: Trajectory
 
-    def __init__(self, graph: StanceGraph, setup: Setup) -> None:
+    def __init__(
+        self, graph: StanceGraph, setup: Setup, obstacles: Sequence[Box] | None = None
+    ) -> None:
         """Prepare walks; `start` begins one.
+
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        setup
+            Limits, controller, physics and disturbances.
+        obstacles
+            Boxes that are simulated beside those of the map; by default the graph's obstacles.
 
         Raises
         ------
         RobotError
             If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
-        self.graph, self.setup = graph, setup
+        self.graph, self.setup, self._obstacles = graph, setup, obstacles
         self._simulated: tuple[int, int] | None = None
         _ = graph.robot.limb_dynamics
         self._plan: Plan | None = None
@@ -95,9 +108,8 @@ class PhysicalWalk:
         """
         graph = self.graph
         if self._simulated != (graph.version, seed):
-            self.simulation = self.setup.simulation(
-                graph.grasp_map, graph.robot, graph.obstacles, seed
-            )
+            boxes = graph.obstacles if self._obstacles is None else self._obstacles
+            self.simulation = self.setup.simulation(graph.grasp_map, graph.robot, boxes, seed)
             self._simulated = graph.version, seed
         self._plan, self._next = plan, 0
         if plan is not None:
@@ -154,12 +166,25 @@ class PhysicalWalk:
             timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
         except (PlanError, TimingError) as error:
             return self._no_swing(limb, point, str(error))
-        begin = self.simulation.time
+        begin, self._executed = self.simulation.time, timed
         executed = self.simulation.execute(timed)
         if executed.failure is None:
             self.state, self.joints = reached, timed.joint_positions[-1]
         self.measures = _measures(executed, begin, self.simulation.time)
         return self.state, executed
+
+    def follow(self, plan: Plan) -> None:
+        """Follow a plan from the present state as long as the steps are its own.
+
+        Its branches, joint angles and swings are used, unless it starts with other joint angles.
+        """
+        fits = np.allclose(planned_regrasp(self.graph, plan, 0).joints, self.joints, atol=1e-6)
+        self._plan, self._next = plan if fits else None, 0
+
+    def retreat(self) -> SimulatedInterval:
+        """Go back to the present state from a step at whose end nothing was grasped."""
+        self._plan = None
+        return self.simulation.retreat(self._executed)
 
     def _no_swing(self, limb: int, point: int, why: str) -> tuple[State, Failure]:
         """Return the unchanged state, and the failure of a step that could not start."""

@@ -8,7 +8,6 @@ which it occurs, which ends the walk.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -25,7 +24,7 @@ from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE, Disturbance
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
-from mlivr_gym.simulation.failures import FailureMonitor
+from mlivr_gym.simulation.failures import FailureMonitor, grasp_failure, with_contact_names
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import Grippers, can_capture
 from mlivr_gym.simulation.guidance import Guidance
@@ -34,8 +33,11 @@ from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_controller import JointController, Reference
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compile_spec, set_configuration
-from mlivr_gym.world.boxes import BOX, Box
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
+
+RETREAT_SLOWNESS = 2
+"""Duration of the way back from a point that was not grasped, relative to the way to it."""
 
 CHECK_INTERVAL = 500
 """Number of time steps between two checks for failures; each check covers every time step."""
@@ -74,6 +76,8 @@ class Simulation:
         Time since the reset [s].
     mass
         Mass of the robot [kg].
+    refusing
+        Indices of points that no gripper can grasp, which the controller does not know.
     """
 
     @checked(
@@ -103,6 +107,7 @@ class Simulation:
         self.disturbance.apply(self.model)
         self.data = mujoco.MjData(self.model)
         self.time, self._time_steps, self._plan_step = 0.0, 0, 0
+        self.refusing: frozenset[int] = frozenset()
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
         model, data = self.model, self.data
@@ -185,12 +190,35 @@ class Simulation:
             If the trajectory has another time grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
-        self._plan_step = step
+        left = self.points[limb]
+        self._grippers.release(limb)
+        return self._reach(trajectory, (left, point), step)
+
+    def retreat(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
+        """Go back along a trajectory whose point was not grasped, and grasp the point it left.
+
+        The way back takes `RETREAT_SLOWNESS` times as long, so that its loads are small.
+
+        Parameters
+        ----------
+        trajectory
+            The trajectory that was executed last.
+        step
+            Index of the step, for the recording.
+        """
+        limb = self.points.index(FREE)
+        left, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
+        return self._reach(trajectory.backwards(RETREAT_SLOWNESS), (aimed, left), step)
+
+    def _reach(
+        self, trajectory: Trajectory, points: tuple[int, int], step: int
+    ) -> SimulatedInterval:
+        """Move the free limb from one point to another along a trajectory, and grasp that one."""
+        limb, (left, point) = self.points.index(FREE), points
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[0])
-        allowed = ((self.points[limb],), (), (point,))
-        self._grippers.release(limb)
+        self._plan_step, allowed = step, ((left,), (), (point,))
         self._guidance.start(limb, point)
 
         def enter(phase: int) -> None:
@@ -199,8 +227,7 @@ class Simulation:
         runs, tries = [self._run(trajectory, reference, enter)], 1
         while runs[-1].failure is None:
             runs += self._wait_until_close(trajectory, reference)
-            distance, angle = self.grasp_error(limb, point)
-            captured = can_capture(self.physics, distance, angle)
+            captured = can_capture(self.physics, *self.grasp_error(limb, point))
             sure = captured and (self._guidance.is_close or not self.controller.guided)
             if sure or tries == self.controller.tries or runs[-1].failure is not None:
                 break
@@ -208,10 +235,10 @@ class Simulation:
             runs += self._repeat_approach(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
-        if failure is None and not captured:
-            failure = self._missed_grasp(limb, point, distance, angle)
+        failure = failure or self._grasp_failure(limb, point)
         if failure is not None:
             return SimulatedInterval(recording, peaks, None, failure)
+        distance, angle = self.grasp_error(limb, point)
         self._grippers.grasp(limb, point)
         name = self.grasp_map.ids[point]
         capture = Capture(self.time, step, limb, name, distance, angle, tries)
@@ -298,7 +325,7 @@ class Simulation:
             peaks.append(largest)
             if failed is not None:
                 self._restore(states[failed[0]], failed[1].time)
-                failure = self._with_contact_names(failed[1])
+                failure = with_contact_names(failed[1], self.model, self.data)
             if failed is not None or until():
                 break
         return SimulatedInterval(Recording.join(recordings), Peaks.join(peaks), None, failure)
@@ -356,34 +383,14 @@ class Simulation:
         self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
         mujoco.mj_forward(self.model, self.data)
 
-    def _missed_grasp(self, limb: int, point: int, distance: float, angle: float) -> Failure:
-        """Return the failure of a grasp outside the capture distance or angle."""
-        allowed = self.physics
-        values = {
-            "distance_m": distance, "allowed_distance_m": allowed.capture_distance,
-            "angle_rad": angle, "allowed_angle_rad": allowed.capture_angle,
-        }  # fmt: skip
-        message = (
-            f"limb {limb} missed point {self.grasp_map.ids[point]!r} by {1e3 * distance:.1f} mm "
-            f"and {np.rad2deg(angle):.2f} deg; it grasps within "
-            f"{1e3 * allowed.capture_distance:g} mm and {np.rad2deg(allowed.capture_angle):g} deg"
-        )
-        return Failure(
-            "missed grasp", self.time, self._plan_step, PHASES[-1], limb, message, values
-        )
-
-    def _with_contact_names(self, failure: Failure) -> Failure:
-        """Return a collision failure with the names of the two geoms in contact."""
-        if failure.kind != "collision" or not self.data.ncon:
-            return failure
-        contact = self.data.contact[int(np.argmin(self.data.contact.dist))]
-        names = [self.model.geom(int(geom)).name for geom in contact.geom]
-        robot = next(name for name in names if not name.startswith(BOX))
-        limb = int(robot[4 : robot.index("/")]) if robot.startswith("limb") else -1
-        message = f"{names[0]} and {names[1]} touch, {-1e3 * contact.dist:.2f} mm deep"
-        return replace(
-            failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)}
-        )
+    def _grasp_failure(self, limb: int, point: int) -> Failure | None:
+        """Return why a gripper cannot grasp a point, or None if it can."""
+        error, name = self.grasp_error(limb, point), self.grasp_map.ids[point]
+        found = grasp_failure(self.physics, limb, name, error, point in self.refusing)
+        if found is None:
+            return None
+        kind, message, values = found
+        return Failure(kind, self.time, self._plan_step, PHASES[-1], limb, message, values)
 
 
 def _check_intervals(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:

@@ -321,3 +321,24 @@ def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_gr
     limits = checked_graph.robot.limb.limits
     assert (angles >= limits[:, 0] - 1e-6).all()
     assert (angles <= limits[:, 1] + 1e-6).all()
+
+
+@pytest.mark.parametrize("slowness", [1, 2, 3])
+def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan, slowness):
+    there = step_trajectory(checked_graph, plan, 0, Durations(), period=0.01)
+    back = there.backwards(slowness)
+    assert back.period == pytest.approx(there.period)
+    assert len(back.times) == slowness * (len(there.times) - 1) + 1
+    np.testing.assert_allclose(back.joint_positions[::slowness], there.joint_positions[::-1])
+    np.testing.assert_array_equal(back.grasps[::slowness], there.grasps[::-1])
+    np.testing.assert_array_equal(back.phase[::slowness], 2 - there.phase[::-1])
+    for name, rate in (
+        ("joint_positions", "joint_velocities"),
+        ("joint_velocities", "joint_accelerations"),
+    ):
+        expected = np.gradient(getattr(back, name), back.times, axis=0)[2:-2]
+        found = getattr(back, rate)[2:-2]
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(found, expected, atol=0.02 * scale)
+    expected = np.gradient(back.base_positions, back.times, axis=0)[2:-2]
+    np.testing.assert_allclose(back.base_velocities[2:-2, :3], expected, atol=1e-4)

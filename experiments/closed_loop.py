@@ -1,0 +1,168 @@
+"""Walks through a module with unknown things, with cameras and without, against full knowledge.
+
+    python experiments/closed_loop.py [--tasks 20] [--out results]
+
+Each task has a random start and goal, five unknown boxes in the cabin and ten points that are
+covered by unknown plates. The robot walks with and without its cameras, undisturbed and with all
+disturbances. *In hindsight* is the plan of a robot that knows everything. Writes
+`closed_loop.json` and `closed_loop.md`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from reports import command_line, pair_graph, publish, table
+
+from mlivr_gym import Box, State
+from mlivr_gym.arrays import Array
+from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.walk import ARRIVED, FAILED, STOPPED, walk
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import ShapeError, StanceError
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.stances.pair_graph import PairGraph
+
+TOLERANCE = 0.2
+"""Radius of the goal region [m]."""
+
+BOXES, PLATES = 5, 10
+"""Number of unknown boxes, and of points covered by unknown plates."""
+
+MODES = {
+    "blind, undisturbed": (None, "none"),
+    "cameras, undisturbed": (DepthCamera(), "none"),
+    "cameras, all disturbances": (DepthCamera(), "all"),
+}
+"""Camera and disturbances of each series."""
+
+
+class Task(NamedTuple):
+    """A start, a goal, and what the robot does not know."""
+
+    start: tuple[str, ...]
+    goal: Array
+    unknown: tuple[Box, ...]
+    in_hindsight: int | None
+    """Fewest steps of a robot that knows everything; None if it cannot reach the goal."""
+
+
+def unknown_things(graph: PairGraph, start: State, rng: np.random.Generator) -> tuple[Box, ...]:
+    """Return unknown boxes and plates that do not touch the robot at the start."""
+    grasp_map, found = graph.grasp_map, list[Box]()
+    low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
+    points = rng.permutation([k for k in range(len(grasp_map)) if k not in start.stance]).tolist()
+    while len(found) < BOXES + PLATES:
+        name = f"thing{len(found)}"
+        if len(found) < BOXES:
+            half = rng.uniform(0.08, 0.25, 3)
+            middle = rng.uniform(low + half, high - half)
+        else:
+            point = points.pop()
+            normal = grasp_map.normals[point]
+            half = 0.06 - 0.04 * np.abs(normal)
+            middle = grasp_map.positions[point] + 0.02 * normal
+        box = Box.between(name, "obstacle", middle - half, middle + half)
+        graph.add_obstacles([box])
+        try:
+            graph.check(start)
+            found.append(box)
+        except StanceError:
+            pass
+        graph.remove_obstacles()
+    return tuple(found)
+
+
+def draw_tasks(graph: PairGraph, count: int) -> list[Task]:
+    """Draw tasks whose goal can be reached without the unknown things."""
+    tasks = []
+    for seed in range(count):
+        rng = np.random.default_rng([2026, seed])
+        task = sample_task(graph, rng, TOLERANCE)
+        unknown = unknown_things(graph, task.start, rng)
+        graph.add_obstacles(unknown)
+        plan = Planner(graph).plan(task.start.stance, task.goal, "steps").plan
+        graph.remove_obstacles()
+        steps = None if plan is None else len(plan.steps)
+        tasks.append(Task(graph.ids(task.start.stance), task.goal, unknown, steps))
+    return tasks
+
+
+def measure(graph: PairGraph, tasks: list[Task], mode: str) -> dict[str, Any]:
+    """Walk all tasks in one mode."""
+    camera, disturbances = MODES[mode]
+    setup, rows = Setup.of(disturbances=disturbances), []
+    for seed, task in enumerate(tasks):
+        try:
+            walked = walk(
+                graph, task.start, task.goal.tolist(), unknown=task.unknown, camera=camera,
+                setup=setup, seed=seed, max_steps=60,
+            )  # fmt: skip
+        except ShapeError as error:
+            print(f"{mode}, task {seed}: {error}", flush=True)
+            continue
+        kind = walked.reason.split(":")[0] if walked.outcome == FAILED else ""
+        rows.append(
+            {
+                "outcome": walked.outcome, "failure": kind, "steps": walked.steps,
+                "in_hindsight": task.in_hindsight, "duration": walked.duration,
+                "peak_force": walked.peak_force, "replanning": walked.replanning_times.tolist(),
+            }
+        )  # fmt: skip
+        print(f"{mode}, task {seed}: {walked.outcome}, {walked.reason}", flush=True)
+    return {"walks": rows}
+
+
+def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
+    """Return the table row of a mode."""
+    outcomes = Counter(walked["outcome"] for walked in walks)
+    failures = Counter(walked["failure"] for walked in walks if walked["outcome"] == FAILED)
+    both = [w for w in walks if w["outcome"] == ARRIVED and w["in_hindsight"]]
+    more = sum(w["steps"] for w in both) / max(sum(w["in_hindsight"] for w in both), 1)
+    times = 1e3 * np.array([time for w in walks for time in w["replanning"]] or [np.nan])
+    forces = [w["peak_force"] for w in walks]
+    return [
+        mode, str(len(walks)), str(outcomes[ARRIVED]), str(outcomes[STOPPED]),
+        ", ".join(f"{kind} {count}" for kind, count in failures.items()) or "0",
+        f"{more:.2f}", f"{max(forces):.0f}",
+        f"{np.nanmedian(times):.0f}, {np.nanpercentile(times, 95):.0f}",
+    ]  # fmt: skip
+
+
+HEAD = (
+    "mode | tasks | arrived | stopped | failed | steps over those in hindsight | largest grasp "
+    "force [N] | replanning, median and 95 % [ms]"
+)
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
+    rows = [row_of(mode, found["walks"]) for mode, found in data["modes"].items()]
+    return f"""# Walks through a partly unknown module
+
+Made by `experiments/closed_loop.py`: two limbs on the JEM, random starts and goals, {BOXES} \
+unknown boxes and {PLATES} points under unknown plates in each task. In {data["impossible"]} of \
+{data["tasks"]} tasks no plan exists even for a robot that knows everything. A robot that stopped \
+holds all its points and has no plan among what it has sensed.
+
+{table(HEAD, rows)}"""
+
+
+def main() -> None:
+    """Measure and write results and page."""
+    parser = command_line(__doc__)
+    parser.add_argument("--tasks", type=int, default=20, help="random tasks (default: %(default)s)")
+    args, graph = parser.parse_args(), pair_graph()
+    tasks = draw_tasks(graph, args.tasks)
+    impossible = sum(task.in_hindsight is None for task in tasks)
+    data: dict[str, Any] = {"tasks": len(tasks), "impossible": impossible, "modes": {}}
+    for mode in MODES:
+        data["modes"][mode] = measure(graph, tasks, mode)
+    publish(args.out, "closed_loop", data, markdown)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The command `mlivr-gym walk`: walk in the closed loop through a module that is partly unknown."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from mlivr_gym.cli.arguments import (
+    Add,
+    check_counts,
+    chosen_graph,
+    chosen_task,
+    command,
+    option,
+    refuse_without_effect,
+)
+from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
+from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.progress import Progress
+from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.figures import figure_files
+from mlivr_gym.world.boxes import Box
+
+if TYPE_CHECKING:
+    from mlivr_gym.closed_loop.walk import Event
+
+
+COSTS = ("steps", "base")
+"""Costs of the plans."""
+
+
+def add_command(add: Add) -> None:
+    """Add the command to the command line."""
+    parser = command(
+        add,
+        run,
+        "Walk to a goal in MuJoCo and replan at every grasp. Boxes given with --unknown and points "
+        "given with --refusing are there, but the robot does not know them: it sees boxes with the "
+        "depth cameras of its body, and notices a refused grasp. Boxes given with --box are known.",
+        ("world", "obstacles"),
+    )
+    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
+    option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
+    option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
+    option(parser, "--cost COST", "cost of the plans: steps or base", "steps", choices=COSTS)
+    boxes = {"type": float, "action": "append"}
+    text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
+    option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
+    option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
+    option(parser, "--blind", "switch the cameras off")
+    option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
+    text = "make robot and module differ from the model of the controller"
+    option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
+    option(parser, "--seed N", "seed of disturbances and noise", 1)
+    option(parser, "--out FILE", "write the record of the walk to a JSON file")
+    option(parser, "--picture FILE", "draw the walk to a PNG file and an SVG file of that name")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Walk, describe the walk and write the requested files."""
+    from mlivr_gym.closed_loop.depth_camera import DepthCamera
+    from mlivr_gym.closed_loop.walk import ARRIVED, STOPPED, walk
+    from mlivr_gym.simulation.setup import Setup
+
+    check_counts(args)
+    if args.blind:
+        refuse_without_effect(args, "with --blind", "noise")
+    pictures = figure_files(args.picture) if args.picture is not None else ()
+    check_outputs(args.out, *pictures)
+    with Progress("building the stance graph", quiet=args.quiet):
+        graph = chosen_graph(args)
+        start, goal = chosen_task(graph, args)
+    unknown = [
+        Box.between(f"unknown{k}", "obstacle", box[:3], box[3:])
+        for k, box in enumerate(args.unknown)
+    ]
+    walked = walk(
+        graph, start, goal, args.cost,
+        goal_tolerance=args.tolerance,
+        unknown=unknown,
+        refusing=args.refusing,
+        camera=None if args.blind else DepthCamera(noise=args.noise),
+        setup=Setup.of(disturbances=args.disturbances),
+        seed=args.seed,
+        show=_show,
+    )  # fmt: skip
+    args.result |= walked.to_dict()
+    times = 1e3 * walked.replanning_times
+    print(
+        f"{walked.outcome}: {walked.reason}\n{walked.steps} steps in {walked.duration:.1f} s, "
+        f"at most {walked.peak_force:.0f} N at a grasp"
+        + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
+    )
+    if args.out:
+        write_whole(args.out, json.dumps(walked.to_dict(), indent=1))
+        print(f"record: {args.out}")
+    if pictures and walked.plans:
+        from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure  # imports matplotlib
+
+        plans = [
+            WalkedPlan(
+                replace(plan, world=replace(plan.world, obstacles=(*graph.obstacles, *unknown))),
+                taken,
+            )
+            for plan, taken in walked.plans
+        ]
+        walk_figure(graph.grasp_map, plans, args.picture)
+        print(f"picture: {pictures[0]}, {pictures[1]}")
+    return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(walked.outcome, FAILED)
+
+
+def _show(event: Event) -> None:
+    """Print an event in one line."""
+    values = event.values
+    line = {
+        "sensed": "sees {points} points, {boxes} boxes beside the map",
+        "planned": "plans {steps} steps",
+        "step": "limb {limb} takes {point} in {seconds:.1f} s",
+        "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
+        "end": "{outcome}",
+    }[event.kind]
+    print(f"{event.time:7.1f} s  {line.format(**values)}")

@@ -1,0 +1,142 @@
+"""What the robot believes of the world: its map, what it has seen beside it, and what refused it.
+
+Measured points that no box of the map explains are counted in a grid of cubes. Cubes with enough
+points are obstacles, merged into boxes, and stay so: what was seen lasts. Where the robot is at
+present there is nothing else, so cubes that touch it are left out as long as it is there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.simulation.disturbances import robot_body_ids
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.values import as_triple
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.mesh_boxes import merged_cells
+
+CUBE = 0.05
+"""Edge of the cubes [m]."""
+
+MIN_POINTS = 3
+"""Number of measured points that make a cube an obstacle."""
+
+EXPLAINED_DEVIATIONS = 4.0
+"""Distance from a box of the map within which a point belongs to it, in standard deviations."""
+
+ROUNDING = 1e-4
+"""Distance added to this for the rounding of numbers [m]."""
+
+MARGIN = 0.5
+"""Distance by which the grid extends beyond the cabin [m]."""
+
+SENSED = "sensed"
+"""First part of the ids of boxes that were sensed."""
+
+
+class Belief:
+    """The stance graph of a robot whose map is incomplete, which grows by what is sensed.
+
+    Attributes
+    ----------
+    graph
+        The stance graph, whose obstacles and occupied points are those believed.
+    refused
+        Indices of the points that refused a grasp.
+    """
+
+    def __init__(self, graph: StanceGraph, noise: float) -> None:
+        """Believe in the map and the obstacles of a graph.
+
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        noise
+            Standard deviation of the distance of a measured point [m].
+        """
+        self.graph, self.refused = graph, set[int]()
+        self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
+        cabin = graph.grasp_map.cabin
+        self._origin = cabin[0] - MARGIN
+        shape = np.ceil((cabin[1] - cabin[0] + 2.0 * MARGIN) / CUBE).astype(np.int64)
+        self._counts = np.zeros(shape, dtype=np.int32)
+        self._cubes = np.zeros(shape, dtype=np.bool_)
+        self._known = (*graph.grasp_map.boxes, *graph.obstacles)
+
+    def refuse(self, point: int) -> None:
+        """Remember that a point refused a grasp."""
+        self.refused.add(point)
+        self.graph.occupy([point])
+
+    def add_points(self, points: Array, model: Any, data: Any) -> int:
+        """Take in measured points; return the number of cubes that changed.
+
+        Parameters
+        ----------
+        points
+            Measured points in the module frame [m], shape (k, 3).
+        model, data
+            The simulation, for the present place of the robot.
+        """
+        unexplained = points[~self._explained(points)]
+        cells = np.floor((unexplained - self._origin) / CUBE).astype(np.int64)
+        inside = ((cells >= 0) & (cells < self._counts.shape)).all(axis=1)
+        np.add.at(self._counts, tuple(cells[inside].T), 1)
+        cubes = self._counts >= MIN_POINTS
+        if cubes.any():
+            where = np.argwhere(cubes)
+            centres = self._origin + CUBE * (where + 0.5)
+            margin = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
+            cubes[tuple(where[self._near_robot(centres, margin, model, data)].T)] = False
+        changed = int((cubes != self._cubes).sum())
+        if changed:
+            self._cubes = cubes
+            self._update_obstacles()
+        return changed
+
+    def boxes(self) -> tuple[Box, ...]:
+        """Return the boxes that were sensed."""
+        edge = 0.5 * CUBE
+        return tuple(
+            Box(
+                f"{SENSED}/{k}",
+                "obstacle",
+                as_triple(np.asarray(self._origin + edge * (first + last), dtype=np.float64)),
+                as_triple(np.asarray(edge * (last - first), dtype=np.float64)),
+            )
+            for k, (first, last) in enumerate(merged_cells(self._cubes))
+        )
+
+    def _update_obstacles(self) -> None:
+        """Replace the sensed boxes of the graph."""
+        graph, prefix = self.graph, f"{SENSED}/"
+        graph.remove_obstacles([box.id for box in graph.obstacles if box.id.startswith(prefix)])
+        graph.add_obstacles(self.boxes())
+
+    def _explained(self, points: Array) -> BoolArray:
+        """Return which points, shape (k, 3), lie on or in a known box."""
+        explained = np.zeros(len(points), dtype=np.bool_)
+        for box in self._known:
+            local = (points - np.array(box.centre)) @ np.array(box.rotation)
+            beyond = np.maximum(np.abs(local) - np.array(box.half), 0.0)
+            explained |= (beyond**2).sum(axis=1) <= self._tolerance**2
+        return explained
+
+    def _near_robot(self, points: Array, margin: float, model: Any, data: Any) -> BoolArray:
+        """Return which points, shape (k, 3), lie within `margin` [m] of the robot."""
+        near = np.zeros(len(points), dtype=np.bool_)
+        for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
+            local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+            size = model.geom_size[geom]
+            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
+                away = np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1)
+            else:  # a capsule along its z axis
+                local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
+                away = np.linalg.norm(local, axis=1) - size[0]
+            near |= away <= margin
+        return near

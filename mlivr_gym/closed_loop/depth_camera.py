@@ -1,0 +1,112 @@
+"""Depth cameras on the body, simulated by ray casting, so that no GL library is needed.
+
+One pinhole camera looks out of each face of the body. Together they see all round, except for what
+lies behind the robot's limbs. Rays that hit the robot are left out, as a robot filters its
+own links from a depth image by its joint angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Integer, Kind, Tuples
+from mlivr_gym.simulation.disturbances import robot_body_ids
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameter_set import ParameterSet
+
+FACES = tuple(product(range(3), (1.0, -1.0)))
+"""Axis and sign of the outward normal of each face of the body, in the body frame."""
+
+LENS_OFFSET = 0.01
+"""Distance of a camera from the face of the body out of which it looks [m]."""
+
+
+@dataclass(frozen=True)
+class DepthCamera(ParameterSet):
+    """Parameters of the cameras on the faces of the body.
+
+    Attributes
+    ----------
+    pixels
+        Number of pixels of an image along each side.
+    field_of_view
+        Angle between opposite sides of an image [rad].
+    max_range
+        Largest distance that is measured [m].
+    noise
+        Standard deviation of a distance [m].
+
+    Examples
+    --------
+    >>> DepthCamera(max_range=2.0).rays().shape
+    (6, 2304, 3)
+    """
+
+    pixels: int = 48
+    field_of_view: float = float(np.pi / 2.0)
+    max_range: float = 3.0
+    noise: float = 0.003
+
+    label: ClassVar[str] = "camera"
+    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+        "pixels": Integer(2, 1000),
+        "field_of_view": Tuples((), 1e-3, 3.0, "rad"),
+        "max_range": Tuples((), 1e-3, 1e3, "m"),
+        "noise": Tuples((), 0.0, 1.0, "m"),
+    }
+
+    def rays(self) -> Array:
+        """Return unit vectors of the rays of all cameras in the body frame, shape (6, p^2, 3)."""
+        half = np.tan(0.5 * self.field_of_view)
+        centres = (np.arange(self.pixels) + 0.5) / self.pixels * 2.0 - 1.0
+        u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1)
+        rays = np.empty((6, u.size, 3))
+        for image, (axis, sign) in zip(rays, FACES, strict=True):
+            image[:, axis], image[:, (axis + 1) % 3], image[:, (axis + 2) % 3] = sign, u, v
+        unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+        return unit
+
+    def points(
+        self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec, rng: np.random.Generator
+    ) -> Array:
+        """Return the points that the cameras measure around a simulated robot.
+
+        Parameters
+        ----------
+        model, data
+            The simulation.
+        robot
+            The robot.
+        rng
+            Random numbers for the noise.
+
+        Returns
+        -------
+        Array
+            Positions of surfaces in the module frame [m], shape (k, 3).
+        """
+        base = model.body("base").id
+        rotation = data.xmat[base].reshape(3, 3)
+        own = np.isin(model.geom_bodyid, robot_body_ids(model))
+        found = []
+        for (axis, sign), image in zip(FACES, self.rays(), strict=True):
+            lens = np.zeros(3)
+            lens[axis] = sign * (0.5 * robot.body_edges[axis] + LENS_OFFSET)
+            position, rays = data.xpos[base] + rotation @ lens, image @ rotation.T
+            geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
+            mujoco.mj_multiRay(
+                model, data, position, rays.ravel(), None, True, -1, geom, distance, None,
+                len(rays), self.max_range,
+            )  # fmt: skip
+            hit = (geom >= 0) & (distance <= self.max_range)
+            hit[hit] = ~own[geom[hit]]
+            distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
+            found.append(position + distance[:, None] * rays[hit])
+        return np.concatenate(found)

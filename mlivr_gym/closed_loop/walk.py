@@ -1,0 +1,334 @@
+"""The closed loop: sense, plan, take one step, and so on until the goal is reached.
+
+The robot knows a map and a goal. Boxes that its map lacks, and points that refuse a grasp, exist
+only in the simulation. At every grasp the cameras look round, what they see beside the map becomes
+an obstacle, and the remainder of the walk is planned anew from the branches on which the limbs are.
+A limb that is refused, or misses its point, goes back to where it was and tries once more; then the
+point counts as occupied. If no plan is left in the world that the robot believes in, it stops where
+it is and holds all its points.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arguments import SEED, Called, Of, checked
+from mlivr_gym.arrays import Array
+from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.errors import ShapeError
+from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
+from mlivr_gym.schema import Integer, ListOf, OrNone
+from mlivr_gym.simulation.physical_walk import PhysicalWalk
+from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+from mlivr_gym.values import MAX_PARTS
+from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.grasp_map import STANCE
+
+TRIES = 2
+"""Number of times that a limb reaches for a point before the point counts as occupied."""
+
+ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
+"""Outcomes of a walk. A robot that stopped holds all its points; one that failed does not."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened on a walk.
+
+    Attributes
+    ----------
+    kind
+        `"sensed"`, `"planned"`, `"step"`, `"refused"` or `"end"`.
+    time
+        Simulated time [s].
+    values
+        Numbers and words that belong to it.
+    """
+
+    kind: str
+    time: float
+    values: dict[str, Any]
+
+
+@dataclass
+class ClosedLoopWalk:
+    """The record of a walk.
+
+    Attributes
+    ----------
+    outcome
+        `ARRIVED`, `STOPPED` or `FAILED`.
+    reason
+        Why the walk ended, in one sentence.
+    events
+        What happened, in order.
+    plans
+        Each plan that changed the walk, with the number of its steps that were taken.
+    sensed
+        Boxes that were sensed.
+    refused
+        Ids of the points that count as occupied since they refused a grasp.
+    peak_force
+        Largest force of a grasp [N].
+    duration
+        Simulated time [s].
+    """
+
+    outcome: str = FAILED
+    reason: str = ""
+    events: list[Event] = field(default_factory=list)
+    plans: list[tuple[Plan, int]] = field(default_factory=list)
+    sensed: tuple[Box, ...] = ()
+    refused: tuple[str, ...] = ()
+    peak_force: float = 0.0
+    duration: float = 0.0
+
+    @property
+    def steps(self) -> int:
+        """Number of steps that ended with a grasp."""
+        return sum(event.kind == "step" for event in self.events)
+
+    @property
+    def replanning_times(self) -> Array:
+        """Time of each plan after the first [s]."""
+        planned = [event.values["seconds"] for event in self.events if event.kind == "planned"]
+        return np.array(planned[1:])
+
+    def add_step(self, plan: Plan) -> None:
+        """Record that the first step of a plan was taken; it may continue the plan before it."""
+        if self.plans:
+            last, taken = self.plans[-1]
+            if last.actions[taken:] == plan.actions:
+                self.plans[-1] = last, taken + 1
+                return
+        self.plans.append((plan, 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the record as plain data for JSON."""
+        return {
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "steps": self.steps,
+            "duration": self.duration,
+            "peak_force": self.peak_force,
+            "sensed": [box.to_dict() for box in self.sensed],
+            "refused": list(self.refused),
+            "events": [
+                {"kind": event.kind, "time": event.time} | event.values for event in self.events
+            ],
+        }
+
+
+@checked(
+    {
+        **QUERY,
+        "unknown": ListOf(Of(Box), 0, MAX_PARTS),
+        "refusing": STANCE,
+        "camera": OrNone(Of(DepthCamera)),
+        "setup": OrNone(Of(Setup)),
+        "seed": SEED,
+        "max_steps": Integer(1, 100_000),
+        "show": OrNone(Called()),
+    }
+)
+def walk(
+    graph: StanceGraph,
+    start: Sequence[str | int],
+    goal: Sequence[float],
+    cost: str = "steps",
+    *,
+    goal_tolerance: float = GOAL_TOLERANCE,
+    unknown: Sequence[Box] = (),
+    refusing: Sequence[str | int] = (),
+    camera: DepthCamera | None = None,
+    setup: Setup | None = None,
+    seed: int = 0,
+    max_steps: int = 200,
+    show: Callable[[Event], None] | None = None,
+) -> ClosedLoopWalk:
+    """Walk to a goal in a simulated module of which the robot does not know everything.
+
+    Parameters
+    ----------
+    graph
+        The stance graph of what the robot knows. What it senses is added to it, and taken away
+        again at the end.
+    start
+        Point id (or index) of each limb.
+    goal
+        Goal position x, y, z of the base [m].
+    cost
+        Cost of the plans, `"steps"` or `"base"`.
+    goal_tolerance
+        Radius of the goal region [m].
+    unknown
+        Boxes that the robot does not know.
+    refusing
+        Points, by id or index, that refuse a grasp, which the robot does not know.
+    camera
+        The depth cameras, by default none: the robot is then blind.
+    setup
+        Limits, controller, physics and disturbances.
+    seed
+        Seed of the disturbances and of the noise of the cameras.
+    max_steps
+        Number of attempted steps after which the robot stops.
+    show
+        Called with each event.
+
+    Returns
+    -------
+    ClosedLoopWalk
+        The record of the walk.
+
+    Raises
+    ------
+    MlivrError
+        If an argument cannot be used.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.closed_loop.walk import walk
+    >>> walked = walk(stance_graph(), ("D2a:4", "D2b:4"), (3.0, 0.0, 0.42))
+    >>> walked.outcome
+    'arrived'
+    """
+    before = graph.obstacles, graph.occupied
+    points = frozenset(graph.grasp_map.index(point) for point in refusing)
+    physical = PhysicalWalk(graph, setup or Setup(), (*graph.obstacles, *unknown))
+    planner = Planner(graph)
+    plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
+    loop = _Loop(physical, plan, camera, seed, show)
+    try:
+        loop.run(start, points, max_steps)
+    finally:
+        graph.remove_obstacles()
+        graph.vacate()
+        graph.add_obstacles(before[0])
+        graph.occupy(sorted(before[1]))
+    return loop.record
+
+
+class _Loop:
+    """A walk in progress."""
+
+    def __init__(
+        self,
+        physical: PhysicalWalk,
+        plan_from: Callable[..., PlanningResult],
+        camera: DepthCamera | None,
+        seed: int,
+        show: Callable[[Event], None] | None,
+    ) -> None:
+        self.graph, self.record = physical.graph, ClosedLoopWalk()
+        self._physical, self._plan_from, self._show = physical, plan_from, show
+        self._camera, self._seed = camera, seed
+        self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
+        self._rng = np.random.default_rng([seed, 3])
+        self._tries = dict[int, int]()
+
+    def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
+        """Sense, plan and step until the walk ends."""
+        physical, record, ids = self._physical, self.record, self.graph.grasp_map.ids
+        state = self.graph.state(start)
+        first = self._plan_from(state)  # it chooses the branches of the start
+        if first.plan is None:
+            self._end(STOPPED, first.message)
+            return
+        physical.start(state, first.plan if first.plan.steps else None, self._seed)
+        self._check_start()
+        physical.simulation.refusing = refusing
+        for _ in range(max_steps):
+            if self._camera is not None:
+                self._sense(self._camera)
+            plan = self._plan(physical.state)
+            if plan is None:
+                break
+            if not plan.steps:
+                away = physical.configuration[0] - np.array(plan.query.goal)
+                self._end(ARRIVED, f"the base is {np.linalg.norm(away):.3f} m from the goal")
+                break
+            self._step(plan)
+            if record.reason:
+                break
+        else:
+            self._end(STOPPED, f"no arrival within {max_steps} attempted steps")
+        record.sensed, record.duration = self._belief.boxes(), physical.simulation.time
+        record.refused = tuple(ids[point] for point in sorted(self._belief.refused))
+
+    def _check_start(self) -> None:
+        """Check that nothing touches the robot at the start."""
+        data, model = self._physical.simulation.data, self._physical.simulation.model
+        if data.ncon:
+            names = " and ".join(model.geom(int(geom)).name for geom in data.contact[0].geom)
+            raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
+
+    def _sense(self, camera: DepthCamera) -> None:
+        """Look round, and believe what is seen."""
+        simulation, belief = self._physical.simulation, self._belief
+        points = camera.points(simulation.model, simulation.data, self.graph.robot, self._rng)
+        if belief.add_points(points, simulation.model, simulation.data):
+            self._note("sensed", points=len(points), boxes=len(belief.boxes()))
+
+    def _plan(self, state: State) -> Plan | None:
+        """Plan the remainder of the walk; end the walk if there is no plan."""
+        began = time.perf_counter()
+        result = self._plan_from(state)
+        seconds = time.perf_counter() - began
+        if result.plan is None:
+            self._end(STOPPED, result.message)
+            return None
+        self._note("planned", steps=len(result.plan.steps), seconds=seconds)
+        return result.plan
+
+    def _step(self, plan: Plan) -> None:
+        """Take the first step of a plan, or go back if its point cannot be grasped."""
+        physical, record, (limb, name) = self._physical, self.record, plan.actions[0]
+        point = self.graph.grasp_map.index(name)
+        physical.follow(plan)
+        moves = self.graph.successors(physical.state)
+        masks = tuple(moves.masks[moves.find(limb, point)].tolist())
+        _, executed = physical.step(limb, point, masks)
+        if isinstance(executed, Failure):
+            self._end(STOPPED, executed.message)
+            return
+        record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
+        failure = executed.failure
+        if failure is None:
+            self._note("step", limb=limb, point=name, seconds=physical.measures["step_time"])
+            record.add_step(plan)
+        elif failure.kind in ("missed grasp", "refused grasp"):
+            self._note("refused", limb=limb, point=name, failure=failure.kind)
+            self._tries[point] = self._tries.get(point, 0) + 1
+            back = physical.retreat()
+            if back.failure is not None:
+                self._end(FAILED, f"on the way back, {back.failure.kind}: {back.failure.message}")
+            elif self._tries[point] == TRIES:
+                self._belief.refuse(point)
+        else:
+            self._end(FAILED, f"{failure.kind}: {failure.message}")
+
+    def _note(self, kind: str, **values: Any) -> None:
+        """Record an event."""
+        began = hasattr(self._physical, "simulation")
+        event = Event(kind, self._physical.simulation.time if began else 0.0, values)
+        self.record.events.append(event)
+        if self._show is not None:
+            self._show(event)
+
+    def _end(self, outcome: str, reason: str) -> None:
+        """Record the end of the walk."""
+        self.record.outcome, self.record.reason = outcome, reason
+        self._note("end", outcome=outcome, reason=reason)

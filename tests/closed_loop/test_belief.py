@@ -1,0 +1,82 @@
+"""The robot believes in what it sees beside the map, and in nothing else."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Box, stance_graph
+from mlivr_gym.closed_loop.belief import CUBE, Belief
+from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.simulation.setup import Setup
+
+CAMERA = DepthCamera()
+
+
+@pytest.fixture
+def seen(jem, plan):
+    """A function that looks round several times among unknown boxes and returns the belief."""
+    graph = stance_graph(jem)
+    motion, points = plan.motion, [jem.index(point) for point in plan.stances[0]]
+
+    def look(*unknown, times=3):
+        simulation = Setup().simulation(jem, graph.robot, unknown)
+        simulation.reset(
+            motion.base_positions[0], motion.base_quaternions[0], motion.joint_positions[0], points
+        )
+        belief, rng = Belief(graph, CAMERA.noise), np.random.default_rng(5)
+        for _ in range(times):
+            found = CAMERA.points(simulation.model, simulation.data, graph.robot, rng)
+            belief.add_points(found, simulation.model, simulation.data)
+        return belief
+
+    yield look
+    graph.remove_obstacles()
+
+
+def gaps(points, box):
+    """Distances of points from a box."""
+    beyond = np.abs(points - np.array(box.centre)) - np.array(box.half)
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+
+
+def test_a_module_as_the_map_has_it_shows_nothing(seen):
+    belief = seen()
+    assert belief.boxes() == belief.graph.obstacles == ()
+
+
+def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, plan):
+    wall = Box.between("wall", "obstacle", (3.2, -1.0, -0.9), (3.5, 1.0, 0.3))
+    belief = seen(wall)
+    boxes = belief.boxes()
+    assert boxes == belief.graph.obstacles
+    for box in boxes:
+        low, high = box.bounds
+        corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
+        # A cube holds a measured point, which is noise away from the box at most.
+        assert gaps(corners, wall).max() <= np.sqrt(3.0) * CUBE + 5.0 * CAMERA.noise
+    here = plan.motion.base_positions[0]
+    face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
+    covered = np.min([gaps(face, box) for box in boxes], axis=0)
+    assert here[0] < 3.2
+    assert np.median(covered) < CUBE
+    assert covered.max() < 3.0 * CUBE
+
+
+def test_where_the_robot_is_there_is_nothing_else(seen, plan, jem, checked_graph):
+    state = checked_graph.state(plan.stances[0])
+    rotation = checked_graph.posture_of(state).base_rotation[0]
+    side = 0.5 * checked_graph.robot.body_edges[1] + 0.03  # the clearance is 0.02 m
+    for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0)):
+        shift = np.zeros(3)
+        shift[axis] = sign * (side + 0.1)
+        centre = plan.motion.base_positions[0] + rotation @ shift
+        close = Box("close", "obstacle", tuple(centre), (0.1, 0.1, 0.1), Box.rows(rotation))
+        graph = seen(close).graph
+        assert graph.obstacles
+        assert graph.state(plan.stances[0]).stance == tuple(jem.index(p) for p in plan.stances[0])
+
+
+def test_a_point_that_refused_is_occupied(seen, jem):
+    belief = seen()
+    belief.refuse(7)
+    assert belief.refused == set(belief.graph.occupied) == {7}
+    belief.graph.vacate()

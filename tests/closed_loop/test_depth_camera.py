@@ -1,0 +1,87 @@
+"""Measured points lie where rays meet boxes and nothing of the robot is seen."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Box
+from mlivr_gym.closed_loop.depth_camera import FACES, LENS_OFFSET, DepthCamera
+from mlivr_gym.errors import SettingError
+from mlivr_gym.simulation.setup import Setup
+
+WALL = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
+
+
+@pytest.fixture(scope="module")
+def simulation(checked_graph, plan):
+    simulation = Setup().simulation(checked_graph.grasp_map, checked_graph.robot, [WALL])
+    motion = plan.motion
+    points = [checked_graph.grasp_map.index(point) for point in plan.stances[0]]
+    simulation.reset(
+        motion.base_positions[0], motion.base_quaternions[0], motion.joint_positions[0], points
+    )
+    return simulation
+
+
+def first_hit(origin, direction, boxes):
+    """Distance along a ray to the nearest box, by slabs (Kay and Kajiya 1986)."""
+    nearest = np.inf
+    for box in boxes:
+        rotation = np.array(box.rotation)
+        o, d = (origin - np.array(box.centre)) @ rotation, direction @ rotation
+        with np.errstate(divide="ignore"):
+            slabs = np.sort([(-np.array(box.half) - o) / d, (np.array(box.half) - o) / d], axis=0)
+        enter, leave = slabs[0].max(), slabs[1].min()
+        if enter <= leave and enter > 0.0:
+            nearest = min(nearest, enter)
+    return nearest
+
+
+def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
+    camera, robot = DepthCamera(pixels=9, noise=0.0), checked_graph.robot
+    points = camera.points(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    base = simulation.data.body("base")
+    rotation = base.xmat.reshape(3, 3)
+    boxes, expected = [*checked_graph.grasp_map.boxes, WALL], []
+    for (axis, sign), image in zip(FACES, camera.rays(), strict=True):
+        lens = np.zeros(3)
+        lens[axis] = sign * (0.5 * robot.body_edges[axis] + LENS_OFFSET)
+        origin = base.xpos + rotation @ lens
+        for ray in image:
+            distance = first_hit(origin, rotation @ ray, boxes)
+            if distance <= camera.max_range:
+                expected.append(origin + distance * (rotation @ ray))
+    expected = np.array(expected)
+    away = np.linalg.norm(points[:, None] - expected, axis=2)
+    assert away.min(axis=1).max() < 1e-9  # each point is a first hit
+    hidden = len(expected) - len(points)  # lies behind the limbs, on two of six faces
+    assert 0 < hidden < 0.5 * len(expected)
+
+
+def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_graph):
+    robot = checked_graph.robot
+    one = DepthCamera(noise=0.0)
+    exact = one.points(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    noisy = DepthCamera(noise=0.01).points(
+        simulation.model, simulation.data, robot, np.random.default_rng(0)
+    )
+    error = np.linalg.norm(noisy - exact, axis=1)
+    assert np.sqrt((error**2).mean()) == pytest.approx(0.01, rel=0.05)
+
+
+def test_the_six_images_cover_all_directions_once():
+    rays = DepthCamera(pixels=40).rays().reshape(-1, 3)
+    assert np.linalg.norm(rays, axis=1) == pytest.approx(np.ones(len(rays)))
+    rng = np.random.default_rng(1)
+    drawn = rng.normal(size=(500, 3))
+    drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
+    nearest = np.arccos(np.clip(drawn @ rays.T, -1.0, 1.0)).min(axis=1)
+    assert nearest.max() < 0.75 * (0.5 * np.pi / 40) * np.sqrt(2.0) * 1.5
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [({"pixels": 1}, "pixels"), ({"noise": -1.0}, "noise"), ({"max_range": np.nan}, "max_range")],
+)
+def test_wrong_parameters_are_named(given, named):
+    with pytest.raises(SettingError, match=named):
+        DepthCamera(**given)
