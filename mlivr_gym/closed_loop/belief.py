@@ -92,7 +92,7 @@ class Belief:
             where = np.argwhere(cubes)
             centres = self._origin + CUBE * (where + 0.5)
             margin = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
-            cubes[tuple(where[self._near_robot(centres, margin, model, data)].T)] = False
+            cubes[tuple(where[self._close_to_robot(centres, margin, model, data)].T)] = False
         changed = int((cubes != self._cubes).sum())
         if changed:
             self._cubes = cubes
@@ -123,20 +123,22 @@ class Belief:
         explained = np.zeros(len(points), dtype=np.bool_)
         for box in self._known:
             local = (points - np.array(box.centre)) @ np.array(box.rotation)
-            beyond = np.maximum(np.abs(local) - np.array(box.half), 0.0)
-            explained |= (beyond**2).sum(axis=1) <= self._tolerance**2
+            excess = np.maximum(np.abs(local) - np.array(box.half), 0.0)
+            explained |= (excess**2).sum(axis=1) <= self._tolerance**2
         return explained
 
-    def _near_robot(self, points: Array, margin: float, model: Any, data: Any) -> BoolArray:
+    def _close_to_robot(self, points: Array, margin: float, model: Any, data: Any) -> BoolArray:
         """Return which points, shape (k, 3), lie within `margin` [m] of the robot."""
-        near = np.zeros(len(points), dtype=np.bool_)
+        close = np.zeros(len(points), dtype=np.bool_)
         for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
             local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
             size = model.geom_size[geom]
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
+                # Checks against boxes take the body for capsules that contain it.
                 away = np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1)
+                away -= (np.sqrt(2.0) - 1.0) * float(size.max())
             else:  # a capsule along its z axis
                 local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
                 away = np.linalg.norm(local, axis=1) - size[0]
-            near |= away <= margin
-        return near
+            close |= away <= margin
+        return close

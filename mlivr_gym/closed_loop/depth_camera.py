@@ -94,7 +94,7 @@ class DepthCamera(ParameterSet):
         """
         base = model.body("base").id
         rotation = data.xmat[base].reshape(3, 3)
-        own = np.isin(model.geom_bodyid, robot_body_ids(model))
+        of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
         found = []
         for (axis, sign), image in zip(FACES, self.rays(), strict=True):
             lens = np.zeros(3)
@@ -106,7 +106,7 @@ class DepthCamera(ParameterSet):
                 len(rays), self.max_range,
             )  # fmt: skip
             hit = (geom >= 0) & (distance <= self.max_range)
-            hit[hit] = ~own[geom[hit]]
+            hit[hit] = ~of_robot[geom[hit]]
             distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
             found.append(position + distance[:, None] * rays[hit])
         return np.concatenate(found)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import SEED, Called, Of, checked
+from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
@@ -133,13 +133,13 @@ class ClosedLoopWalk:
 @checked(
     {
         **QUERY,
-        "unknown": ListOf(Of(Box), 0, MAX_PARTS),
+        "unknown": ListOf(InstanceOf(Box), 0, MAX_PARTS),
         "refusing": STANCE,
-        "camera": OrNone(Of(DepthCamera)),
-        "setup": OrNone(Of(Setup)),
+        "camera": OrNone(InstanceOf(DepthCamera)),
+        "setup": OrNone(InstanceOf(Setup)),
         "seed": SEED,
         "max_steps": Integer(1, 100_000),
-        "show": OrNone(Called()),
+        "show": OrNone(Function()),
     }
 )
 def walk(

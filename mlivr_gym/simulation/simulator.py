@@ -190,9 +190,9 @@ class Simulation:
             If the trajectory has another time grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
-        left = self.points[limb]
+        origin = self.points[limb]
         self._grippers.release(limb)
-        return self._reach(trajectory, (left, point), step)
+        return self._reach(trajectory, (origin, point), step)
 
     def retreat(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
         """Go back along a trajectory whose point was not grasped, and grasp the point it left.
@@ -207,18 +207,16 @@ class Simulation:
             Index of the step, for the recording.
         """
         limb = self.points.index(FREE)
-        left, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
-        return self._reach(trajectory.backwards(RETREAT_SLOWNESS), (aimed, left), step)
+        origin, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
+        return self._reach(trajectory.backwards(RETREAT_SLOWNESS), (aimed, origin), step)
 
-    def _reach(
-        self, trajectory: Trajectory, points: tuple[int, int], step: int
-    ) -> SimulatedInterval:
+    def _reach(self, trajectory: Trajectory, ends: tuple[int, int], step: int) -> SimulatedInterval:
         """Move the free limb from one point to another along a trajectory, and grasp that one."""
-        limb, (left, point) = self.points.index(FREE), points
+        limb, (origin, point) = self.points.index(FREE), ends
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.rebase:
             self._joints.rebase(reference.positions[0])
-        self._plan_step, allowed = step, ((left,), (), (point,))
+        self._plan_step, allowed = step, ((origin,), (), (point,))
         self._guidance.start(limb, point)
 
         def enter(phase: int) -> None:
