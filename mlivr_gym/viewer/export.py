@@ -37,7 +37,7 @@ def write_html(
 
     The page loads nothing from elsewhere. An execution is played at a speed at which a step takes
     `STEP_TIME` on average, like a step of a plan. `capsules` draws the collision shapes in place of
-    visual meshes.
+    visual meshes, as for more than two limbs, whose meshes would need most of `MAX_BYTES`.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def write_html(
     """
     page = Page("127.0.0.1", 0, "mlivr-gym")
     try:
-        content = _html_of_plan(page, graph, plan, recording, capsules)
+        content = _html_of_plan(page, graph, plan, recording, capsules or graph.limbs > 2)
     finally:
         page.close()
     write_whole(path, content)
