@@ -86,16 +86,6 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
     assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
 
 
-def test_times_are_those_of_the_first_action_and_of_an_action_on_average(env, monkeypatch):
-    """By a clock that goes on by a second each time it is read."""
-    clock = iter(range(10**6))
-    monkeypatch.setattr("mlivr_gym.agents.evaluation.time.perf_counter", lambda: next(clock))
-    result = evaluate(env, RandomPolicy(3), 6, max_steps=5)
-    assert result.steps.max() > 1
-    assert (result.first_decision == 2.0).all()  # after the reset, before and after the policy
-    assert (result.decision == 1.0).all()
-
-
 def test_tasks_are_evaluated_with_their_points_occupied(table_env):
     planner = Planner(table_env.graph)
     for seed in range(20):

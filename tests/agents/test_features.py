@@ -12,12 +12,10 @@ from mlivr_gym.agents.features import (
     ONWARD_ARRIVALS,
     ONWARD_REACH,
     PointObservation,
-    TableFeatures,
     env_features,
     reach_of_points,
 )
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.stances.moves import GraphMoves
 
 
 def test_point_observation_is_an_environment(env):
@@ -51,22 +49,6 @@ def test_features_are_positions_seen_from_the_robot(env):
         np.testing.assert_allclose(
             rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5
         )
-
-
-def test_features_from_tables_are_those_of_the_environment(env):
-    features, moves = TableFeatures(env), env.table_moves()
-    for seed in range(4):
-        env.reset(seed=seed)
-        s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
-        batch = features(
-            moves.tables,
-            s,
-            np.array([env.state.masks]),
-            env.goal[None],
-            reach_of_points(env.graph, env.goal, env.goal_tolerance)[None],
-        )
-        for name, rows in env_features(env).items():
-            np.testing.assert_array_equal(batch[name], rows)
 
 
 def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
@@ -149,24 +131,3 @@ def test_features_tell_points_that_are_taken_and_their_risk(small_map):
     assert np.flatnonzero(points[:, 6] == 0.0).tolist() == [3, 8]
     assert (np.delete(points[:, 6], [3, 8]) == 1.0).all()
     np.testing.assert_allclose(points[:, 7], risk, atol=1e-6)
-
-
-def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
-    """From states of walks among racks, where some limbs that hold cannot depart."""
-    env = MlivrEnv(map=small_map, precompute=True)
-    rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
-    for seed in range(10):
-        env.reset(seed=seed)
-        for _ in range(6):
-            steps = env.moves.successors(env.state)
-            ours = env.table_moves().releasable_after(env.state, steps)
-            np.testing.assert_array_equal(ours, graph_moves.releasable_after(env.state, steps))
-            for k, (limb, point) in enumerate(
-                zip(steps.limb.tolist(), steps.point.tolist(), strict=True)
-            ):
-                after = env.moves.take(env.state, limb * len(env.graph.grasp_map) + point)
-                lets_go = env.graph.successors(after).limb != limb
-                assert ours[k] or not lets_go.any()
-            differ += not ours.all()
-            env.step(int(rng.choice(np.flatnonzero(env.action_masks()))))
-    assert differ > 0

@@ -36,34 +36,6 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
     np.testing.assert_allclose(values, values[0], atol=1e-4)
 
 
-def test_points_far_from_the_robot_and_from_its_way_do_not_count(env, policy):
-    """In the means of the summary, which weigh points by their distance; near ones do."""
-    env.reset(seed=1)
-    seen = as_tensors(policy, env_features(env))
-    away = seen["points"][0, :, :3].norm(dim=1)
-    kinds, network = {"far": 40.0, "near": float(away.min())}, policy.mlp_extractor
-    nearest = int(away.argmin())
-    with torch.no_grad():
-        for kind, distance in kinds.items():
-            point = seen["points"][:, nearest : nearest + 1].clone()
-            if kind == "far":
-                point[..., :3] *= distance / point[..., :3].norm()
-            limbs = torch.zeros_like(seen["limbs"][:, :, :1])
-            more = {
-                "points": torch.cat([seen["points"], point], dim=1),
-                "limbs": torch.cat([seen["limbs"], limbs], dim=2),
-                "goal": seen["goal"],
-            }
-            ours, theirs = (
-                network.summarise(rows, network.codes(rows))[0] for rows in (seen, more)
-            )
-            size = ours.shape[1] // 4
-            means = torch.cat([ours[:, :size], ours[:, 2 * size : 3 * size]], dim=1)
-            others = torch.cat([theirs[:, :size], theirs[:, 2 * size : 3 * size]], dim=1)
-            same = torch.allclose(means, others, atol=1e-5)
-            assert same == (kind == "far")
-
-
 @pytest.mark.parametrize("network", ["pointer", "mlp"])
 def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_path):
     """As in stable-baselines3: single environments in processes, model saved and loaded by it."""

@@ -35,16 +35,6 @@ def test_an_interruption_stays_one_whatever_a_library_makes_of_it():
         raise RuntimeError
 
 
-def test_the_handler_is_put_back():
-    before = signal.getsignal(signal.SIGINT)
-    with handle_interrupts():
-        assert signal.getsignal(signal.SIGINT) is not before
-    assert signal.getsignal(signal.SIGINT) is before
-    assert not [
-        thread for thread in threading.enumerate() if thread.daemon and "_watch" in thread.name
-    ]
-
-
 def test_other_threads_and_ignored_signals_are_left_alone():
     def inside():
         with handle_interrupts():

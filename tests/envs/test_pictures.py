@@ -49,7 +49,7 @@ def changes(pictures):
     return np.abs(np.diff(film, axis=0)).mean(axis=(1, 2, 3))
 
 
-@pytest.mark.parametrize("settings", [{}, {"collisions": False}, {"robot": "mlivr3"}])
+@pytest.mark.parametrize("settings", [{}, {"robot": "mlivr3"}])
 def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     """MuJoCo says where the grippers are, in all 25 configurations of each of four actions."""
     environment = gymnasium.make("MLIVR-JEM-v0", **settings)

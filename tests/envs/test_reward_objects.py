@@ -112,15 +112,6 @@ def test_rewards_are_asked_about_steps_only(small_map):
     assert len(reward.outcomes) == asked
 
 
-@pytest.mark.parametrize(("name", "reward"), [("steps", StepReward()), ("base", BaseReward())])
-def test_names_are_short_for_the_objects(small_map, name, reward):
-    by_name, by_object = (paired_steps(*worlds(small_map, given)) for given in (name, reward))
-    for ours, theirs in zip(by_name, by_object, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_allclose(*by_name, rtol=0.0, atol=0.0)
-    assert MlivrEnv(map=small_map, collisions=False, reward=name).reward.reward == reward
-
-
 @pytest.mark.parametrize("given", ["steps", "base", StepReward(), BaseReward()])
 def test_json_keeps_the_reward(small_map, given):
     made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)

@@ -17,15 +17,6 @@ def test_numbers_are_those_of_the_model(bound):
     assert ours == [other.below(bound) for _ in range(2000)]
 
 
-def test_numbers_are_even():
-    stream = Stream.of_seed(0)
-    counts = np.bincount([stream.integers(20) for _ in range(20_000)], minlength=20)
-    assert chisquare(counts).pvalue > 1e-3
-    numbers = [stream.random() for _ in range(20_000)]
-    assert np.mean(numbers) == pytest.approx(0.5, abs=0.01)
-    assert 0.0 <= min(numbers) < 0.001 < 0.999 < max(numbers) < 1.0
-
-
 def test_a_choice_has_no_value_twice_and_every_order():
     stream = Stream.of_seed(1)
     drawn = [tuple(stream.choice([4, 5, 6], 2, replace=False)) for _ in range(3000)]

@@ -21,13 +21,6 @@ def test_start_and_goal_are_drawn_such_that_a_plan_joins_them(env):
     assert len(starts) > 20
 
 
-def test_goal_alone_or_start_alone_may_be_given(env):
-    _, info = env.reset(seed=0, options={"start": ("D1a:4", "D1b:4")})
-    assert info["stance"] == ("D1a:4", "D1b:4")
-    env.reset(seed=0, options={"goal": (6.0, 0.0, 0.42)})
-    np.testing.assert_array_equal(env.goal, [6.0, 0.0, 0.42])
-
-
 class Fed(SplitMix):
     """Used like a generator."""
 

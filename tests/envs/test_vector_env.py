@@ -30,60 +30,6 @@ def same(ours, theirs):
     return all(np.array_equal(ours[name], theirs[name]) for name in theirs)
 
 
-@pytest.mark.parametrize(("reward", "collisions"), [("steps", True), ("base", False)])
-def test_vector_environment_equals_single_environments(small_map, reward, collisions):
-    """Step by step on random walks with some impossible actions: all that a step returns."""
-    options = {
-        "map": small_map,
-        "collisions": collisions,
-        "reward": reward,
-        "success_bonus": 3.0,
-        "shaping": True,
-    }
-    copies = MlivrVectorEnv(4, 12, **options)
-    observations, infos = copies.reset(seed=1)
-    singles = [MlivrEnv(**options) for _ in range(4)]
-    for env in singles[1:]:
-        env.graph = singles[0].graph  # what one has found out the others need not
-    rng = np.random.default_rng(0)
-    compared = 0
-    for env, start, goal in zip(singles, observations["stance"], copies.goals, strict=True):
-        env.reset(options={"start": start.tolist(), "goal": goal})
-    over = np.zeros(4, dtype=bool)
-    for _ in range(60):
-        actions = (rng.random(infos["action_mask"].shape) * infos["action_mask"]).argmax(axis=1)
-        actions[rng.random(4) < 0.1] = 0
-        observations, rewards, ended, cut, infos = copies.step(actions)
-        for k, env in enumerate(singles):
-            if over[k]:
-                _, info = env.reset(
-                    options={"start": observations["stance"][k].tolist(), "goal": copies.goals[k]}
-                )
-                assert rewards[k] == 0.0
-                assert infos["steps"][k] == 0
-                assert not ended[k]
-                assert not cut[k]
-                continue
-            observation, reward, terminated, _, info = env.step(int(actions[k]))
-            assert same({name: rows[k] for name, rows in observations.items()}, observation)
-            assert rewards[k] == reward
-            assert ended[k] == terminated
-            assert cut[k] == (info["steps"] >= 12)
-            for name in ("action_mask", "limb_manipulability", "base_position"):
-                np.testing.assert_array_equal(infos[name][k], info[name])
-            for name in (
-                "base_translation",
-                "steps",
-                "base_manipulability",
-                "is_success",
-                "invalid_action",
-            ):
-                assert infos[name][k] == info[name]
-            compared += 1
-        over = ended | cut
-    assert compared > 150
-
-
 def test_tables_give_the_steps_of_the_graph(single, exact):
     """The environment from tables and the one that asks the graph go alike."""
     rng = np.random.default_rng(2)

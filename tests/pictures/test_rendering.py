@@ -38,16 +38,6 @@ def test_obstacles_are_drawn_where_they_are_and_only_while_they_are_there(painte
     np.testing.assert_array_equal(painter.render(), empty)
 
 
-def test_the_scene_is_built_anew_only_for_other_obstacles(painter):
-    painter.render()
-    before = painter.viewer.scene
-    painter.graph.occupy(["D5a:0"])
-    painter.render()
-    painter.graph.vacate()
-    painter.render()
-    assert painter.viewer.scene is before
-
-
 def test_the_window_shows_the_present_obstacles(monkeypatch):
     """MuJoCo's viewer stands in for the screen: what it is given must hold the boxes."""
     mujoco_viewer = pytest.importorskip("mujoco.viewer")

@@ -9,7 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import stance_graph
-from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
@@ -251,46 +250,16 @@ def test_a_grasp_that_fails_leaves_the_robot_in_the_given_pose(pose):
     np.testing.assert_allclose(info["base_position"], pose[:3])
 
 
-@pytest.mark.parametrize("make", [ExpertPolicy, lambda: planner_policy("steps")])
-def test_policies_walk_from_a_given_pose_in_the_fewest_steps(small_map, make):
-    env = gymnasium.make("MLIVR-JEM-v0", map=small_map, precompute=True).unwrapped
-    graph = env.graph
-    rng, done = np.random.default_rng(0), 0
-    for s in rng.integers(0, len(graph), 20):
-        stance, goal = (
-            graph.ids(graph.points[s].tolist()),
-            graph.base_in_world[rng.integers(len(graph))],
-        )
-        pose = moved_pose(graph, stance, (0.0, 0.02, 0.02))
-        plan = Planner(graph).plan(stance, goal, "steps", start_pose=pose).plan
-        if plan is None or not plan.steps:
-            continue
-        policy, ended = make(), False
-        observation, info = env.reset(
-            seed=0, options={"start": stance, "start_pose": pose, "goal": goal}
-        )
-        while not ended and env.steps < 30:
-            action = policy.act(env, observation, env.action_masks())
-            observation, _, ended, _, info = env.step(action)
-        assert info["is_success"]
-        assert info["steps"] == len(plan.steps)
-        done += 1
-    assert done > 3
-
-
 def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose, from_pose):
     graph, plan = checked_graph, from_pose
     joints = plan.motion.joint_positions[0]
     env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
-    for options in (
-        {"plan": plan},
-        {"start": START, "start_pose": pose, "start_joints": joints, "goal": GOAL},
-    ):
-        _, info = env.reset(seed=0, options=options)
-        np.testing.assert_allclose(info["base_position"], pose[:3], atol=1e-9)
-        limb, point = plan.actions[0]
-        _, _, _, _, info = env.step(limb * len(graph.grasp_map) + graph.grasp_map.index(point))
-        assert info["failure"] is None
+    options = {"start": START, "start_pose": pose, "start_joints": joints, "goal": GOAL}
+    _, info = env.reset(seed=0, options=options)
+    np.testing.assert_allclose(info["base_position"], pose[:3], atol=1e-9)
+    limb, point = plan.actions[0]
+    _, _, _, _, info = env.step(limb * len(graph.grasp_map) + graph.grasp_map.index(point))
+    assert info["failure"] is None
 
 
 def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, pose, from_pose):

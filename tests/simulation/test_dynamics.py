@@ -124,8 +124,6 @@ def test_arms_of_the_maker_have_the_makers_masses(jem, name, links, base):
         simulation = Simulation(jem, robot)
         assert simulation.mass == pytest.approx(20.0 + 2 * (links + base + 0.5))
     assert robot_spec(by_name.to_dict()) == by_name
-    if name == "ur10e":  # three fifths of a UR3e's reach hold no two points of the module
-        MlivrEnv(by_lengths, dynamics="mujoco", collisions=False).reset(seed=0)
 
 
 def test_figures_of_a_robot_file_are_simulated(jem):

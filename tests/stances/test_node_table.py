@@ -218,20 +218,6 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
     assert fewer > 2
 
 
-def test_a_bit_tells_its_pair(table):
-    ends = {}
-    for support, (begin, end) in enumerate(itertools.pairwise(table.start.tolist())):
-        for k, m in itertools.product(range(begin, end), repeat=2):
-            bit = int(table.offset[support]) + (k - begin) * (end - begin) + m - begin
-            ends[bit] = tuple(divmod(int(table.members[x]), table.limbs) for x in (k, m))
-    bits = np.array(sorted(ends))
-    assert bits.tolist() == list(range(int(table.offset[-1])))
-    one, other, back = edge_ends(table, bits)
-    found = zip(zip(*one, strict=True), zip(*other, strict=True), strict=True)
-    assert list(found) == [ends[bit] for bit in bits.tolist()]
-    assert [ends[bit] for bit in back.tolist()] == [ends[bit][::-1] for bit in bits.tolist()]
-
-
 def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
     blank = table._replace(bits=np.zeros_like(table.bits))
     again = spread(blank, gather(table))

@@ -2,11 +2,9 @@
 
 import urllib.request
 
-import numpy as np
 import pytest
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.viewer.solids import box_mesh
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
@@ -17,14 +15,6 @@ def test_it_is_served_where_it_says(page):
     assert page.address.startswith("http://127.0.0.1:")
     with urllib.request.urlopen(page.address) as answer:
         assert b"<html" in answer.read(200)
-
-
-def test_pages_that_open_look_at_the_target(page):
-    """By the names of the library's own camera, which an assignment to another would not tell."""
-    page.set_camera(np.array([3.0, -7.0, 0.5]), np.array([3.0, 0.0, 0.0]))
-    camera = page.server.initial_camera
-    np.testing.assert_array_equal(camera.position, [3.0, -7.0, 0.5])
-    np.testing.assert_array_equal(camera.look_at, [3.0, 0.0, 0.0])
 
 
 def test_another_page_takes_the_next_port(page):
@@ -42,26 +32,3 @@ def test_a_host_that_is_not_there_is_refused():
 def test_nothing_is_printed(capsys):
     Page("127.0.0.1", 0, "quiet").close()
     assert capsys.readouterr().out == ""
-
-
-def test_what_is_removed_takes_along_what_is_below(page):
-    box = box_mesh((1.0, 1.0, 1.0))
-    page.frame("a")
-    page.mesh("a/b", box, (1.0, 0.0, 0.0, 1.0))
-    page.mesh("ab", box, (1.0, 0.0, 0.0, 0.5))
-    page.remove("a")
-    assert ("a" in page, "a/b" in page, "ab" in page) == (False, False, True)
-    page.remove("a")
-    page.mesh("handles/a", box, (1.0, 0.0, 0.0, 1.0))
-    handle = page.nodes["handles/a"]
-    page.remove("handles")
-    assert "handles/a" not in page
-    assert handle._impl.removed  # from the scene, too
-
-
-def test_nobody_is_called_for_values_that_the_viewer_sets(page):
-    called = []
-    page.item("time", page.gui.add_slider("time", 0.0, 10.0, 0.1, 0.0), called.append)
-    page.items["time"].value = 4.0
-    assert called == []
-    assert page.items["time"].value == 4.0
