@@ -165,7 +165,7 @@ def reach_of_points(
         none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
         none[..., :DEPTH] = away[None, :, None]
         return none
-    held = (graph.mask != 0).all(axis=1) if held is None else held
+    held = (graph.branch_sets != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_REACH)
     lost = ~held[graph.rows]
@@ -271,7 +271,7 @@ class TableFeatures:
         self,
         tables: StepTables,
         stances: IntArray,
-        masks: IntArray,
+        branch_sets: IntArray,
         goals: Array,
         reach: Array,
         free: BoolArray | None = None,
@@ -284,8 +284,8 @@ class TableFeatures:
             Tables of all steps, for all points of the map.
         stances
             Stance indices, shape (k,).
-        masks
-            Branch masks of both limbs, shape (k, 2).
+        branch_sets
+            Branch sets of both limbs, shape (k, 2).
         goals
             Goal positions [m], shape (k, 3).
         reach
@@ -296,13 +296,13 @@ class TableFeatures:
         k, m = len(stances), len(self.grasp_map)
         legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
         releasable_after = np.zeros((k, 2, m), dtype=np.int8)
-        legal_positions(stances, masks, tables, legal, after, releasable_after)
+        legal_positions(stances, branch_sets, tables, legal, after, releasable_after)
         free = np.broadcast_to(np.True_ if free is None else free, (k, m))
         legal &= free[:, None]
         onward = np.zeros((k, 2, m, 2 * DEPTH + 2))
         onward[..., : DEPTH + 1] = MAX_REACH
         ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
-        onward_of_actions(stances, masks, tables, ahead, onward)
+        onward_of_actions(stances, branch_sets, tables, ahead, onward)
         states = StateBatch(
             tables.base_in_world[stances],
             self.rotation[stances],

@@ -39,8 +39,8 @@ class Samples(NamedTuple):
 
     stances: NDArray[Any]
     """Stance indices, shape (k,)."""
-    masks: NDArray[Any]
-    """Branch masks of both limbs, shape (k, 2)."""
+    branch_sets: NDArray[Any]
+    """Branch sets of both limbs, shape (k, 2)."""
     goals: NDArray[Any]
     """Goal positions [m], shape (k, 3)."""
     which: NDArray[Any]
@@ -184,12 +184,12 @@ class Imitation:
         values = TableValues(tables, stances_at(tables, goals, env.goal_tolerance), cost, risk)
         which, stances = self._draw_starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._reach)))
-        held = (tables.masks != 0).all(axis=1)
+        held = (tables.branch_sets != 0).all(axis=1)
         graph, tolerance = self.moves.graph, env.goal_tolerance
         reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
         self._reach.append(np.array(reach, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        walks = CopyStates(stances, tables.masks[stances].astype(np.int64), streams)
+        walks = CopyStates(stances, tables.branch_sets[stances].astype(np.int64), streams)
         rows, count = [_no_samples(self.m)], len(stances)
         for _ in range(self.settings.longest):
             if not len(walks.stances):
@@ -207,11 +207,11 @@ class Imitation:
         """Return goals that can be reached on a layout and are not held out [m], shape (g, 3)."""
         env, count = self.env, self.settings.goals
         goals = np.zeros((count, 3))
-        stances, masks = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
+        stances, branch_sets = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
         every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
         tasks = env.tasks if isinstance(env.tasks, WalkTasks) else WalkTasks()
         distribution = TaskDistribution.of(grasp_map, env.goal_tolerance, tasks)
-        copies = CopyStates(stances, masks, self._streams)
+        copies = CopyStates(stances, branch_sets, self._streams)
         missing = draw_tasks(every, ~every, distribution, tables, copies, goals)
         if missing >= 0:
             return np.zeros((0, 3))
@@ -231,13 +231,13 @@ class Imitation:
         tuple[Samples, BoolArray, BoolArray]
             The samples, and whether each action is possible and optimal, both of shape (k, 2 m).
         """
-        costs = layout.values.of_actions(walks.stances, walks.masks, which, 2 * self.m)
+        costs = layout.values.of_actions(walks.stances, walks.branch_sets, which, 2 * self.m)
         least = costs.min(axis=1)
         legal = np.isfinite(costs)
         optimal = legal & (costs <= least[:, None] + 1e-6)
         samples = Samples(
             walks.stances.copy(),
-            walks.masks.copy(),
+            walks.branch_sets.copy(),
             layout.goals[which],
             layout.first + which,
             np.tile(np.packbits(layout.free), (len(walks.stances), 1)),
@@ -289,12 +289,12 @@ class Imitation:
             self._reach = [np.concatenate(self._reach)]
         reach = self._reach[0][samples.which].astype(np.float64)
         seen = self.features(
-            self.moves.tables, samples.stances, samples.masks, samples.goals, reach, free
+            self.moves.tables, samples.stances, samples.branch_sets, samples.goals, reach, free
         )
         legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
         if self.plain:
             arrays = ObservationArrays.of(
-                self._observation_table, samples.stances, samples.masks, samples.goals
+                self._observation_table, samples.stances, samples.branch_sets, samples.goals
             )
             return as_tensors(self.policy, arrays.observation()), legal
         return as_tensors(self.policy, seen), legal
@@ -346,5 +346,5 @@ def _no_samples(m: int) -> Samples:
     """Return samples without states, for a map of m points."""
     whole = np.zeros(0, dtype=np.int64)
     free, optimal = (np.zeros((0, -(-size // 8)), dtype=np.uint8) for size in (m, 2 * m))
-    masks, goals = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3))
-    return Samples(whole, masks, goals, whole, free, optimal, np.zeros(0, dtype=np.float32))
+    branch_sets, goals = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3))
+    return Samples(whole, branch_sets, goals, whole, free, optimal, np.zeros(0, dtype=np.float32))

@@ -109,7 +109,7 @@ class ExpertPolicy:
             return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
         costs = self._values.of_actions(
-            s, np.array([env.state.masks]), np.zeros(1, dtype=np.int64), len(mask)
+            s, np.array([env.state.branch_sets]), np.zeros(1, dtype=np.int64), len(mask)
         )[0]
         # If no action leads to the goal, any possible one is taken.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])

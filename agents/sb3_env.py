@@ -68,7 +68,7 @@ class TableVecEnv(VecEnv):
         for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
             self._goals[k] = copies.goals[k]
             self._reach[k] = reach_of_points(graph, copies.goals[k], copies.env.goal_tolerance)
-        where = copies.tables, copies.stances, copies.masks, copies.goals
+        where = copies.tables, copies.stances, copies.branch_sets, copies.goals
         return dict(self.features(*where, self._reach, free))
 
     def reset(self) -> dict[str, NDArray[Any]]:

@@ -24,14 +24,13 @@ from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, lazy_search, searches, table_search
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
 ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
-NONE = ("search exhausted", "goal outside the reachable set")
-"""Reasons which prove that no plan exists."""
 
 
 def _no_table() -> None:
@@ -69,7 +68,8 @@ def _no_inflation() -> None:
 
 def _by_bound() -> None:
     _no_table()
-    lazy_search._LazySearch._next_queue = lambda self: self.by_bound  # type: ignore[method-assign]
+    search: Any = lazy_search._LazySearch
+    search._next_queue = lambda self: self.by_lower_bound
 
 
 VARIANTS: dict[str, Callable[[], None]] = {
@@ -168,7 +168,7 @@ plan or proves that none exists; in brackets the plans that are proved to have t
 
 def decided(found: list[dict[str, Any]]) -> int:
     """Return how many tasks have a plan or the proof that none exists."""
-    return sum(one["steps"] is not None or one["reason"] in NONE for one in found)
+    return sum(one["steps"] is not None or one["reason"] in PROVED_IMPOSSIBLE for one in found)
 
 
 def main() -> None:

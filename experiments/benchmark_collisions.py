@@ -87,8 +87,8 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
     joints = np.empty((count, 2, 6))
     for k, s in enumerate(chosen):
         a, b = graph.points[s].tolist()
-        masks = tuple(1 << int(branch) for branch in graph.branch[s])
-        joints[k] = graph.configuration(State((a, b), masks))[2]
+        branch_sets = tuple(1 << int(branch) for branch in graph.branch[s])
+        joints[k] = graph.configuration(State((a, b), branch_sets))[2]
     joints += rng.normal(0.0, 0.1, joints.shape)
     return graph.base_in_world[chosen], graph.base_axes_in_world[chosen], joints
 

@@ -21,12 +21,12 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
     best: Panel | None = None
     faces, ids = free.grasp_map.faces, free.grasp_map.ids
     grasps, clearance = checked.solver.grasps, checked.settings.clearance
-    for stance, masks in zip(free.points, free.mask, strict=True):
+    for stance, branch_sets in zip(free.points, free.branch_sets, strict=True):
         if checked.find(stance.tolist()) >= 0 or checked.solver.point_cause[stance].any():
             continue
         if not checked.postures(stance[None]).cause[0]:
             continue
-        here = free.configuration(State(tuple(stance.tolist()), tuple(masks.tolist())))
+        here = free.configuration(State(tuple(stance.tolist()), tuple(branch_sets.tolist())))
         at = [(i, grasps["point"][p], grasps["normal"][p]) for i, p in enumerate(stance)]
         found = contacts(checked.robot, checked.grasp_map.boxes, here, clearance, at)
         if found and (best is None or len(found) < len(best.contacts)):

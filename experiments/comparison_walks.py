@@ -25,7 +25,7 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.transitions.state import State
 
 Walk = list[list[int]]
-"""Points, then branch masks of the limbs in each state, as stored in the results."""
+"""Points, then branch sets of the limbs in each state, as stored in the results."""
 
 
 KEPT = 10
@@ -50,7 +50,7 @@ class Walks:
 
     def keep(self, env: MlivrEnv, states: tuple[State, ...]) -> None:
         """Store the states of the present episode."""
-        self._found[self._episode] = [[*state.stance, *state.masks] for state in states]
+        self._found[self._episode] = [[*state.stance, *state.branch_sets] for state in states]
 
     def by_episode(self, result: Evaluation) -> list[Walk | None]:
         """Return the walk of each episode, None where the goal was not reached."""

@@ -39,7 +39,11 @@ def label_figure(graph: PairGraph) -> None:
         x = 0.055 + 0.119 * k
         for limb in range(2):
             axes = figure.add_axes((x, 0.745 - 0.15 * limb, 0.098, 0.075))
-            draw_label(axes, state.masks[limb], int(graph.mask[graph.find(state.stance), limb]))
+            draw_label(
+                axes,
+                state.branch_sets[limb],
+                int(graph.branch_sets[graph.find(state.stance), limb]),
+            )
             axes.set_title(
                 graph.ids(state.stance)[limb], fontsize=8, pad=3, color=LIMB_COLOURS[limb],
                 fontweight="bold" if k and limb == plan.steps[k - 1].limb else "normal",
@@ -82,7 +86,7 @@ def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Ar
     The first bound is computed over the node table, the second is the distance to the goal region.
     """
     rows = np.array([graph.find(state.stance) for state in states])
-    goal = Goal.checked(graph, GOAL, "base", None, GOAL_TOLERANCE)
+    goal = Goal.from_arguments(graph, GOAL, "base", None, GOAL_TOLERANCE)
     lower_bounds = GraphSearcher(graph).lower_bounds()
     assert lower_bounds is not None
     shift = np.linalg.norm(np.diff(graph.base_in_world[rows], axis=0), axis=1)
@@ -94,10 +98,10 @@ def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Ar
     )
 
 
-def draw_label(axes: Any, mask: int, held: int) -> None:
-    """Draw a branch mask among the branches on which a limb can hold."""
+def draw_label(axes: Any, branches: int, held: int) -> None:
+    """Draw a branch set among the branches on which a limb can hold."""
     for bit in range(16):
-        colour = ON if mask >> bit & 1 else HOLDS if held >> bit & 1 else NONE
+        colour = ON if branches >> bit & 1 else HOLDS if held >> bit & 1 else NONE
         place = bit % 8, bit // 8
         axes.add_patch(Rectangle(place, 1, 1, facecolor=colour, edgecolor="0.6", linewidth=0.4))
     axes.set_xlim(0, 8)
@@ -145,7 +149,9 @@ def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
     for stance in sorted(found):
         cost, state = min(found[stance], key=lambda one: (one[0], -_size(one[1])))
         for other, label in found[stance]:
-            inside = all(b & ~a == 0 for a, b in zip(state.masks, label.masks, strict=True))
+            inside = all(
+                b & ~a == 0 for a, b in zip(state.branch_sets, label.branch_sets, strict=True)
+            )
             score = _size(state) - _size(label), -other
             if inside and score > best[:2]:
                 best = (*score, (state, cost, label, other))
@@ -156,7 +162,7 @@ def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
 
 def _size(state: State) -> int:
     """Return the number of branches in a label."""
-    return sum(mask.bit_count() for mask in state.masks)
+    return sum(one.bit_count() for one in state.branch_sets)
 
 
 def draw_dominance(figure: Any, graph: PairGraph) -> None:
@@ -170,7 +176,7 @@ def draw_dominance(figure: Any, graph: PairGraph) -> None:
         figure.text(0.635, top + 0.028, f"${sign}$\n{spent:.2f} m", fontsize=9)
         for limb in range(2):
             axes = figure.add_axes((0.705 + 0.125 * limb, top, 0.098, 0.075))
-            draw_label(axes, label.masks[limb], int(graph.mask[s, limb]))
+            draw_label(axes, label.branch_sets[limb], int(graph.branch_sets[s, limb]))
             axes.set_title(f"limb {limb}", fontsize=8, pad=3, color=LIMB_COLOURS[limb])
     figure.text(
         0.635, 0.075, "$L' \\subseteq L$ and $g \\leq g'$: what goes on from the second goes on\n"

@@ -99,10 +99,10 @@ def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Expl
         nodes = np.flatnonzero(graph.is_node(postures))[:CHECKED]
         after = postures.take(nodes)
         every = np.zeros(len(nodes), dtype=np.int64)
-        masks = graph.masks_after([state], posture, every, stances[nodes], after)
-        for n in np.flatnonzero(masks.all(axis=1)):
+        branch_sets = graph.branch_sets_after([state], posture, every, stances[nodes], after)
+        for n in np.flatnonzero(branch_sets.all(axis=1)):
             stance = tuple(stances[nodes[n]].tolist())
-            there = put(State(stance, tuple(masks[n].tolist())), after.take(np.array([n])))
+            there = put(State(stance, tuple(branch_sets[n].tolist())), after.take(np.array([n])))
             found.steps.add(frozenset((k, there)))
     return found
 
@@ -111,8 +111,10 @@ def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
     """Return the stances one move from a state that distances alone allow, shape (k, N)."""
     stances = [np.zeros((0, graph.limbs), dtype=np.int64)]
     for limb, held in enumerate(state.stance):
-        if can_release(state.masks[limb], graph.released(state.stance, posture, limb)):
-            able = graph.together[np.delete(state.stance, limb)].all(axis=0)
+        if can_release(
+            state.branch_sets[limb], graph.releasable_branches(state.stance, posture, limb)
+        ):
+            able = graph.compatible[np.delete(state.stance, limb)].all(axis=0)
             able[held] = False
             points = np.flatnonzero(able)
             stances.append(np.tile(state.stance, (len(points), 1)))
@@ -137,8 +139,10 @@ def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[
         node = graph.is_node(real)
         shares += (loose.w_b[dexterous] / base).tolist()
         every = np.zeros(int(node.sum()), dtype=np.int64)
-        masks = graph.masks_after([state], posture, every, stances[node], real.take(node))
-        step = masks.all(axis=1)
+        branch_sets = graph.branch_sets_after(
+            [state], posture, every, stances[node], real.take(node)
+        )
+        step = branch_sets.all(axis=1)
         counts["all"] += len(stances)
         for name, met in zip(CONDITIONS, (reachable, dexterous, both, node, step), strict=True):
             counts[name] += int(met.sum())

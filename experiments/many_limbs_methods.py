@@ -21,6 +21,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.moves import GraphMoves, Moves
 from mlivr_gym.transitions.state import State, Successors
 
@@ -35,9 +36,6 @@ METHODS = {
     "random": "random possible steps",
 }
 """Names of the other methods in the table."""
-
-NO_PLAN = ("search exhausted", "goal outside the reachable set")
-"""Reasons with which a planner proves that no plan exists."""
 
 MOST_STEPS = 60
 
@@ -120,7 +118,7 @@ that a method finds, so methods differ in the tasks that count.
 
 def _rows(robot: str, tasks: list[dict[str, Any]]) -> list[list[str]]:
     """Return the table rows of a robot, over its tasks for which no plan was ruled out."""
-    able = [task for task in tasks if task["steps"]["reason"] not in NO_PLAN]
+    able = [task for task in tasks if task["steps"]["reason"] not in PROVED_IMPOSSIBLE]
     firsts = [task["steps"]["improvements"][:1] for task in able]
     found = {SEARCH: [(one[0][1], one[0][0]) if one else None for one in firsts]}
     found |= {name: [task["methods"][key] for task in able] for key, name in METHODS.items()}

@@ -46,7 +46,7 @@ def edge_paths(graph: PairGraph) -> Array:
     while len(found) < EDGES:
         held, s = int(rng.integers(2)), int(rng.integers(len(graph)))
         row = graph.row(held, s)
-        others = row[(np.asarray(graph.edge_masks(held, s, row)) > 0) & (row != s)]
+        others = row[(np.asarray(graph.kept_branches(held, s, row)) > 0) & (row != s)]
         if len(others):
             found.append([graph.base_in_world[s], graph.base_in_world[int(rng.choice(others))]])
     return np.array(found)

@@ -22,7 +22,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
-from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS, OPPOSED_ROLLS
+from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS, OPPOSED_ROLLS
 from mlivr_gym.stances.pair_graph import PairGraph
 
 Stance = tuple[int, int]

@@ -47,7 +47,7 @@ def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
         match = np.flatnonzero((steps.limb == limb) & (steps.point == points[limb]))
         if not len(match) or not graph.is_node(postures).all():
             return False
-        a, b = steps.masks[match[0]].tolist()
+        a, b = steps.branch_sets[match[0]].tolist()
         state = State(points, (a, b))
     return True
 

@@ -61,7 +61,7 @@ def random_pair(seed: int) -> tuple[Start, list[float]]:
         s, g = (int(rng.choice(side)) for side in sides)
         goal, here = graph.base_in_world[g], graph.base_in_world[s]
         inside = (goal >= low).all() and (goal <= high).all()
-        if inside and np.linalg.norm(goal - here) >= LEAST and graph.mask[s].all():
+        if inside and np.linalg.norm(goal - here) >= LEAST and graph.branch_sets[s].all():
             return Start.at(graph, graph.ids(graph.points[s])), goal.tolist()
 
 

@@ -16,8 +16,8 @@ from mlivr_gym.stances.pair_graph import PairGraph
 
 PARTS: dict[str, tuple[Any, str]] = {
     "stances near the change": (ChangingWorld, "_set_obstacles"),
-    "lower bounds and labels": (table_search, "cheapest_walk"),
-    "checks of steps": (PairGraph, "edge_masks"),
+    "lower bounds and labels": (table_search, "cheapest_path"),
+    "checks of steps": (PairGraph, "kept_branches"),
     "branches, angles and swings of the plan": (planner, "committed_motion"),
 }
 """Parts of a query, each with the function that does it; all else is arguments and the start."""

@@ -68,7 +68,7 @@ def study_stances(
     for s in tqdm(chosen, desc="free stances", mininterval=2.0):
         a, b = graph.points[s].tolist()
         # A random branch among those on which each limb may hold.
-        branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.mask[s]]
+        branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.branch_sets[s]]
         here = graph.configuration(State((a, b), tuple(1 << int(branch) for branch in branches)))
         touching += bool(judge.penetrations(here, [(0, a), (1, b)]))
         least.append(judge.least_distance(here, [(0, a), (1, b)]))
@@ -93,12 +93,14 @@ def study_stances(
 
 def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
     """Return the plan of a single step, made as any plan is."""
-    entry = int(graph.edge_masks(held, s0, np.array([s1]))[0])
+    entry = int(graph.kept_branches(held, s0, np.array([s1]))[0])
     stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-    masks = [graph.mask[s].tolist() for s in (s0, s1)]
-    masks[0][held] = masks[1][held] = entry
-    masks[1][1 - held] = graph.released(stances[1], graph.posture(stances[1]), 1 - held) & 0xFFFF
-    states = [State(stance, tuple(m)) for stance, m in zip(stances, masks, strict=True)]
+    branch_sets = [graph.branch_sets[s].tolist() for s in (s0, s1)]
+    branch_sets[0][held] = branch_sets[1][held] = entry
+    branch_sets[1][1 - held] = (
+        graph.releasable_branches(stances[1], graph.posture(stances[1]), 1 - held) & 0xFFFF
+    )
+    states = [State(stance, tuple(m)) for stance, m in zip(stances, branch_sets, strict=True)]
     return plan_of(graph, states, np.zeros(3), 0.0, "astar")
 
 
@@ -113,7 +115,7 @@ def random_step(
             continue
         s1 = int(rng.choice(row))
         pair = [free.find(graph.points[s].tolist()) for s in (s0, s1)]
-        if min(pair) >= 0 and free.edge_masks(held, pair[0], np.array([pair[1]]))[0]:
+        if min(pair) >= 0 and free.kept_branches(held, pair[0], np.array([pair[1]]))[0]:
             return held, s0, s1
 
 
@@ -126,7 +128,7 @@ def study_steps(
     while done < count:
         held, s0, s1 = random_step(graph, free, rng)
         drawn += 1
-        if not graph.edge_masks(held, s0, np.array([s1]))[0]:
+        if not graph.kept_branches(held, s0, np.array([s1]))[0]:
             continue
         possible += 1
         plan = one_step(graph, s0, s1, held)
@@ -225,9 +227,9 @@ def _made(graph: PairGraph, states: list[State]) -> Plan | None:
     """Return the plan of the same step among the present obstacles, or None if it is blocked."""
     stance, after = states[0].stance, states[1].stance
     s = graph.find(stance)
-    if not graph.mask[s].all() or not graph.mask[graph.find(after)].all():
+    if not graph.branch_sets[s].all() or not graph.branch_sets[graph.find(after)].all():
         return None
-    state = State(stance, tuple(graph.mask[s].tolist()))
+    state = State(stance, tuple(graph.branch_sets[s].tolist()))
     reached = graph.step_to(state, after)
     return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 

@@ -85,7 +85,7 @@ def executed_step(seed: int) -> tuple[str, int]:
         return "no step on the branches chosen", 0
     k = int(rng.integers(len(steps_from.limb)))
     after = steps_from.after(robot.state, k)
-    robot.step(int(steps_from.limb[k]), int(steps_from.point[k]), after.masks)
+    robot.step(int(steps_from.limb[k]), int(steps_from.point[k]), after.branch_sets)
     failure = robot.measures["failure"]
     return "carried out" if failure is None else str(failure["kind"]), 1
 

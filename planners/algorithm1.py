@@ -39,7 +39,7 @@ from mlivr_gym.transitions.state import State
 class SearchTree:
     """The expanded states of a search in order, the goal last if it was reached."""
 
-    status: int = SEARCH_EXHAUSTED
+    status: str = SEARCH_EXHAUSTED
     """`GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`."""
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)

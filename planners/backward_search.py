@@ -1,9 +1,10 @@
-"""Cost-to-go from the nodes of a table, labels left aside, by backward A* (compiled).
+"""Relaxed cost-to-go from the nodes of a table, by backward A* (compiled).
 
-Every step joins a pair of nodes of the table, so the minimum cost over these pairs is a lower bound
-of the cost of a plan. The search runs backward from the goal until the starts are reached, and a
-margin farther. A node that it did not reach costs at least the final estimate of the search minus
-the lower bound from the start to that node.
+It is the minimum cost if limbs could change their branches. Every step joins a pair of nodes of the
+table, so the minimum over these pairs is a lower bound of the cost of a plan. The search runs
+backward from the goal until the starts are reached, and a margin farther. A node that it did not
+reach costs at least the final estimate of the search minus the lower bound from the start to that
+node.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import has_bit
+from mlivr_gym.compiled.limb_branch_sets import has_bit
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.planners.bucket_queue import (
     NO_ENTRY,
@@ -90,7 +91,7 @@ def costs_to_goal(
     Returns
     -------
     tuple[Array, BoolArray]
-        Consistent bounds, 0 only at goals, infinite where no walk leads to the goal or
+        Consistent bounds, 0 only at goals, infinite where no path leads to the goal or
         `start_bounds` are; and whether each of them is the minimum cost. Both have shape (n,).
     """
     count, is_start = len(goals), np.zeros(len(goals), dtype=np.bool_)
@@ -162,8 +163,8 @@ def degree(table: NodeTable, s: int) -> int:
     """Return an upper bound of the number of neighbours of a node."""
     count = 0
     for limb in range(table.points.shape[1]):
-        support = table.supports[s, limb]
-        count += int(table.start[support + 1]) - int(table.start[support])
+        support_set = table.support_sets[s, limb]
+        count += int(table.start[support_set + 1]) - int(table.start[support_set])
     return count
 
 
@@ -181,10 +182,10 @@ def _relax_predecessors(
         row = row_of(table, s, limb)
         if row < 0:
             continue
-        support = table.supports[s, limb]
-        begin, end = int(table.start[support]), int(table.start[support + 1])
+        support_set = table.support_sets[s, limb]
+        begin, end = int(table.start[support_set]), int(table.start[support_set + 1])
         for k in range(end - begin):
-            if not has_bit(table.bits, row + k):
+            if not has_bit(table.joined, row + k):
                 continue
             other = int(table.members[begin + k]) // limbs
             estimate = estimates[other]

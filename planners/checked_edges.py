@@ -21,13 +21,13 @@ EMPTY = -1
 
 
 class CheckedEdges(NamedTuple):
-    """Branches kept on checked edges, by the bit of each edge in the table, see `node_pairs`."""
+    """Branches kept on checked edges, by the number of the edge, see `node_pairs`."""
 
     keys: IntArray
-    """Bits of the edges, `EMPTY` in an empty slot, shape (capacity,)."""
+    """Numbers of the edges, `EMPTY` in an empty slot, shape (capacity,)."""
     kept: NDArray[np.uint64]
-    """Masks of `held_beside` that the support limbs keep, 0 for an edge that is no step, shape
-    (capacity,)."""
+    """Branch sets of `supports_of` that the support limbs keep, 0 for an edge that is no step,
+    shape (capacity,)."""
     has_edges: BoolArray
     """Whether an edge from each node was checked, shape (n,)."""
 
@@ -47,9 +47,9 @@ class CheckedEdges(NamedTuple):
         nodes
             Node from which each edge leaves, shape (k,).
         edges
-            Bits of the edges, shape (k,).
+            Numbers of the edges, shape (k,).
         kept
-            Masks that the support limbs keep on them, shape (k,).
+            Branch sets that the support limbs keep on them, shape (k,).
         """
         edge_count = int((self.keys != EMPTY).sum())
         table = self
@@ -65,11 +65,11 @@ class CheckedEdges(NamedTuple):
         return table
 
     def contains(self, edges: IntArray) -> BoolArray:
-        """Return whether edges were checked, by their bits, shape (k,)."""
+        """Return whether edges were checked, by their numbers, shape (k,)."""
         return np.asarray(self.keys[self._slots(edges)] == edges)
 
     def kept_on(self, edges: IntArray) -> NDArray[np.uint64]:
-        """Return the masks kept on checked edges, by their bits, shape (k,)."""
+        """Return the branch sets kept on checked edges, by their numbers, shape (k,)."""
         kept: NDArray[np.uint64] = self.kept[self._slots(edges)]
         return kept
 

@@ -37,7 +37,7 @@ class CostToGo:
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)
         self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
-        self._releasable = graph.releasable if graph.settings.transitions else graph.mask
+        self._releasable = graph.releasable if graph.settings.transitions else graph.branch_sets
         self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:
@@ -58,8 +58,8 @@ class CostToGo:
             return 0.0
         return float(
             min(
-                self._table[s, i][_bits(state.masks[i])].min()
-                if can_release(state.masks[1 - i], int(self._releasable[s, 1 - i]))
+                self._table[s, i][_bits(state.branch_sets[i])].min()
+                if can_release(state.branch_sets[1 - i], int(self._releasable[s, 1 - i]))
                 else np.inf
                 for i in range(2)
             )
@@ -72,7 +72,7 @@ class CostToGo:
         return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
 
     def action_values(self, state: State, successors: Successors) -> Array:
-        """Return the cost of each step from a state and an optimal walk after it, shape (k,)."""
+        """Return the cost of each step from a state and an optimal path after it, shape (k,)."""
         out = np.empty(len(successors.limb))
         shift = np.linalg.norm(
             successors.base_in_world - self.graph.posture_of(state).base_position[0], axis=1
@@ -88,6 +88,6 @@ class CostToGo:
         return int(np.flatnonzero(values <= values.min() + 1e-12)[0])
 
 
-def _bits(mask: int) -> list[int]:
-    """Return the branches and flips of a mask by number."""
-    return [b for b in range(16) if mask >> b & 1]
+def _bits(branch_set: int) -> list[int]:
+    """Return the branches and flips of a branch set by number."""
+    return [b for b in range(16) if branch_set >> b & 1]

@@ -24,8 +24,7 @@ COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": OrNone(Tuples((), 0
 """Kinds of the arguments that name a cost."""
 
 HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
-"""Names of the heuristics; `"cost_to_go"` is the exact cost-to-go over the table of nodes, labels
-left aside."""
+"""Names of the heuristics; `"cost_to_go"` is the relaxed cost-to-go, see `lower_bounds`."""
 
 
 TYPICAL_ADVANCE, DISTANCE_INFLATION = 0.3, 3.0

@@ -1,8 +1,8 @@
-"""Fewest steps to a goal over the nodes of a table, labels left aside (compiled).
+"""Fewest steps to a goal over the nodes of a table, whatever the branches of limbs (compiled).
 
-This is breadth-first search backward from the goal. Neighbours have common supports, the points
-held by the limbs that do not move, so each level visits the supports of its nodes in the order in
-which they lie in memory, which takes a third of the time of going from node to node.
+This is breadth-first search backward from the goal. Neighbours have common support set sets, the
+points held by the limbs that do not move, so each level visits the support set sets of its nodes in
+the order in which they lie in memory, which takes a third of the time of going from node to node.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import has_bit
+from mlivr_gym.compiled.limb_branch_sets import has_bit
 from mlivr_gym.stances.node_table import NodeTable
 
 UNREACHED, FORBIDDEN = -1, -2
-"""Steps of a node that was not reached, and of a node that walks may not enter."""
+"""Steps of a node that was not reached, and of a node that paths may not enter."""
 
 ON_FRONTIER, ALL_REACHED = 1, 2
-"""Status of supports: one of their nodes was reached last; all their nodes were reached."""
+"""Status of support set sets: one of their nodes was reached last; all their nodes were reached."""
 
 
-class SupportScratch(NamedTuple):
-    """Scratch for the r members of one support."""
+class SupportSetScratch(NamedTuple):
+    """Scratch for the r members of one support set."""
 
     unreached: NDArray[np.int32]
     """Indices of the members not reached yet, shape (r,)."""
@@ -47,7 +47,7 @@ def fewest_steps(
     goals
         Whether each node is at the goal, shape (n,).
     forbidden
-        Whether walks may not enter each node, shape (n,).
+        Whether paths may not enter each node, shape (n,).
     starts
         Nodes whose steps are requested.
     margin
@@ -57,16 +57,16 @@ def fewest_steps(
     -------
     tuple[NDArray[np.int16], float]
         The steps, shape (n,), negative for nodes that were not reached; and a lower bound of the
-        steps of the unreached nodes that are not forbidden, infinite if no walk leads from them to
+        steps of the unreached nodes that are not forbidden, infinite if no path leads from them to
         the goal.
     """
     steps = np.where(goals, 0, UNREACHED).astype(np.int16)
     steps[forbidden] = FORBIDDEN
     largest = int(np.diff(table.start).max(initial=0))
-    scratch = SupportScratch(*(np.empty(largest, dtype=np.int32) for _ in range(3)))
-    support_status, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
+    scratch = SupportSetScratch(*(np.empty(largest, dtype=np.int32) for _ in range(3)))
+    support_set_status, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
     while level < limit:
-        if not _expand_level(table, level, steps, support_status, scratch):
+        if not _expand_level(table, level, steps, support_set_status, scratch):
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
@@ -79,33 +79,38 @@ def _expand_level(
     table: NodeTable,
     level: int,
     steps: NDArray[np.int16],
-    support_status: NDArray[np.uint8],
-    scratch: SupportScratch,
+    support_set_status: NDArray[np.uint8],
+    scratch: SupportSetScratch,
 ) -> bool:
     """Reach the neighbours of all nodes of a level; return whether there are any."""
     for s in range(len(steps)):
         if steps[s] == level:
-            for limb in range(table.supports.shape[1]):
-                if support_status[table.supports[s, limb]] != ALL_REACHED:
-                    support_status[table.supports[s, limb]] = ON_FRONTIER
+            for limb in range(table.support_sets.shape[1]):
+                if support_set_status[table.support_sets[s, limb]] != ALL_REACHED:
+                    support_set_status[table.support_sets[s, limb]] = ON_FRONTIER
     reached = 0
-    for support in range(len(support_status)):
-        if support_status[support] == ON_FRONTIER:
-            reached += _expand_support(table, support, level, steps, support_status, scratch)
+    for support_set in range(len(support_set_status)):
+        if support_set_status[support_set] == ON_FRONTIER:
+            reached += _expand_support_set(
+                table, support_set, level, steps, support_set_status, scratch
+            )
     return reached > 0
 
 
 @kernel
-def _expand_support(
+def _expand_support_set(
     table: NodeTable,
-    support: int,
+    support_set: int,
     level: int,
     steps: NDArray[np.int16],
-    support_status: NDArray[np.uint8],
-    scratch: SupportScratch,
+    support_set_status: NDArray[np.uint8],
+    scratch: SupportSetScratch,
 ) -> int:
-    """Reach the neighbours of the frontier within one support; return how many were reached."""
-    begin, size = int(table.start[support]), int(table.start[support + 1] - table.start[support])
+    """Reach the neighbours of the frontier within one support set; return how many were reached."""
+    begin, size = (
+        int(table.start[support_set]),
+        int(table.start[support_set + 1] - table.start[support_set]),
+    )
     unreached_count = frontier_count = 0
     for k in range(size):
         s = int(table.members[begin + k]) // table.points.shape[1]
@@ -117,9 +122,9 @@ def _expand_support(
             frontier_count += 1
     initial_count = unreached_count
     for i in range(frontier_count):
-        row, k = int(table.offset[support]) + int(scratch.frontier[i]) * size, 0
+        row, k = int(table.offset[support_set]) + int(scratch.frontier[i]) * size, 0
         while k < unreached_count:
-            if not has_bit(table.bits, row + int(scratch.unreached[k])):
+            if not has_bit(table.joined, row + int(scratch.unreached[k])):
                 k += 1
                 continue
             steps[scratch.unreached_node[k]] = level + 1
@@ -128,5 +133,5 @@ def _expand_support(
                 scratch.unreached[unreached_count],
                 scratch.unreached_node[unreached_count],
             )
-    support_status[support] = ALL_REACHED if unreached_count == 0 else 0
+    support_set_status[support_set] = ALL_REACHED if unreached_count == 0 else 0
     return initial_count - unreached_count

@@ -1,11 +1,11 @@
 """Label-setting A* over the nodes of a table, for any number of limbs (compiled).
 
 A* (Hart, Nilsson and Raphael 1968) orders states by `f = g + h`. A state here is a node with a
-label, the branches that each limb may be on, as in shortest paths with resource constraints
-(Desrochers and Soumis 1988): an edge removes from the label of each support limb the branches that
-it cannot keep, and a label is dropped if labels of the same node that cost no more have all its
-branches (dominance). An edge that was not checked is assumed to keep its upper bound from the
-table, so the cheapest walk over unchecked edges bounds the cost of every plan from below.
+label, a branch set for each limb, as in shortest paths with resource constraints (Desrochers and
+Soumis 1988): an edge removes from the set of each support limb the branches that it cannot keep,
+and a label is dropped if labels of the same node that cost no more have all its branches
+(dominance). An edge that was not checked is assumed to keep its upper bound from the table, so the
+cheapest path over unchecked edges bounds the cost of every plan from below.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import (
+from mlivr_gym.compiled.limb_branch_sets import (
     MOST_LIMBS,
-    NO_LIMB,
-    all_keep_one,
-    beside,
+    NO_BRANCHES,
+    after_move,
+    branch_set_of,
+    each_keeps_one,
     every_branch,
     has_bit,
-    held_beside,
-    mask_of,
+    supports_of,
 )
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.backward_search import degree, edge_cost
@@ -42,7 +42,7 @@ from mlivr_gym.planners.bucket_queue import (
 )
 from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.planners.costs import CostWeights
-from mlivr_gym.planners.labels import CAPACITY, CHECK_BATCH, NO_LABEL, Labels, NodeOrigins, NodeWalk
+from mlivr_gym.planners.labels import CAPACITY, CHECK_BATCH, NO_LABEL, Labels, NodeOrigins, NodePath
 from mlivr_gym.stances.node_pairs import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
@@ -54,8 +54,8 @@ QUEUE_EMPTY, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, 
 full, the clock is to be read, the limit of expansions is reached, or edges are to be checked."""
 
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
-"""Function that checks edges: from their bits and the masks before them to the masks after them, 0
-for an edge that is no step."""
+"""Function that checks edges: from their numbers and the branch sets before them to the branch sets
+after them, 0 for an edge that is no step."""
 
 
 class SearchGraph(NamedTuple):
@@ -74,7 +74,7 @@ class SearchParameters(NamedTuple):
 
     cost_weight: float = 1.0
     """Weight w of the cost so far in `f = w g + h`: 1 for A*, `1 / e` for weighted A* (Pohl 1970),
-    whose walk costs at most e times the minimum, and 0 for greedy best-first search."""
+    whose path costs at most e times the minimum, and 0 for greedy best-first search."""
     labels_per_node: int = CAPACITY
     """Maximum number of labels of a node."""
     max_labels: int = CAPACITY
@@ -83,7 +83,7 @@ class SearchParameters(NamedTuple):
     """Maximum number of labels expanded."""
     lazy: bool = False
     """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
-    edges of the walk that is returned remain to be checked."""
+    edges of the path that is returned remain to be checked."""
     equal_only: bool = False
     """Whether only equal labels dominate each other, so that every state that can be reached is
     expanded."""
@@ -99,13 +99,13 @@ class SearchStatus(Record):
     lazy: bool
     equal_only: bool
     incumbent_cost: float
-    """Cost of the incumbent; before there is one, the cost that a walk must stay below."""
+    """Cost of the incumbent; before there is one, the cost that a path must stay below."""
     clock_interval: int
     """Number of labels taken before the clock is read."""
     initialised: bool
     """Whether the origins are in the queue."""
     incumbent: int
-    """Label at the goal of the cheapest walk so far, or `NO_LABEL`."""
+    """Label at the goal of the cheapest path so far, or `NO_LABEL`."""
     expanded: int
     """Number of labels expanded."""
     pending: int
@@ -115,10 +115,10 @@ class SearchStatus(Record):
 class SearchOutcome(NamedTuple):
     """Result of a search."""
 
-    walk: NodeWalk | None
-    """The cheapest walk, or None."""
+    path: NodePath | None
+    """The cheapest path, or None."""
     lower_bound: float
-    """Lower bound of the cost of every walk, at most `cost_limit`; valid for weight 1 of the
+    """Lower bound of the cost of every path, at most `cost_limit`; valid for weight 1 of the
     cost."""
     end: int
     """Why the search ended: `QUEUE_EMPTY`, `ARRAYS_FULL`, `EXPANSION_LIMIT`, or `PAUSED` or
@@ -127,7 +127,7 @@ class SearchOutcome(NamedTuple):
     """Number of labels expanded."""
 
 
-def cheapest_walk(
+def cheapest_path(
     search_graph: SearchGraph,
     h: Array,
     origins: NodeOrigins,
@@ -138,7 +138,7 @@ def cheapest_walk(
     deadline: float = np.inf,
     check: Check | None = None,
 ) -> SearchOutcome:
-    """Find the cheapest walk from an origin to a node at which `h` is 0.
+    """Find the cheapest path from an origin to a node at which `h` is 0.
 
     With weight 1 of the cost and no limit of labels its cost is the minimum over the edges of the
     graph; `docs/mathematics.md` has the proof.
@@ -150,13 +150,13 @@ def cheapest_walk(
     h
         Consistent lower bounds of the cost from each node to the goal, shape (n,).
     origins
-        Where the walk may start.
+        Where the path may start.
     labels
         Arrays for the labels, reused.
     parameters
         Parameters of the search.
     cost_limit
-        Cost that the walk must stay below.
+        Cost that the path must stay below.
     deadline
         When to end, on the clock of `time.perf_counter` [s].
     check
@@ -179,7 +179,7 @@ def cheapest_walk(
         if end == CHECKS_PENDING:
             assert check is not None
             pending = labels.pending[: int(status["pending"])]
-            after = check(labels.edges[pending], labels.masks[labels.parent[pending]])
+            after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
             requeue_checked(labels, pending, after)
             status["pending"] = 0
     if not status["initialised"]:
@@ -187,15 +187,15 @@ def cheapest_walk(
     lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
     if end != QUEUE_EMPTY:
         lower_bound = min(lower_bound, labels.queue.lower_bound)
-    walk = None if found == NO_LABEL else labels.walk_to(found)
-    return SearchOutcome(walk, lower_bound, end, int(status["expanded"]))
+    path = None if found == NO_LABEL else labels.path_to(found)
+    return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
 
 
 @entry
 def _search(
     search_graph: SearchGraph, h: Array, status: SearchStatus, origins: NodeOrigins, labels: Labels
 ) -> int:
-    """Continue a search until the cheapest walk is proved or the search must stop.
+    """Continue a search until the cheapest path is proved or the search must stop.
 
     Returns
     -------
@@ -211,7 +211,7 @@ def _search(
             if h[s] < np.inf:
                 if queue.status.entry_count >= len(queue.node):
                     return ARRAYS_FULL
-                _add_label(labels, s, origins.masks[k], cost, -1 - k, -1)
+                _add_label(labels, s, origins.branch_sets[k], cost, -1 - k, -1)
                 labels.checked[queue.status.entry_count] = True
                 push(queue, status.cost_weight * cost + h[s], s)
     while True:
@@ -230,8 +230,8 @@ def _search(
         if not cost + h[s] < status.incumbent_cost:
             continue
         if status.lazy and not labels.checked[label]:
-            masks = labels.masks[label]
-            if status.equal_only or not _is_dominated(labels, s, masks, cost, label, status):
+            branch_sets = labels.branch_sets[label]
+            if status.equal_only or not _is_dominated(labels, s, branch_sets, cost, label, status):
                 labels.pending[status.pending] = label
                 status.pending += 1
                 if status.pending == CHECK_BATCH:
@@ -243,7 +243,7 @@ def _search(
         if queue.status.entry_count + degree(table, s) > min(len(queue.node), status.max_labels):
             requeue(queue, label)
             return ARRAYS_FULL
-        if not _is_dominated(labels, s, labels.masks[label], cost, label, status):
+        if not _is_dominated(labels, s, labels.branch_sets[label], cost, label, status):
             if status.expanded >= status.max_expansions:
                 requeue(queue, label)
                 return EXPANSION_LIMIT
@@ -259,34 +259,37 @@ def _expand(
     """Generate the successors of a label."""
     table, checked_edges, weights = search_graph
     limbs = table.points.shape[1]
-    s, masks = int(labels.queue.node[label]), labels.masks[label]
+    s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
         row = row_of(table, s, limb)
-        if row < 0 or mask_of(masks & table.released[s], limb) == NO_LIMB:
+        if row < 0 or branch_set_of(branch_sets & table.releasable[s], limb) == NO_BRANCHES:
             continue
-        support, held = table.supports[s, limb], held_beside(masks, limb, limbs)
-        begin, end = int(table.start[support]), int(table.start[support + 1])
+        support_set, of_supports = (
+            table.support_sets[s, limb],
+            supports_of(branch_sets, limb, limbs),
+        )
+        begin, end = int(table.start[support_set]), int(table.start[support_set + 1])
         for k in range(end - begin):
-            if not has_bit(table.bits, row + k):
+            if not has_bit(table.joined, row + k):
                 continue
             other, moved = divmod(int(table.members[begin + k]), limbs)
             if h[other] == np.inf:
                 continue
             kept = (
-                held
-                & held_beside(table.masks[other], moved, limbs)
+                of_supports
+                & supports_of(table.branch_sets[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
             if checked_edges.has_edges[s]:
                 slot = slot_of(checked_edges, row + k)
                 if checked_edges.keys[slot] == row + k:
                     kept &= checked_edges.kept[slot]
-            if not all_keep_one(kept, limbs):
+            if not each_keeps_one(kept, limbs):
                 continue
             cost = labels.cost[label] + edge_cost(table, s, other, weights)
             if not cost + h[other] < status.incumbent_cost:
                 continue
-            after = beside(kept, mask_of(table.released[other], moved), moved, limbs)
+            after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)
             if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
                 _add_label(labels, other, after, cost, label, row + k)
                 push(labels.queue, status.cost_weight * cost + h[other], other)
@@ -294,11 +297,11 @@ def _expand(
 
 @kernel
 def _add_label(
-    labels: Labels, s: int, masks: np.uint64, cost: float, parent: int, edge: int
+    labels: Labels, s: int, branch_sets: np.uint64, cost: float, parent: int, edge: int
 ) -> None:
     """Append a label as the last of its node; the caller pushes it into the queue."""
     label = labels.queue.status.entry_count
-    labels.masks[label], labels.cost[label] = masks, cost
+    labels.branch_sets[label], labels.cost[label] = branch_sets, cost
     labels.parent[label], labels.edges[label] = parent, edge
     labels.previous_of_node[label], labels.last_of_node[s] = labels.last_of_node[s], label
     labels.checked[label] = False
@@ -306,7 +309,7 @@ def _add_label(
 
 @kernel
 def _is_dominated(
-    labels: Labels, s: int, masks: np.uint64, g: float, label: int, status: SearchStatus
+    labels: Labels, s: int, branch_sets: np.uint64, g: float, label: int, status: SearchStatus
 ) -> bool:
     """Return whether labels of a node that cost no more have all branches of a label.
 
@@ -316,23 +319,23 @@ def _is_dominated(
     whose index `label` is -1, also counts as dominated if its node has the maximum number of
     labels.
     """
-    other, count, uncovered = labels.last_of_node[s], 0, masks
+    other, count, uncovered = labels.last_of_node[s], 0, branch_sets
     while other >= 0:
         if not status.lazy or labels.checked[other]:
             cost = labels.cost[other]
             earlier = label < 0 or cost < g or other < label
             if other != label and cost <= g:
-                missing = masks & ~labels.masks[other]
+                missing = branch_sets & ~labels.branch_sets[other]
                 if status.equal_only:
-                    missing |= labels.masks[other] & ~masks
-                if missing == NO_LIMB and (earlier or masks != labels.masks[other]):
+                    missing |= labels.branch_sets[other] & ~branch_sets
+                if missing == NO_BRANCHES and (earlier or branch_sets != labels.branch_sets[other]):
                     return True
                 if earlier and not status.equal_only:
                     for limb in range(MOST_LIMBS):
                         alone = every_branch(limb)
-                        if missing & ~alone == NO_LIMB:
+                        if missing & ~alone == NO_BRANCHES:
                             uncovered &= missing | ~alone
-                            if uncovered & alone == NO_LIMB:
+                            if uncovered & alone == NO_BRANCHES:
                                 return True
             count += 1
         other = labels.previous_of_node[other]
@@ -344,6 +347,6 @@ def requeue_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]
     """Push labels whose edges were checked back into the queue, unless no branch is kept."""
     for k in range(len(pending)):
         label = pending[k]
-        labels.masks[label], labels.checked[label] = after[k], True
-        if after[k] != NO_LIMB:
+        labels.branch_sets[label], labels.checked[label] = after[k], True
+        if after[k] != NO_BRANCHES:
             requeue(labels.queue, label)

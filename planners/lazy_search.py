@@ -8,8 +8,8 @@ checked, which makes it a state.
 
 Every item has a lower bound of the cost of plans through it, by the triangle inequality and
 `set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds
-the cost of every plan, which gives the optimality bound. A search for an optimal plan takes items
-by their lower bound, one with a suboptimality factor by `f = w g + h`. A satisficing search
+the cost of every plan, which gives the optimality bound. A search for an optimal plan takes
+items by their lower bound, one with a suboptimality factor by `f = w g + h`. A satisficing search
 alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
 minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
 is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
@@ -72,7 +72,7 @@ class LazySearchResult:
         Optimality bound of the plan.
     """
 
-    status: int = SEARCH_EXHAUSTED
+    status: str = SEARCH_EXHAUSTED
     states: list[State] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
@@ -120,16 +120,16 @@ class _LazySearch:
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
         self.result, self.iteration = LazySearchResult(), 0
-        self.by_bound, self.by_estimate, self.inflated = OpenQueue(), OpenQueue(), OpenQueue()
+        self.by_lower_bound, self.by_estimate, self.inflated = OpenQueue(), OpenQueue(), OpenQueue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
-        """Masks and costs with which each stance was expanded."""
-        self.complete: dict[tuple[int, ...], float] = {}
+        """Branch sets and costs with which each stance was expanded."""
+        self.fully_expanded: dict[tuple[int, ...], float] = {}
         """Minimum cost with which each stance was expanded with all its branches."""
 
     @cached_property
     def moves(self) -> MoveBounds | SetBounds:
         """Lower bounds of the steps to the goal."""
-        graph, goal, sets = self.graph, self.goal, self.graph.sets(work_out=False)
+        graph, goal, sets = self.graph, self.goal, self.graph.sets(build=False)
         return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
 
     def _push_start(self) -> None:
@@ -156,7 +156,7 @@ class _LazySearch:
         result = self.result
         result.goal = len(result.states) - 1
         elapsed = time.perf_counter() - self.start_time
-        result.improvements.append(Improvement(elapsed, result.costs[-1], self._bound()))
+        result.improvements.append(Improvement(elapsed, result.costs[-1], self._optimality_bound()))
 
     def run(self) -> LazySearchResult:
         """Process items of the queues until a plan is proved good enough or a limit is reached."""
@@ -176,7 +176,7 @@ class _LazySearch:
         if result.goal < 0:
             result.goal = len(result.states) - 1
         else:
-            result.status, result.bound = GOAL_REACHED, self._bound()
+            result.status, result.bound = GOAL_REACHED, self._optimality_bound()
         return result
 
     @property
@@ -184,9 +184,9 @@ class _LazySearch:
         """Cost of the best plan so far, infinite if there is none."""
         return self.result.costs[self.result.goal] if self.result.goal >= 0 else np.inf
 
-    def _bound(self) -> float:
+    def _optimality_bound(self) -> float:
         """Return the factor of the minimum within which the best plan is proved."""
-        top = self.by_bound.top()
+        top = self.by_lower_bound.top()
         lower_bound = min(self.best, top.lower_bound if top is not None else np.inf)
         if self.best <= lower_bound * (1.0 + COST_TOLERANCE):
             return 1.0
@@ -195,7 +195,7 @@ class _LazySearch:
     def _continues(self) -> bool:
         """Return whether to continue the search."""
         search, result = self.search, self.result
-        if result.goal >= 0 and self._bound() <= search.inflation:
+        if result.goal >= 0 and self._optimality_bound() <= search.inflation:
             return False
         late = time.perf_counter() > search.deadline
         if result.states and (late or len(result.states) >= search.limit):
@@ -207,9 +207,9 @@ class _LazySearch:
         """Return the queue from which the next item is taken, see the module."""
         self.iteration += 1
         if not self.search.satisficing:
-            return self.by_bound if self.search.inflation == 1.0 else self.by_estimate
+            return self.by_lower_bound if self.search.inflation == 1.0 else self.by_estimate
         if self.result.goal >= 0 and self.iteration % PROOF_INTERVAL == 0:
-            return self.by_bound
+            return self.by_lower_bound
         return self.inflated if self.iteration % 2 else self.by_estimate
 
     def _entry_batch(self, queue: OpenQueue, first: Entry) -> list[Entry]:
@@ -245,7 +245,7 @@ class _LazySearch:
 
     def _may_improve(self, entry: Entry) -> bool:
         """Return whether an entry may lead to a better plan; otherwise drop it."""
-        is_known = self.complete.get(entry.stance, np.inf) <= entry.cost
+        is_known = self.fully_expanded.get(entry.stance, np.inf) <= entry.cost
         if is_known or entry.lower_bound >= self.best * (1.0 - COST_TOLERANCE):
             entry.done = True
         return not entry.done
@@ -253,7 +253,7 @@ class _LazySearch:
     def _push(self, item: Block | Entry) -> None:
         """Push an item into the queues."""
         lower_bound = item.lower_bound
-        self.by_bound.push(lower_bound, item)
+        self.by_lower_bound.push(lower_bound, item)
         self.by_estimate.push(item.estimate, item)
         if self.search.satisficing:
             self.inflated.push(item.cost + COST_TO_GO_INFLATION * (lower_bound - item.cost), item)
@@ -290,7 +290,7 @@ class _LazySearch:
             (parent, cost, stance)
             for parent, cost, stances in blocks
             for stance in map(tuple, stances.tolist())
-            if self.complete.get(stance, np.inf) > cost
+            if self.fully_expanded.get(stance, np.inf) > cost
         ]
         if not rows:
             return
@@ -318,14 +318,14 @@ class _LazySearch:
         if not batch:
             return
         parents, before = np.unique([entry.parent for entry in batch], return_inverse=True)
-        masks = self.graph.masks_after(
+        branch_sets = self.graph.branch_sets_after(
             [self.result.states[k] for k in parents],
             join(*(self.result.postures[k] for k in parents)),
             before,
             np.array([entry.stance for entry in batch], dtype=np.int64),
             join(*(entry.posture for entry in batch)),
         )
-        for entry, after in zip(batch, masks, strict=True):
+        for entry, after in zip(batch, branch_sets, strict=True):
             entry.done = not after.all()
             if not entry.done:
                 entry.state = State(entry.stance, tuple(after.tolist()))
@@ -350,14 +350,16 @@ class _LazySearch:
         """Record the label of an expanded state; return False if an earlier one dominates it."""
         # A start in a given pose is not the state of its stance.
         seen = self.closed.setdefault(state.stance, []) if state.pose is None else []
-        for masks, cost in seen:
-            covers = all(m & ~old == 0 for m, old in zip(state.masks, masks, strict=True))
+        for branch_sets, cost in seen:
+            covers = all(
+                m & ~old == 0 for m, old in zip(state.branch_sets, branch_sets, strict=True)
+            )
             if covers and cost <= entry.cost:
                 return False
-        seen.append((state.masks, entry.cost))
-        every = tuple(entry.posture.mask[0].tolist())
-        if state.pose is None and state.masks == every:
-            self.complete[state.stance] = entry.cost
+        seen.append((state.branch_sets, entry.cost))
+        every = tuple(entry.posture.branch_sets[0].tolist())
+        if state.pose is None and state.branch_sets == every:
+            self.fully_expanded[state.stance] = entry.cost
         return True
 
     def _push_neighbours(self, here: int) -> None:

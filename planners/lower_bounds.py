@@ -1,8 +1,8 @@
 """Admissible and consistent lower bounds of the cost from every node to a goal, cached by goal.
 
-They are the exact cost-to-go if limbs could change their branches. Obstacles and points occupied
-later only make plans dearer, so the bounds of a goal stay valid when the robot stands elsewhere on
-its walk or finds a point occupied, and replanning is fast.
+They are the relaxed cost-to-go: the minimum cost if limbs could change their branches. Obstacles
+and points occupied later only make plans dearer, so the bounds of a goal stay valid when the robot
+stands elsewhere on its path or finds a point occupied, and replanning is fast.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class GoalBounds(NamedTuple):
     cost: Cost
     """The cost."""
     h: Array
-    """The bounds, 0 at the goal alone and consistent, shape (n,); infinite where no walk leads to
-    the goal, and possibly where no walk leads from the start."""
-    exact: BoolArray
-    """Whether each bound is the minimum cost if limbs could change their branches, shape (n,)."""
+    """The bounds, 0 at the goal alone and consistent, shape (n,); infinite where no path leads to
+    the goal, and possibly where no path leads from the start."""
+    is_tight: BoolArray
+    """Whether each bound is the relaxed cost-to-go, and not only below it, shape (n,)."""
     occupied: frozenset[int]
     """Points that were occupied."""
 
@@ -71,8 +71,9 @@ class LowerBounds:
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
-        self._position_error = 0.0 if graph.has_tables else 2.0 * ROUNDED
-        self._margin = (0.0, 0) if graph.has_tables else SEARCH_MARGIN
+        two_limbs = isinstance(graph, PairGraph)
+        self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
+        self._margin = (0.0, 0) if two_limbs else SEARCH_MARGIN
 
     @property
     def lazy_table(self) -> LazyTable:
@@ -85,7 +86,7 @@ class LowerBounds:
     def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
         """Return cached bounds that are exact from some nodes, or None."""
         stored, occupied = self._cached_bounds.get(goal.key), frozenset(self.graph.occupied)
-        if stored is None or not (stored.occupied <= occupied and stored.exact[starts].all()):
+        if stored is None or not (stored.occupied <= occupied and stored.is_tight[starts].all()):
             return None
         if stored.occupied == occupied:
             return stored
@@ -103,7 +104,7 @@ class LowerBounds:
     def _compute(
         self, table: NodeTable, goal: Goal, starts: IntArray, forbidden: BoolArray
     ) -> GoalBounds:
-        """Compute bounds from some nodes for walks that do not enter forbidden nodes."""
+        """Compute bounds from some nodes for paths that do not enter forbidden nodes."""
         cost, goals = goal.cost, self._goal_nodes(goal)
         if cost.base_weight:
             margin = self._margin[0], self._margin[1] * cost.step_weight
@@ -137,8 +138,8 @@ class LowerBounds:
         """Return whether each node holds an occupied point, shape (n,)."""
         if not self.graph.occupied:
             return np.zeros(len(self.table.points), dtype=np.bool_)
-        held = np.isin(self.table.points, list(self.graph.occupied))
-        return np.asarray(held.any(axis=1))
+        occupied = np.isin(self.table.points, list(self.graph.occupied))
+        return np.asarray(occupied.any(axis=1))
 
     def _goal_nodes(self, goal: Goal) -> BoolArray:
         """Return whether each node may be at the goal, by its rounded position, shape (n,)."""

@@ -42,7 +42,7 @@ class MoveBounds:
         if goal.on_face is not None:
             at_goal &= goal.on_face
         self.alone: Array = np.where(at_goal, 0.0, 1.0)
-        self.pairs = _fewest_moves(graph.together, at_goal)
+        self.pairs = _fewest_moves(graph.compatible, at_goal)
         self._partitions = list(partitions(tuple(range(graph.limbs))))
 
     def steps(self, stances: IntArray) -> Array:
@@ -51,9 +51,9 @@ class MoveBounds:
         for partition in self._partitions:
             total = np.zeros(len(stances))
             for limbs in partition:
-                held = stances[:, limbs]
+                points = stances[:, limbs]
                 table = self.pairs if len(limbs) == 2 else self.alone
-                total += table[tuple(held.T)]
+                total += table[tuple(points.T)]
             np.maximum(best, total, out=best)
         return best
 

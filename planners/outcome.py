@@ -11,8 +11,11 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.transitions.state import State
 
-GOAL_REACHED, SEARCH_EXHAUSTED, LIMIT_REACHED = 0, 1, 2
-"""How a search ends: at a goal, with an empty open queue, or at its limit of expansions or time."""
+GOAL_REACHED, SEARCH_EXHAUSTED, LIMIT_REACHED = "", "search exhausted", "limit reached"
+"""How a search ends: at a goal, with an empty open queue, or at its limit of expansions or time.
+
+The last two are reasons of a `PlanningResult` without a plan.
+"""
 
 
 @dataclass(frozen=True)
@@ -57,13 +60,13 @@ class SearchResult:
     backward_expanded
         Number of nodes expanded by backward searches for the lower bound.
     bound
-        Optimality bound: the path costs at most this factor times the minimum; infinite if nothing
-        is proved.
+        Optimality bound: the path costs at most this factor times the minimum; infinite if
+        nothing is proved.
     improvements
         The plans found in turn, each cheaper than the one before.
     """
 
-    status: int
+    status: str
     states: tuple[State, ...]
     cost: float
     expanded: int

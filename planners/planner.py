@@ -18,7 +18,12 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SearchResult
-from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.planners.planning_result import (
+    GOAL_UNREACHABLE,
+    NO_SWING,
+    START_INFEASIBLE,
+    PlanningResult,
+)
 from mlivr_gym.planners.query import (
     GOAL_TOLERANCE,
     MAX_EXPANSIONS,
@@ -116,7 +121,8 @@ class Planner:
             0), `"greedy"` (greedy best-first search) or `"algorithm1"` (A* in plain Python, which
             is slow, to read and to compare with).
         heuristic
-            `"cost_to_go"` (exact cost if limbs could change their branches; default for two limbs),
+            `"cost_to_go"` (exact if limbs could change their branches: the relaxed cost-to-go;
+            default for two limbs),
             `"consistent"` (by the distance to the goal; default for more limbs and for
             `"algorithm1"`), `"paper"` (the same without the tolerance, which may overestimate;
             default of `"greedy"`) or `"zero"`.
@@ -158,36 +164,38 @@ class Planner:
             If an argument cannot be used, for example a point id that does not exist, start points
             too close together or too far apart, or a goal outside the cabin; the message names it.
         """
-        target = Goal.checked(self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
+        target = Goal.from_arguments(
+            self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
+        )
         options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
-        search, timer = SearchQuery.checked(self.graph, target, options), _Timer()
+        search, timer = SearchQuery.from_options(self.graph, target, options), _Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
             start_state = self._start_state(start, start_pose, start_joints)
         except StanceError as error:
             timer.feasibility = timer.lap()
-            return _without_plan("start infeasible", str(error), timer)
+            return _without_plan(START_INFEASIBLE, str(error), timer)
         timer.feasibility = timer.lap()
         is_algorithm1 = search.method == "algorithm1"
         searcher: Searcher = Algorithm1Searcher(self.graph) if is_algorithm1 else self._searcher
-        path = searcher.find(search, start_state)
+        result = searcher.find(search, start_state)
         timer.search = timer.lap()
-        if path is None:
-            return _without_plan("goal outside the reachable set", _not_connected(target), timer)
-        if path.status != GOAL_REACHED:
-            return self._failure(path, search, start_state, timer)
-        committed = committed_motion(self.graph, path.states, None, self._committed_steps)
+        if result is None:
+            return _without_plan(GOAL_UNREACHABLE, _not_connected(target), timer)
+        if result.status != GOAL_REACHED:
+            return self._failure(result, search, start_state, timer)
+        committed = committed_motion(self.graph, result.states, None, self._committed_steps)
         if committed.motion is None:
-            return _without_plan("no swing", self._no_swing(path, committed), timer, path)
+            return _without_plan(NO_SWING, self._no_swing(result, committed), timer, result)
         times = timer.feasibility, timer.search
-        bound = path.bound if path.bound < math.inf else None
+        bound = result.bound if result.bound < math.inf else None
         statistics = Statistics(
-            path.cost, path.expanded, path.generated, *times, path.backward_expanded, bound
+            result.cost, result.expanded, result.generated, *times, result.backward_expanded, bound
         )
         plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
         return PlanningResult(
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
-            path.expanded, path.generated, *times, path.tree, path.improvements,
+            result.expanded, result.generated, *times, result.tree, result.improvements,
         )  # fmt: skip
 
     @checked(QUERY)
@@ -234,11 +242,10 @@ class Planner:
         MlivrError
             If an argument cannot be used, or the start cannot be held.
         """
-        target = Goal.checked(self.graph, goal, "steps", None, goal_tolerance, goal_face)
+        target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
-        return find_cause(
-            self.graph, start_state, target, MAX_EXPANSIONS if self.graph.has_tables else limit
-        )
+        limit = MAX_EXPANSIONS if isinstance(self.graph, PairGraph) else limit
+        return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
         self,
@@ -258,32 +265,31 @@ class Planner:
                 raise SettingError(
                     "start is a state with base pose and branches; omit start_pose and start_joints"
                 )
-            return self.graph.checked_state(start)
+            return self.graph.validated_state(start)
         return self.graph.state(start, pose, joints)
 
-    def _no_swing(self, path: SearchResult, committed: CommittedMotion) -> str:
+    def _no_swing(self, result: SearchResult, committed: CommittedMotion) -> str:
         """Return the message about an edge of the graph for which no swing was found."""
-        before, after = path.states[committed.failed or 0 :][:2]
+        before, after = result.states[committed.failed or 0 :][:2]
         return (
             f"no swing was found from {self.graph.ids(before.stance)} to "
             f"{self.graph.ids(after.stance)}, although the edge passed its checks"
         )
 
     def _failure(
-        self, path: SearchResult, search: SearchQuery, start_state: State, timer: _Timer
+        self, result: SearchResult, search: SearchQuery, start_state: State, timer: _Timer
     ) -> PlanningResult:
         """Return the result of a search that ended without reaching the goal."""
-        reason = "limit reached" if path.status == LIMIT_REACHED else "search exhausted"
         start, goal = self.graph.ids(start_state.stance), search.goal.target.tolist()
-        detail = f" after {path.expanded} expansions, no path from {start} to {goal}"
-        if reason == "limit reached" and not path.expanded:
+        detail = f" after {result.expanded} expansions, no path from {start} to {goal}"
+        if result.status == LIMIT_REACHED and not result.expanded:
             detail = (
                 f": the tables of this robot on this map were not built within "
                 f"{search.time_limit:g} s; they are still being built, so plan again"
             )
-        elif path.generated <= 1:
+        elif result.generated <= 1:
             detail = f": no step leaves the start {start} on the branches that its limbs may be on"
-        return _without_plan(reason, f"{reason}{detail}", timer, path)
+        return _without_plan(result.status, f"{result.status}{detail}", timer, result)
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
@@ -315,10 +321,10 @@ class Planner:
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
     ) -> None:
-        """Compute the `"cost_to_go"` heuristic of a goal for all stances.
+        """Compute the relaxed cost-to-go, the heuristic `"cost_to_go"`, from all stances to a goal.
 
-        Further plans to the goal are then fast. The heuristic is the exact cost if limbs could
-        change their branches, and stays a lower bound when points are occupied or obstacles added.
+        Further plans to the goal are then fast. It is the minimum cost if limbs could change their
+        branches, and stays a lower bound when points are occupied or obstacles added.
         The parameters are those of `plan`.
 
         Raises
@@ -328,7 +334,7 @@ class Planner:
         """
         graph, lower_bounds = self._two_limbs(), self._searcher.lower_bounds()
         assert lower_bounds is not None
-        target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
+        target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         lower_bounds.compute(target, np.arange(len(graph)))
 
     @checked(QUERY)
@@ -341,7 +347,7 @@ class Planner:
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
     ) -> CostToGo:
-        """Return the exact cost from every state to a goal, with all steps checked.
+        """Return the exact cost-to-go from every state to a goal, with all steps checked.
 
         The parameters are those of `plan`. The table is cached until the world changes.
 
@@ -351,7 +357,7 @@ class Planner:
             If the robot has more than two limbs.
         """
         graph = self._two_limbs()
-        target = Goal.checked(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
+        target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         key = (*target.key, graph.version)
         if key not in self._cost_tables:
             self._cost_tables[key] = CostToGo(graph, target)
@@ -376,9 +382,9 @@ def _not_connected(goal: Goal) -> str:
 
 
 def _without_plan(
-    reason: str, message: str, timer: _Timer, path: SearchResult | None = None
+    reason: str, message: str, timer: _Timer, result: SearchResult | None = None
 ) -> PlanningResult:
     """Return a result without a plan."""
-    counts = (0, 0) if path is None else (path.expanded, path.generated)
-    tree = np.zeros((0, 2, 3)) if path is None else path.tree
+    counts = (0, 0) if result is None else (result.expanded, result.generated)
+    tree = np.zeros((0, 2, 3)) if result is None else result.tree
     return PlanningResult(None, reason, message, *counts, timer.feasibility, timer.search, tree)

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners.outcome import Improvement
+from mlivr_gym.planners.outcome import SEARCH_EXHAUSTED, Improvement
+
+START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
+    "start infeasible", "goal outside the reachable set", "no swing",
+)  # fmt: skip
+"""Reasons why there is no plan, in addition to the ends of a search in `outcome`."""
+
+PROVED_IMPOSSIBLE = GOAL_UNREACHABLE, SEARCH_EXHAUSTED
+"""Reasons that prove that no plan exists; `Planner.why_not` finds the cause."""
 
 
 @dataclass(frozen=True, repr=False)

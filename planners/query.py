@@ -19,6 +19,7 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
+from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
@@ -108,7 +109,7 @@ class Goal:
     on_face: BoolArray | None = None
 
     @classmethod
-    def checked(
+    def from_arguments(
         cls,
         graph: StanceGraph,
         goal: Sequence[float] | Array,
@@ -193,7 +194,7 @@ class SearchQuery:
     start_time: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def checked(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
+    def from_options(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
         """Return a query from the options of a user, with the defaults of method and robot.
 
         Raises
@@ -202,17 +203,17 @@ class SearchQuery:
             If an option cannot be used; the message names it.
         """
         method = options.method
-        is_algorithm1, tables = method == "algorithm1", graph.has_tables
+        is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, PairGraph)
         heuristic = options.heuristic
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
-            estimate = "cost_to_go" if tables and not is_algorithm1 else "consistent"
+            estimate = "cost_to_go" if two_limbs and not is_algorithm1 else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
         if method == "dijkstra":
             heuristic = "zero"
         if method == "greedy" and heuristic == "zero":
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
-        if heuristic == "cost_to_go" and not tables:
+        if heuristic == "cost_to_go" and not two_limbs:
             name = graph.robot.name
             raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
         if heuristic == "cost_to_go" and is_algorithm1:
@@ -222,14 +223,14 @@ class SearchQuery:
         if seconds is not None and is_algorithm1:
             raise SettingError(f"time_limit is {seconds!r}; method 'algorithm1' takes none")
         seconds = math.inf if seconds is None else seconds
-        optimal = tables or is_algorithm1 or method == "dijkstra" or seconds < math.inf
+        optimal = two_limbs or is_algorithm1 or method == "dijkstra" or seconds < math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
         satisficing = (
-            not (tables or is_algorithm1) and method == "astar" and heuristic == "consistent"
+            not (two_limbs or is_algorithm1) and method == "astar" and heuristic == "consistent"
         )
         satisficing &= inflation > 1.0 or seconds < math.inf
-        if not (tables or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
+        if not (two_limbs or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
         return cls(
             goal, method, heuristic, inflation, limit, options.progress, seconds, satisficing

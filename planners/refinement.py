@@ -2,8 +2,8 @@
 
 The stance graph gives each stance one base pose, that of best manipulability. With the footholds
 fixed any pose that meets the thresholds will do, as long as each step is an edge by the same
-checks. The walk of minimum base translation is sought first among all candidate poses of each
-stance, then among seeded samples around the poses of the best walk. Each round is an exact A* over
+checks. The path of minimum base translation is sought first among all candidate poses of each
+stance, then among seeded samples around the poses of the best path. Each round is an exact A* over
 a layered graph, one layer of poses for each stance, with the translation to the last layer, steps
 not checked, as its heuristic; a step is checked when the search is about to use it.
 """
@@ -73,10 +73,10 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
             f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
             f"{graph.robot.name!r} of this graph"
         )
-    walk = _Footholds(graph, plan)
+    footholds = _Footholds(graph, plan)
     rng = np.random.default_rng(seed)
-    layers = walk.layers(walk.candidate_poses())
-    best, chosen = plan, walk.search(layers)
+    layers = footholds.layers(footholds.candidate_poses())
+    best, chosen = plan, footholds.search(layers)
     if chosen is None:
         raise PlanError("a step of the plan is not possible on this graph as the world is now")
     for done in range(ROUNDS + 1):
@@ -87,13 +87,15 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
             best = min(best, new, key=lambda p: p.base_translation)
         if done == ROUNDS:
             break
-        layers = walk.layers(walk.samples(chosen.postures, rng, SHRINK**done), chosen.postures)
-        chosen = walk.search(layers) or chosen
+        layers = footholds.layers(
+            footholds.samples(chosen.postures, rng, SHRINK**done), chosen.postures
+        )
+        chosen = footholds.search(layers) or chosen
     return best
 
 
-class _PosedWalk(NamedTuple):
-    """The states of a walk, and the postures in them."""
+class _PosedPath(NamedTuple):
+    """The states of a path, and the postures in them."""
 
     states: tuple[State, ...]
     postures: Postures
@@ -105,7 +107,7 @@ class _PoseNode(NamedTuple):
     layer: int
     row: int
     """Index of the posture among those of all stances."""
-    masks: tuple[int, ...]
+    branch_sets: tuple[int, ...]
     cost: float
     parent: _PoseNode | None
 
@@ -144,7 +146,7 @@ class _Footholds:
 
     def candidate_poses(self) -> Poses:
         """Return all candidate base poses of each stance."""
-        return [self.graph.solver.poses_tried(stance) for stance in self.stances]
+        return [self.graph.solver.candidate_poses(stance) for stance in self.stances]
 
     def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
         """Return base poses sampled around some postures, one for each stance.
@@ -176,7 +178,7 @@ class _Footholds:
         thresholds = graph.settings.thresholds(graph.limbs)
         layers, last = [], len(self.stances) - 1
         for k, (stance, (positions, rotations)) in enumerate(zip(self.stances, poses, strict=True)):
-            given = State(stance, self.start.masks, self.given[k])
+            given = State(stance, self.start.branch_sets, self.given[k])
             first = graph.posture_of(given) if known is None else known.take(slice(k, k + 1))
             if k == 0 or (k == last and not self.ends_at_goal):
                 layers.append(first)
@@ -191,8 +193,8 @@ class _Footholds:
             layers.append(both.take(good))
         return layers
 
-    def search(self, layers: list[Postures]) -> _PosedWalk | None:
-        """Return the walk of minimum base translation over some postures of each stance."""
+    def search(self, layers: list[Postures]) -> _PosedPath | None:
+        """Return the path of minimum base translation over some postures of each stance."""
         graph, last = self.graph, len(layers) - 1
         postures = layers[0]
         for layer in layers[1:]:
@@ -202,7 +204,7 @@ class _Footholds:
         points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)
         stances, costs_to_go = graph.checks.stances(points, postures), _costs_to_go(layers)
         order, closed = count(), dict[int, list[tuple[int, ...]]]()
-        first = _PoseNode(0, 0, self.start.masks, 0.0, None)
+        first = _PoseNode(0, 0, self.start.branch_sets, 0.0, None)
         queue: list[tuple[float, int, _PoseNode | _PendingSteps]] = [(0.0, next(order), first)]
         while queue:
             _, _, item = heapq.heappop(queue)
@@ -210,7 +212,7 @@ class _Footholds:
                 if _is_dominated(item, closed):
                     continue
                 if item.layer == last:
-                    return self._posed_walk(postures, item)
+                    return self._posed_path(postures, item)
                 after = slice(starts[item.layer + 1], starts[item.layer + 2])
                 distance = np.linalg.norm(
                     postures.base_position[after] - postures.base_position[item.row], axis=1
@@ -233,26 +235,29 @@ class _Footholds:
         """Yield the nodes that the first pending steps lead to, if they are edges."""
         graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]
         if graph.settings.transitions:
-            here, masks = np.full(len(rows), node.row), np.tile(node.masks, (len(rows), 1))
-            steps = graph.step_rows(stances, here, rows, masks)
-            masks = graph.masks_of_steps(steps, stances)
+            here, branch_sets = (
+                np.full(len(rows), node.row),
+                np.tile(node.branch_sets, (len(rows), 1)),
+            )
+            steps = graph.step_rows(stances, here, rows, branch_sets)
+            branch_sets = graph.branch_sets_of_steps(steps, stances)
         else:
-            masks = stances.mask[rows]
+            branch_sets = stances.branch_sets[rows]
         places = postures.base_position
-        for row, after in zip(rows.tolist(), masks.tolist(), strict=True):
+        for row, after in zip(rows.tolist(), branch_sets.tolist(), strict=True):
             if all(after):
                 cost = node.cost + float(np.linalg.norm(places[row] - places[node.row]))
                 yield _PoseNode(node.layer + 1, row, tuple(after), cost, node)
 
-    def _posed_walk(self, postures: Postures, node: _PoseNode) -> _PosedWalk:
-        """Return the walk to a node; `postures` are those of all stances."""
+    def _posed_path(self, postures: Postures, node: _PoseNode) -> _PosedPath:
+        """Return the path to a node; `postures` are those of all stances."""
         nodes = [node]
         while nodes[-1].parent is not None:
             nodes.append(nodes[-1].parent)
         nodes.reverse()
-        after = (State(self.stances[node.layer], node.masks) for node in nodes[1:])
+        after = (State(self.stances[node.layer], node.branch_sets) for node in nodes[1:])
         postures = postures.take(np.array([node.row for node in nodes]))
-        return _PosedWalk((self.start, *after), postures)
+        return _PosedPath((self.start, *after), postures)
 
 
 def _costs_to_go(layers: list[Postures]) -> Array:
@@ -267,8 +272,8 @@ def _costs_to_go(layers: list[Postures]) -> Array:
 def _is_dominated(node: _PoseNode, closed: dict[int, list[tuple[int, ...]]]) -> bool:
     """Return whether a posture was reached before with all branches of a node; record it if not."""
     known = closed.setdefault(node.row, [])
-    for masks in known:
-        if all(a & ~b == 0 for a, b in zip(node.masks, masks, strict=True)):
+    for branch_sets in known:
+        if all(a & ~b == 0 for a, b in zip(node.branch_sets, branch_sets, strict=True)):
             return True
-    known.append(node.masks)
+    known.append(node.branch_sets)
     return False

@@ -1,7 +1,7 @@
-"""Stages of the search over a table: search parameters, used in order until a walk is optimal.
+"""Stages of the search over a table: search parameters, used in order until a path is optimal.
 
 With two limbs one stage suffices. With more limbs weighted A* with decreasing weights finds a first
-walk soon and better ones later, as in ARA* (Likhachev, Gordon and Thrun 2003), but every stage
+path soon and better ones later, as in ARA* (Likhachev, Gordon and Thrun 2003), but every stage
 starts anew (Richter, Thayer and Ruml 2010), with the incumbent of the stage before.
 """
 
@@ -17,39 +17,39 @@ class SearchStage(NamedTuple):
 
     parameters: SearchParameters
     """Parameters of each search of the stage."""
-    proves_bound: bool = False
+    proves_lower_bound: bool = False
     """Whether the result is a valid lower bound of the cost of all plans. With three and more limbs
     the results of checked edges are then ignored."""
     only_after_exhaustion: bool = False
-    """Whether the stage is skipped unless the stage before exhausted its queue without a walk."""
+    """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
 
 
-FIRST_WALK_PARAMETERS = 1.0 / 1.3, 8
-"""Weight of the cost so far, and maximum number of labels of a node, for a first walk."""
+FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
+"""Weight of the cost so far, and maximum number of labels of a node, for a first path."""
 
-FIRST_WALK, QUICK_FIRST_WALK = (
-    SearchStage(SearchParameters(*FIRST_WALK_PARAMETERS)),
-    SearchStage(SearchParameters(*FIRST_WALK_PARAMETERS, 100_000)),
+FIRST_PATH, QUICK_FIRST_PATH = (
+    SearchStage(SearchParameters(*FIRST_PATH_PARAMETERS)),
+    SearchStage(SearchParameters(*FIRST_PATH_PARAMETERS, 100_000)),
 )
-"""The stage that finds a first walk, and the same with fewer labels where another stage can
+"""The stage that finds a first path, and the same with fewer labels where another stage can
 follow."""
 
 STAGES = (
-    FIRST_WALK,
+    FIRST_PATH,
     SearchStage(SearchParameters(1.0 / 1.1, 8)),
-    SearchStage(SearchParameters(), proves_bound=True),
+    SearchStage(SearchParameters(), proves_lower_bound=True),
     SearchStage(SearchParameters()),
 )
 """The stages without obstacles, in order."""
 
 ENCLOSURE_PROBE = SearchStage(
-    SearchParameters(0.5, max_expansions=300, lazy=True), proves_bound=True
+    SearchParameters(0.5, max_expansions=300, lazy=True), proves_lower_bound=True
 )
 """A short search that ends early if few states can be reached, as in an enclosed space."""
 
 ENCLOSURE_PROOF = SearchStage(
     SearchParameters(0.5, max_expansions=300, lazy=True, equal_only=True),
-    proves_bound=True,
+    proves_lower_bound=True,
     only_after_exhaustion=True,
 )
 """The same search without dominance between different labels: it expands every state that can be

@@ -74,7 +74,7 @@ class GraphSearcher:
             return True
         build_sets = self.build_sets
         return complete_by_deadline(
-            ("sets", key), lambda: graph.sets(work_out=build_sets), search.deadline
+            ("sets", key), lambda: graph.sets(build=build_sets), search.deadline
         )
 
 

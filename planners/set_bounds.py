@@ -1,6 +1,6 @@
 """Fewest moves between stance sets: a lower bound of the steps of three or four limbs.
 
-Every state of a walk holds one of the `StanceSets`, and a step leads to a set one move away. So the
+Every state of a path holds one of the `StanceSets`, and a step leads to a set one move away. So the
 fewest moves to a set whose base can be at the goal, by breadth-first search from all of these, are
 an admissible and consistent lower bound of the steps: a pattern database (Culberson and Schaeffer
 1998).
@@ -35,7 +35,9 @@ class SetBounds:
         at_goal = goal.on_goal_face(points)
         at_goal[at_goal] = graph.solver.in_reach(points[at_goal], goal.target, goal.tolerance)
         self.moves: NDArray[np.int16] = np.where(at_goal, 0, -1).astype(np.int16)
-        fewest_moves(sets.supports, self.moves, np.zeros(sets.support_count, dtype=np.bool_))
+        fewest_moves(
+            sets.support_sets, self.moves, np.zeros(sets.support_set_count, dtype=np.bool_)
+        )
 
     def steps(self, stances: IntArray) -> Array:
         """Return lower bounds of the steps from stances, (k, N) -> (k,); infinite if no set."""
@@ -46,28 +48,30 @@ class SetBounds:
 
 
 @entry
-def fewest_moves(supports: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray) -> None:
+def fewest_moves(
+    support_sets: NDArray[np.int32], moves: NDArray[np.int16], reached: BoolArray
+) -> None:
     """Compute the fewest moves from n sets to those where `moves` is 0, by breadth-first search.
 
     Parameters
     ----------
-    supports
-        Supports of each set, shape (n, N): sets with a common support are one move apart.
+    support set sets
+        Support sets of each set, shape (n, N): sets with a common support set are one move apart.
     moves
         0 for the goals and -1 for other sets, where the moves are written, shape (n,).
     reached
-        Scratch, all False, one for each support.
+        Scratch, all False, one for each support set.
     """
     moves_done, changed = 0, True
     while changed:
         for s in range(len(moves)):
             if moves[s] == moves_done:
-                for i in range(supports.shape[1]):
-                    reached[supports[s, i]] = True
+                for i in range(support_sets.shape[1]):
+                    reached[support_sets[s, i]] = True
         moves_done, changed = moves_done + 1, False
         for s in range(len(moves)):
             if moves[s] < 0:
-                for i in range(supports.shape[1]):
-                    if reached[supports[s, i]]:
+                for i in range(support_sets.shape[1]):
+                    if reached[support_sets[s, i]]:
                         moves[s], changed = moves_done, True
                         break

@@ -34,7 +34,7 @@ class StepPrices(NamedTuple):
 class CostTables(NamedTuple):
     """Minimum costs from n stances to g goals."""
 
-    held: Array
+    by_branch: Array
     """Cost when a limb holds on a branch and the other moves next, shape (g, n, 2, 16)."""
     grasped: Array
     """Minimum over branches when a limb has just grasped and the other moves next, shape (g, n,
@@ -70,7 +70,7 @@ def relax(
     queued
         Scratch, all 0, shape (n,).
     """
-    n, value, grasped = len(goal), costs.held[g], costs.grasped[g]
+    n, value, grasped = len(goal), costs.by_branch[g], costs.grasped[g]
     step_cost, base_cost = prices.step, prices.metre
     head = size = 0
     for s in range(n):
@@ -78,7 +78,7 @@ def relax(
             grasped[s, 0] = grasped[s, 1] = 0.0
             for limb in range(2):
                 for b in range(16):
-                    if has(tables.masks[s, limb], b):
+                    if has(tables.branch_sets[s, limb], b):
                         value[s, limb, b] = 0.0
             queue[size] = s
             queued[s] = 1
@@ -89,7 +89,7 @@ def relax(
         size -= 1
         queued[s2] = 0
         for moving in range(2):
-            held, point = 1 - moving, tables.points[s2, moving]
+            support, point = 1 - moving, tables.points[s2, moving]
             for e in range(tables.start[2 * s2 + moving], tables.start[2 * s2 + moving + 1]):
                 s = tables.after[e]
                 if goal[s]:
@@ -103,13 +103,13 @@ def relax(
                     if has(branches, b):
                         # The support limb may move next if it can be released on its branch.
                         remaining = np.inf
-                        if can_release(only(b), tables.releasable[s2, held]):
+                        if can_release(only(b), tables.releasable[s2, support]):
                             remaining = grasped[s2, moving]
-                        through = cost + min(value[s2, held, b], remaining)
-                        if through < value[s, held, b] - 1e-9:
-                            value[s, held, b] = through
-                            if can_release(only(b), tables.releasable[s, held]):
-                                grasped[s, held] = min(grasped[s, held], through)
+                        through = cost + min(value[s2, support, b], remaining)
+                        if through < value[s, support, b] - 1e-9:
+                            value[s, support, b] = through
+                            if can_release(only(b), tables.releasable[s, support]):
+                                grasped[s, support] = min(grasped[s, support], through)
                             changed = True
                 if changed and not queued[s]:
                     queue[(head + size) % n] = s
@@ -120,7 +120,7 @@ def relax(
 @entry
 def step_values(
     stances: IntArray,
-    masks: IntArray,
+    branch_sets: IntArray,
     goal_of_state: IntArray,
     goals: BoolArray,
     prices: StepPrices,
@@ -128,13 +128,13 @@ def step_values(
     costs: CostTables,
     out: Array,
 ) -> None:
-    """Compute the cost of each action, followed by a walk of minimum cost.
+    """Compute the cost of each action, followed by a path of minimum cost.
 
     Parameters
     ----------
     stances
         Stance indices, shape (k,).
-    masks
+    branch sets
         Branches that each limb may be on, shape (k, 2).
     goal_of_state
         Index of the goal of each state, shape (k,).
@@ -149,28 +149,28 @@ def step_values(
     out
         Initially infinite; the costs of possible actions are written, shape (k, 2 m).
     """
-    m, values, grasped = out.shape[1] // 2, costs.held, costs.grasped
+    m, values, grasped = out.shape[1] // 2, costs.by_branch, costs.grasped
     step_cost, base_cost = prices.step, prices.metre
     for k in range(len(stances)):
         s, g = stances[k], goal_of_state[k]
         for moving in range(2):
-            held = 1 - moving
-            if not can_release(masks[k, moving], tables.releasable[s, moving]):
+            support = 1 - moving
+            if not can_release(branch_sets[k, moving], tables.releasable[s, moving]):
                 continue
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                branches = kept_on_edge(masks[k, held], tables.kept[e])
+                branches = kept_on_edge(branch_sets[k, support], tables.kept[e])
                 if not branches:
                     continue
                 s2 = tables.after[e]
                 point = tables.points[s2, moving]
                 square, remaining = 0.0, np.inf
-                if can_release(branches, tables.releasable[s2, held]):
+                if can_release(branches, tables.releasable[s2, support]):
                     remaining = grasped[g, s2, moving]
                 for axis in range(3):
                     square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
                 for b in range(16):
                     if has(branches, b):
-                        remaining = min(remaining, values[g, s2, held, b])
+                        remaining = min(remaining, values[g, s2, support, b])
                 if goals[g, s2]:
                     remaining = 0.0
                 out[k, moving * m + point] = (
@@ -237,7 +237,7 @@ class TableValues:
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
         self.prices = expected_prices(cost, np.zeros(points) if failure is None else failure)
         n, count = len(tables.points), len(goals)
-        self.goals: BoolArray = goals & (tables.masks != 0).all(axis=1)
+        self.goals: BoolArray = goals & (tables.branch_sets != 0).all(axis=1)
         self._costs = CostTables(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
         self.values, self.grasped = self._costs
         for g in range(count):
@@ -249,15 +249,15 @@ class TableValues:
         return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
-        self, stances: IntArray, masks: IntArray, goal_of_state: IntArray, actions: int
+        self, stances: IntArray, branch_sets: IntArray, goal_of_state: IntArray, actions: int
     ) -> Array:
-        """Return the cost of each action in k states, followed by a walk of minimum cost.
+        """Return the cost of each action in k states, followed by a path of minimum cost.
 
         Parameters
         ----------
         stances
             Stance indices, shape (k,).
-        masks
+        branch sets
             Branches that each limb may be on, shape (k, 2).
         goal_of_state
             Index of the goal of each state, shape (k,).
@@ -271,6 +271,13 @@ class TableValues:
         """
         out: Array = np.full((len(stances), actions), np.inf)
         step_values(
-            stances, masks, goal_of_state, self.goals, self.prices, self.tables, self._costs, out
+            stances,
+            branch_sets,
+            goal_of_state,
+            self.goals,
+            self.prices,
+            self.tables,
+            self._costs,
+            out,
         )
         return out

@@ -34,11 +34,11 @@ class PlainSolver(PostureSolver):
 
     def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
         """Return postures of stances given as point indices, shape (k, 2)."""
-        grasps = self.grasp_map.positions[stances]
-        centroid = grasps.mean(axis=1)
+        points = self.grasp_map.positions[stances]
+        centroid = points.mean(axis=1)
         rails = self.grasp_map.rotations[stances[:, 0], :, 0]
         frames, out, _, _ = base_frames(
-            grasps - centroid[:, None], self.grasp_map.normals[stances], rails
+            points - centroid[:, None], self.grasp_map.normals[stances], rails
         )
         count = len(stances)
         return Postures(
@@ -47,8 +47,8 @@ class PlainSolver(PostureSolver):
             w_m=np.ones((count, 2)),
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),
-            mask=np.full((count, 2), ALL, dtype=np.int64),
-            tried=np.full(count, -1),
+            branch_sets=np.full((count, 2), ALL, dtype=np.int64),
+            pose_number=np.full(count, -1),
             cause=np.zeros(count, dtype=np.int64),
         )
 

@@ -87,7 +87,7 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
         if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
             listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
             return Cause(tuple(names[:last]), f"the goal is cut off by the combination of {listed}")
-    return Cause((), "no walk of this robot leads to the goal, whatever rule is left out")
+    return Cause((), "no path of this robot leads to the goal, whatever rule is left out")
 
 
 def _has_rule(name: str, graph: StanceGraph) -> bool:
@@ -103,8 +103,8 @@ def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
     """Return the smallest distance of a stance's base to the goal [m]; 0 if it is not known."""
     if not isinstance(graph, PairGraph):
         return 0.0
-    held = (graph.mask > 0).all(axis=1) & goal.on_goal_face(graph.points)
-    distances = np.where(held, goal.distance(graph.base_in_world), np.inf)
+    is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
+    distances = np.where(is_goal, goal.distance(graph.base_in_world), np.inf)
     return float(distances.min(initial=np.inf))
 
 
@@ -125,7 +125,7 @@ def _plan_exists(
     except StanceError:
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
-    search = SearchQuery.checked(relaxed, step_goal, SearchOptions(limit=limit))
+    search = SearchQuery.from_options(relaxed, step_goal, SearchOptions(limit=limit))
     # Stance sets are not worth building for a single query.
-    path = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
-    return path is not None and path.status == GOAL_REACHED
+    result = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
+    return result is not None and result.status == GOAL_REACHED

@@ -263,4 +263,6 @@ def test_an_option_is_taken_or_refused_in_one_line(things, options):
     if name == "start":
         planner = things["planner"]
         for given in ([value] * 2, State((value,) * 2, (1, 1)), State((0, 1), (value,) * 2)):
-            answer(partial(planner.plan, given, things["goal"]), name, (*also, "masks", "state"))
+            answer(
+                partial(planner.plan, given, things["goal"]), name, (*also, "branch sets", "state")
+            )

@@ -252,7 +252,7 @@ def test_nothing_private_of_the_compiler_is_used():
 
 def test_bits_are_taken_apart_in_one_module():
     """Shifts and literals of bits stand in `bit_sets` alone, and in numbers of several sets."""
-    allowed = {"compiled.bit_sets", "compiled.limb_masks", "envs.batch"}
+    allowed = {"compiled.bit_sets", "compiled.limb_branch_sets", "envs.batch"}
     shifting = {
         module_of(path)
         for path, node in kernels()

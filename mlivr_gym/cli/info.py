@@ -102,7 +102,7 @@ def _pair_summary(graph: PairGraph) -> dict[str, Any]:
         "stances_reachable": graph.reachable,
         "stances": len(graph),
         "stances_left_out": excluded,
-        "stances_now": int((graph.mask > 0).all(axis=1).sum()),
+        "stances_now": int((graph.branch_sets > 0).all(axis=1).sum()),
         "geometries": graph.solver.geometries,
         "steps_before_checks": int((graph.degree**2).sum() - 2 * len(graph)),
         "connected_parts": count,

@@ -19,6 +19,7 @@ from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.pair_graph import PairGraph
@@ -117,10 +118,6 @@ def fastest_cost(
     return timed_plans[0].cost, timed_plans[0].price
 
 
-UNREACHABLE = ("goal outside the reachable set", "search exhausted")
-"""Reasons for the absence of a plan whose cause is then searched for."""
-
-
 def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
@@ -148,7 +145,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
-    if result.reason in UNREACHABLE:
+    if result.reason in PROVED_IMPOSSIBLE:
         options = search_options(args)
         query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):

@@ -299,8 +299,8 @@ class _Loop:
         point = self.graph.grasp_map.index(name)
         physical.follow(plan)
         moves = self.graph.successors(physical.state)
-        masks = tuple(moves.masks[moves.find(limb, point)].tolist())
-        _, executed = physical.step(limb, point, masks)
+        branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
+        _, executed = physical.step(limb, point, branch_sets)
         if isinstance(executed, Failure):
             self._end(STOPPED, executed.message)
             return

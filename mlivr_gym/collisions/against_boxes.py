@@ -30,7 +30,7 @@ FLUSH = 2e-3
 """A box lies behind a grasp if it protrudes from the surface by no more than this [m]."""
 
 
-class Behind(Record):
+class GraspSurface(Record):
     """The grasp at which a gripper is, where it may touch the boxes behind the surface."""
 
     applies: bool
@@ -42,11 +42,11 @@ class Behind(Record):
 
 
 @kernel
-def set_behind(behind: Behind, point: Triple, normal: Triple) -> None:
+def set_grasp_surface(surface: GraspSurface, point: Triple, normal: Triple) -> None:
     """Set the grasp at which a gripper is: its point and outward surface normal."""
-    behind.applies = True
+    surface.applies = True
     for k in range(3):
-        behind.point[k], behind.normal[k] = point[k], normal[k]
+        surface.point[k], surface.normal[k] = point[k], normal[k]
 
 
 @kernel
@@ -55,7 +55,7 @@ def compare_with_grid(
     inner: float,
     motion: tuple[float, float],
     grid: BoxGrid,
-    behind: Behind,
+    surface: GraspSurface,
     at_grasp: bool,
 ) -> int:
     """Compare a capsule with the boxes of a grid.
@@ -70,7 +70,7 @@ def compare_with_grid(
         How far both ends may move [m], linear in between.
     grid
         The boxes.
-    behind
+    surface
         Grasp whose boxes behind the surface are omitted.
     at_grasp
         Whether to omit them.
@@ -101,7 +101,7 @@ def compare_with_grid(
                     box = boxes[items[entry]]
                     if not overlaps(low, high, box.bounds):
                         continue
-                    if at_grasp and lies_behind(box, behind):
+                    if at_grasp and lies_behind(box, surface):
                         continue
                     p = in_box_axes(box, minus(a, vector(box.centre)))
                     d = in_box_axes(box, minus(b, a))
@@ -152,10 +152,10 @@ def in_box_axes(box: GridBox, v: Triple) -> Triple:
 
 
 @kernel
-def lies_behind(box: GridBox, behind: Behind) -> bool:
+def lies_behind(box: GridBox, surface: GraspSurface) -> bool:
     """Return whether a box protrudes by at most `FLUSH` from the surface at a grasp."""
-    normal = vector(behind.normal)
-    out = dot(minus(vector(box.centre), vector(behind.point)), normal)
+    normal = vector(surface.normal)
+    out = dot(minus(vector(box.centre), vector(surface.point)), normal)
     u, v, w = in_box_axes(box, normal)
     lies: bool = out + dot((abs(u), abs(v), abs(w)), vector(box.half)) <= FLUSH
     return lies
@@ -163,7 +163,12 @@ def lies_behind(box: GridBox, behind: Behind) -> bool:
 
 @kernel
 def compare_limb_with_boxes(
-    limb: LimbModel, shapes: Shapes, pending: int, grid: BoxGrid, clearance: float, behind: Behind
+    limb: LimbModel,
+    shapes: Shapes,
+    pending: int,
+    grid: BoxGrid,
+    clearance: float,
+    surface: GraspSurface,
 ) -> tuple[int, int]:
     """Compare the capsules of a limb in the world with the boxes of a grid.
 
@@ -175,9 +180,9 @@ def compare_limb_with_boxes(
         if has(pending, c):
             inner = limb.capsules[c].radius + clearance
             motion = shapes.motion[c, 0], shapes.motion[c, 1]
-            at_grasp = behind.applies and c >= limb.gripper
+            at_grasp = surface.applies and c >= limb.gripper
             result = compare_with_grid(
-                axis_of(shapes.ends, c), inner, motion, grid, behind, at_grasp
+                axis_of(shapes.ends, c), inner, motion, grid, surface, at_grasp
             )
             if result > UNDECIDED:
                 return result, undecided
@@ -193,7 +198,7 @@ def compare_base_with_boxes(
     motion: tuple[float, float],
     grid: BoxGrid,
     clearance: float,
-    nothing: Behind,
+    nothing: GraspSurface,
 ) -> int:
     """Compare the body and the mounts of all limbs with boxes, at and around a base pose.
 

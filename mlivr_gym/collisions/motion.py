@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.against_boxes import Behind
+from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.placement import IntervalAngles, Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Joints, Record, Rows
@@ -122,7 +122,7 @@ class Sweep(Record):
     """Joint angles of the first limb at the end of the latest initial interval [rad]."""
     second_at_end: Joints
     """Joint angles of the second limb there [rad]."""
-    behind: Behind
+    surface: GraspSurface
     """The grasp at which the first limb's gripper is, if any."""
     resting: RestingLimbs
     """The limbs at rest."""

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.against_boxes import (
-    Behind,
+    GraspSurface,
     compare_base_with_boxes,
     compare_limb_with_boxes,
     compare_with_grid,
-    set_behind,
+    set_grasp_surface,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
@@ -45,12 +45,12 @@ class CheckedPostures(NamedTuple):
     """Base poses in the world, records of `Pose`, shape (k,)."""
     branch: IntArray
     """Branch of each limb in the posture, shape (k, N)."""
-    mask: IntArray
-    """Mask of branches and flips of each limb, shape (k, N); updated."""
+    branch_sets: IntArray
+    """Branch set of branches and flips of each limb, shape (k, N); updated."""
     cause: IntArray
     """Cause of a collision on a branch of the posture, shape (k,); updated."""
     all_branches: BoolArray
-    """Whether all branches are checked and removed from the masks, shape (1,)."""
+    """Whether all branches are checked and removed from the branch sets, shape (1,)."""
 
 
 class QueryScratch(Record):
@@ -60,7 +60,7 @@ class QueryScratch(Record):
     """The limb that is checked."""
     axes: JointAxes
     """Joint axes of a branch."""
-    behind: Behind
+    surface: GraspSurface
     """The grasp at which the gripper is."""
 
 
@@ -87,7 +87,7 @@ def check_hands(
     limb = robot.limbs[0]
     for m in range(len(causes)):
         grasp = surroundings.grasps[m]
-        set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
+        set_grasp_surface(scratch.surface, vector(grasp.point), vector(grasp.normal))
         causes[m] = CLEAR
         for c in range(limb.hand, limb.capsule_count):
             capsule = limb.capsules[c]
@@ -103,7 +103,7 @@ def check_hands(
             )
             inner, at_grasp = capsule.radius + surroundings.clearance, c >= limb.gripper
             result = compare_with_grid(
-                axis, inner, (0.0, 0.0), surroundings.grid, scratch.behind, at_grasp
+                axis, inner, (0.0, 0.0), surroundings.grid, scratch.surface, at_grasp
             )
             if result != CLEAR:
                 causes[m] = result
@@ -120,7 +120,7 @@ def remove_touching_branches(
     surroundings: Surroundings,
     scratch_rows: Any,
 ) -> None:
-    """Remove the branches that touch a box from the masks of the postures `chosen[start:stop]`.
+    """Remove the branches that touch a box from the postures `chosen[start:stop]`.
 
     `robots` is a record of `RobotModel` and `scratch_rows` a record of `QueryScratch`, shape (1,).
     """
@@ -134,23 +134,23 @@ def remove_touching_branches(
             still,
             surroundings.grid,
             surroundings.clearance,
-            scratch.behind,
+            scratch.surface,
         )
         if result != CLEAR:
             postures.cause[k] = result
             for i in range(robot.limb_count):
                 if remove:
-                    postures.mask[k, i] = 0
+                    postures.branch_sets[k, i] = 0
             continue
         for i in range(robot.limb_count):
             for b in range(BRANCHES):
                 in_posture = b == postures.branch[k, i]
-                if not in_posture and not (remove and has_branch(postures.mask[k, i], b)):
+                if not in_posture and not (remove and has_branch(postures.branch_sets[k, i], b)):
                     continue
                 result = _check_branch(k, i, b, postures, robot, surroundings, scratch)
                 if result != CLEAR:
                     if remove:
-                        postures.mask[k, i] = without_branch(postures.mask[k, i], b)
+                        postures.branch_sets[k, i] = without_branch(postures.branch_sets[k, i], b)
                     if in_posture:
                         postures.cause[k] = result
 
@@ -173,13 +173,13 @@ def _check_branch(
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
     place_in_world(limb, base, placed.in_body, placed.in_world)
-    set_behind(scratch.behind, vector(grasp.point), vector(grasp.normal))
+    set_grasp_surface(scratch.surface, vector(grasp.point), vector(grasp.normal))
     result, _ = compare_limb_with_boxes(
         limb,
         placed.in_world,
         below(limb.hand),
         surroundings.grid,
         surroundings.clearance,
-        scratch.behind,
+        scratch.surface,
     )
     return result

@@ -346,13 +346,13 @@ def _compare_with_boxes(
         # The hand stands still in the world; `check_hands` compared it.
         pending &= below(limb.hand)
     result, undecided = compare_limb_with_boxes(
-        limb, first.in_world, pending, grid, clearance, scratch.behind
+        limb, first.in_world, pending, grid, clearance, scratch.surface
     )
     if result > UNDECIDED:
         return result
     if motion.first.kind == SWINGS and motion.begin != motion.finish and interval.boxes & on_base:
         result = compare_base_with_boxes(
-            robot, scratch.base, (travel, turn), grid, clearance, scratch.behind
+            robot, scratch.base, (travel, turn), grid, clearance, scratch.surface
         )
         if result == UNDECIDED:
             undecided |= on_base

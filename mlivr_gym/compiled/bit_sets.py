@@ -1,7 +1,7 @@
 """Sets stored as the bits of one integer: sets of indices, and sets of branches of a limb.
 
 A limb that holds a point is on one of eight branches of inverse kinematics, with the tool in one of
-two positions half a turn apart, its flip. Bit `branch + 8 * flip` of a mask stands for one of
+two positions half a turn apart, its flip. Bit `branch + 8 * flip` of a branch set stands for one of
 these. Branches that share the shoulder and wrist choices form a class, `2 * shoulder + wrist`;
 reach and `w_m` are the same for all of a class.
 """
@@ -20,6 +20,9 @@ EMPTY, NONE = cast(int, np.int64(0)), cast(int, np.int64(-1))
 Both are 64-bit integers: Numba would compile a kernel once more for the type of a literal.
 """
 
+NO, YES = cast(bool, np.bool_(False)), cast(bool, np.bool_(True))
+"""Arguments of kernels that are always False or True, not literals for the same reason."""
+
 EVERY = cast(int, np.int64(-1))
 """The set of all items."""
 
@@ -30,7 +33,7 @@ BRANCHES = 8
 """Number of branches of a limb."""
 
 ALL = cast(int, np.int64(0xFFFF))
-"""Mask of every branch with both flips."""
+"""Branch set of every branch with both flips."""
 
 CLASSES = 4
 """Number of combinations of shoulder and wrist choices."""
@@ -56,49 +59,49 @@ def below(k: int) -> int:
 
 @kernel
 def both_flips(branch: int) -> int:
-    """Return the mask of a branch with both flips."""
+    """Return the branch set of a branch with both flips."""
     return 0x0101 << branch
 
 
 @kernel
-def any_flip(mask: int) -> int:
-    """Return the mask of the branches of a mask, each with both flips."""
-    return (mask | mask >> BRANCHES | mask << BRANCHES) & 0xFFFF
+def any_flip(branch_set: int) -> int:
+    """Return the branch set of the branches of a branch set, each with both flips."""
+    return (branch_set | branch_set >> BRANCHES | branch_set << BRANCHES) & 0xFFFF
 
 
 @kernel
-def has_branch(mask: int, branch: int) -> bool:
-    """Return whether a mask has a branch with any flip."""
-    return mask & (0x0101 << branch) != 0
+def has_branch(branch_set: int, branch: int) -> bool:
+    """Return whether a branch set has a branch with any flip."""
+    return branch_set & (0x0101 << branch) != 0
 
 
 @kernel
-def without_branch(mask: int, branch: int) -> int:
-    """Return a mask without a branch."""
-    return mask & ~(0x0101 << branch)
+def without_branch(branch_set: int, branch: int) -> int:
+    """Return a branch set without a branch."""
+    return branch_set & ~(0x0101 << branch)
 
 
 @kernel
-def without_flip(mask: int, branch: int, flip: int) -> int:
-    """Return a mask without a branch with one flip."""
-    return mask & ~(1 << (branch + 8 * flip))
+def without_flip(branch_set: int, branch: int, flip: int) -> int:
+    """Return a branch set without a branch with one flip."""
+    return branch_set & ~(1 << (branch + 8 * flip))
 
 
 @kernel
-def has_class(mask: int, choice: int) -> bool:
-    """Return whether a mask has a branch of a class."""
-    return mask >> (2 * choice) & 0x0303 != 0
+def has_class(branch_set: int, choice: int) -> bool:
+    """Return whether a branch set has a branch of a class."""
+    return branch_set >> (2 * choice) & 0x0303 != 0
 
 
 @kernel
-def without_class(mask: int, choice: int) -> int:
-    """Return a mask without the branches of a class."""
-    return mask & ~(0x0303 << (2 * choice))
+def without_class(branch_set: int, choice: int) -> int:
+    """Return a branch set without the branches of a class."""
+    return branch_set & ~(0x0303 << (2 * choice))
 
 
 @kernel
 def whole_class(choice: int) -> int:
-    """Return the mask of the branches of a class, each with both flips."""
+    """Return the branch set of the branches of a class, each with both flips."""
     return 0x0303 << (2 * choice)
 
 
@@ -109,9 +112,9 @@ def class_of(branch: int) -> int:
 
 
 @kernel
-def first_branch(mask: int) -> int:
-    """Return the first branch of a mask that is not empty."""
+def first_branch(branch_set: int) -> int:
+    """Return the first branch of a branch set that is not empty."""
     branch = EMPTY
-    while branch < BRANCHES - 1 and not has_branch(mask, branch):
+    while branch < BRANCHES - 1 and not has_branch(branch_set, branch):
         branch += 1
     return branch

@@ -18,7 +18,7 @@ from mlivr_gym.compiled.cache import cache_folder, kernel_root
 
 TABLES = {
     "all steps of two limbs": r"(pairs|steps)-[0-9a-f]+\.npz",
-    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-mapped\.npz|-\d+\.npy|\.npz|\.xz)",
+    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-(unpacked|mapped|\d+))?\.(npz|npy|xz)",
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }

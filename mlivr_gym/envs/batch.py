@@ -43,8 +43,8 @@ class CopyStates(NamedTuple):
 
     stances: IntArray
     """Stance indices, shape (k,)."""
-    masks: IntArray
-    """Branch masks of both limbs, shape (k, 2)."""
+    branch_sets: IntArray
+    """Branch sets of both limbs, shape (k, 2)."""
     streams: NDArray[np.uint64]
     """States of the random streams, shape (k,)."""
 
@@ -138,7 +138,7 @@ def advance(
     results
         Written; its flags are False before.
     """
-    stances, masks, displacement = copies.stances, copies.masks, results.displacement
+    stances, branch_sets, displacement = copies.stances, copies.branch_sets, results.displacement
     streams, m = copies.streams, len(failure_probability)
     # Distant memory is read for all copies before it is used, so that the reads overlap.
     for k in range(len(actions)):
@@ -157,23 +157,23 @@ def advance(
             continue
         moving, point, edge = actions[k] // m, actions[k] % m, results.edge[k]
         held, s = 1 - moving, stances[k]
-        kept = kept_on_edge(masks[k, held], tables.kept[edge] if edge >= 0 else 0)
-        if not kept or not can_release(masks[k, moving], tables.releasable[s, moving]):
+        kept = kept_on_edge(branch_sets[k, held], tables.kept[edge] if edge >= 0 else 0)
+        if not kept or not can_release(branch_sets[k, moving], tables.releasable[s, moving]):
             displacement[k], results.masked_out[k] = 0.0, True
             continue
-        masks[k, held] = kept
+        branch_sets[k, held] = kept
         risk = failure_probability[point]
         if risk > 0.0 and random_below(streams, k, 1 << 53) < risk * (1 << 53):
-            masks[k, moving] = tables.releasable[s, moving]
+            branch_sets[k, moving] = tables.releasable[s, moving]
             displacement[k], results.grasp_failed[k] = 2.0 * displacement[k], True
             continue
         stances[k] = results.after[k]
-        masks[k, moving] = tables.releasable[stances[k], moving]
+        branch_sets[k, moving] = tables.releasable[stances[k], moving]
 
 
 @kernel
 def _walk_towards(
-    s: int, masks: tuple[int, int], target: Array, position: Array, tables: StepTables
+    s: int, branch_sets: tuple[int, int], target: Array, position: Array, tables: StepTables
 ) -> int:
     """Return the last stance of a walk whose base comes closer to a target with every step.
 
@@ -181,8 +181,8 @@ def _walk_towards(
     ----------
     s
         First stance.
-    masks
-        Branch masks of both limbs.
+    branch_sets
+        Branch sets of both limbs.
     target
         Position to approach [m], shape (3,).
     position
@@ -196,10 +196,10 @@ def _walk_towards(
     for _ in range(MAX_WALK_STEPS):
         best = NONE
         for moving in range(2):
-            if not can_release(masks[moving], tables.releasable[here, moving]):
+            if not can_release(branch_sets[moving], tables.releasable[here, moving]):
                 continue
             for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
-                if kept_on_edge(masks[1 - moving], kept[e]):
+                if kept_on_edge(branch_sets[1 - moving], kept[e]):
                     square = 0.0
                     for axis in range(3):
                         square += (position[after[e], axis] - target[axis]) ** 2
@@ -210,9 +210,9 @@ def _walk_towards(
         second = best >= start[2 * here + 1]
         here = after[best]
         if second:
-            masks = kept_on_edge(masks[0], kept[best]), int(tables.releasable[here, 1])
+            branch_sets = kept_on_edge(branch_sets[0], kept[best]), int(tables.releasable[here, 1])
         else:
-            masks = int(tables.releasable[here, 0]), kept_on_edge(masks[1], kept[best])
+            branch_sets = int(tables.releasable[here, 0]), kept_on_edge(branch_sets[1], kept[best])
     return here
 
 
@@ -253,18 +253,24 @@ def _draw_walk_task(
         If no task is found.
     """
     tables, grasp_map = moves.tables, moves.graph.grasp_map
-    stances, masks, goals = np.zeros(1, np.int64), np.zeros((1, 2), np.int64), np.empty((1, 3))
+    stances, branch_sets, goals = (
+        np.zeros(1, np.int64),
+        np.zeros((1, 2), np.int64),
+        np.empty((1, 3)),
+    )
     which, given = np.ones(1, np.bool_), np.full(1, start is not None)
     if start is not None:
-        stances[0], masks[0] = moves.stance_at[start.stance], start.masks
-    copies = CopyStates(stances, masks, np.array([stream.state], dtype=np.uint64))
+        stances[0], branch_sets[0] = moves.stance_at[start.stance], start.branch_sets
+    copies = CopyStates(stances, branch_sets, np.array([stream.state], dtype=np.uint64))
     distribution = TaskDistribution.of(grasp_map, tolerance, tasks)
     if draw_tasks(which, given, distribution, tables, copies, goals) >= 0:
         raise StanceError(
             f"no goal that can be reached was found on map {grasp_map.name!r} in {MAX_DRAWS} draws"
         )
     stream.state = int(copies.streams[0])
-    return Task(state_of(tables, int(stances[0]), masks[0]) if start is None else start, goals[0])
+    return Task(
+        state_of(tables, int(stances[0]), branch_sets[0]) if start is None else start, goals[0]
+    )
 
 
 @entry
@@ -300,7 +306,7 @@ def draw_tasks(
     """
     targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
     axis, middle = distribution.axis, distribution.middle
-    stances, masks, streams = copies.stances, copies.masks, copies.streams
+    stances, branch_sets, streams = copies.stances, copies.branch_sets, copies.streams
     position = tables.base_in_world
     n = len(position)
     for k in range(len(which)):
@@ -310,11 +316,11 @@ def draw_tasks(
         for _ in range(MAX_DRAWS):
             if not given[k]:
                 s = random_below(streams, k, n)
-                mask0, mask1 = tables.masks[s]
+                mask0, mask1 = tables.branch_sets[s]
                 if mask0 == 0 or mask1 == 0 or not any_step(s, (mask0, mask1), tables):
                     continue
-                stances[k], masks[k, 0], masks[k, 1] = s, mask0, mask1
-            s, mask0, mask1 = stances[k], masks[k, 0], masks[k, 1]
+                stances[k], branch_sets[k, 0], branch_sets[k, 1] = s, mask0, mask1
+            s, mask0, mask1 = stances[k], branch_sets[k, 0], branch_sets[k, 1]
             target = targets[random_below(streams, k, len(targets))]
             side = position[s, axis] - middle
             if axis >= 0 and side * (target[axis] - middle) >= 0.0:

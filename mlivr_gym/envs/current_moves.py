@@ -33,7 +33,7 @@ class CurrentMoves:
         """Return the moves of the present world, from exact tables if all steps are known."""
         if self._moves is None or self._version != self.graph.version:
             graph = self.graph
-            known = isinstance(graph, PairGraph) and graph.complete
+            known = isinstance(graph, PairGraph) and graph.is_complete
             self._moves = self._table_moves() if self.uses_tables or known else GraphMoves(graph)
             self._version = self.graph.version
         return self._moves

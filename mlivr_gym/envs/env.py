@@ -323,7 +323,7 @@ class MlivrEnv(StanceGraphEnv):
                 after = state_after_failure(self.graph, state, after, limb)
             if self._walk is not None:
                 base = self._walk.configuration[0]
-                after, executed = self._walk.step(limb, point, after.masks)
+                after, executed = self._walk.step(limb, point, after.branch_sets)
                 self._simulation_info, simulated = self._walk.measures, recorded_motion(executed)
                 if self._walk.measures["failure"]:
                     displacement = float(np.linalg.norm(self._walk.configuration[0] - base))

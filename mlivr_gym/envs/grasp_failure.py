@@ -73,5 +73,7 @@ def state_after_failure(graph: StanceGraph, before: State, after: State, limb: i
     limb
         The limb that moved.
     """
-    grasped = graph.mask_after_grasp(before, limb)
-    return before._replace(masks=(*after.masks[:limb], grasped, *after.masks[limb + 1 :]))
+    grasped = graph.branch_set_after_grasp(before, limb)
+    return before._replace(
+        branch_sets=(*after.branch_sets[:limb], grasped, *after.branch_sets[limb + 1 :])
+    )

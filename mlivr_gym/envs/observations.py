@@ -18,7 +18,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 MASK_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
-"""Bits of each 16-bit branch mask, the lowest first, shape (65536, 16)."""
+"""Bits of each 16-bit branch set, the lowest first, shape (65536, 16)."""
 
 Floats = NDArray[np.float32]
 """Array of real numbers in single precision, as in observations."""
@@ -85,7 +85,7 @@ class Observer:
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
             position = np.array(place.base_in_world).astype(np.float32)
             turn = place.quaternion.astype(np.float32)
-        branches = MASK_BITS.take(state.masks, axis=0).ravel()
+        branches = MASK_BITS.take(state.branch_sets, axis=0).ravel()
         return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
 
@@ -156,7 +156,7 @@ class ObservationArrays(NamedTuple):
 
     @classmethod
     def of(
-        cls, table: ObservationTable, stances: IntArray, masks: IntArray, goals: Array
+        cls, table: ObservationTable, stances: IntArray, branch_sets: IntArray, goals: Array
     ) -> ObservationArrays:
         """Return the observations of k states, in new arrays.
 
@@ -166,8 +166,8 @@ class ObservationArrays(NamedTuple):
             Properties of the stances.
         stances
             Stance indices, shape (k,).
-        masks
-            Branch masks of both limbs, shape (k, 2).
+        branch_sets
+            Branch sets of both limbs, shape (k, 2).
         goals
             Goal positions [m], shape (k, 3).
         """
@@ -184,7 +184,7 @@ class ObservationArrays(NamedTuple):
             np.empty(k),
             np.empty(k),
         )
-        write_observations(stances, masks, goals, table, made)
+        write_observations(stances, branch_sets, goals, table, made)
         return made
 
     def observation(self) -> Observation:
@@ -195,7 +195,7 @@ class ObservationArrays(NamedTuple):
 @entry
 def write_observations(
     stances: IntArray,
-    masks: IntArray,
+    branch_sets: IntArray,
     goals: Array,
     table: ObservationTable,
     out: ObservationArrays,
@@ -218,7 +218,7 @@ def write_observations(
             for axis in range(3):
                 out.grasps[k, 3 * limb + axis] = table.positions[point, axis]
             for branch in range(16):
-                out.branches[k, 16 * limb + branch] = has(masks[k, limb], branch)
+                out.branches[k, 16 * limb + branch] = has(branch_sets[k, limb], branch)
         for axis in range(3):
             here, goal = out.base_in_world[k, axis], goals[k, axis]
             out.base_position[k, axis], out.goal[k, axis] = here, goal

@@ -78,7 +78,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     @property
     def state(self) -> State:
-        """The present state: the stance and the branch mask of each limb.
+        """The present state: the stance and the branch set of each limb.
 
         Raises
         ------
@@ -116,7 +116,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._graph_version = self.graph.version
         self._state, self._place = state, self.moves.place(state)
         self._distance = distance(self._place.base_in_world, self.goal.tolist())
-        self._mask = self.moves.mask(state)
+        self._mask = self.moves.action_mask(state)
 
     def _observation(self) -> Observation:
         """Return the observation of the present state."""

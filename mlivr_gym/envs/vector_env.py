@@ -73,8 +73,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Goal positions [m], shape (k, 3).
     stances
         Stance index of each copy in `tables`, shape (k,).
-    masks
-        Branch masks of both limbs, shape (k, 2).
+    branch_sets
+        Branch sets of both limbs, shape (k, 2).
     steps
         Number of actions since the reset, shape (k,).
     base_translation
@@ -132,7 +132,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self._started = np.zeros(num_envs, dtype=np.bool_)
         self.goals: Array = np.zeros((num_envs, 3))
         self.stances: IntArray = np.zeros(num_envs, dtype=np.int64)
-        self.masks: IntArray = np.zeros((num_envs, 2), dtype=np.int64)
+        self.branch_sets: IntArray = np.zeros((num_envs, 2), dtype=np.int64)
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
@@ -184,8 +184,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         graph = self.env.graph
         if starts is not None:
             for k in np.flatnonzero(which):
-                state = graph.state(starts[k])
-                new.stances[k], new.masks[k] = self._stance_at[state.stance], state.masks
+                at = graph.state(starts[k])
+                new.stances[k], new.branch_sets[k] = self._stance_at[at.stance], at.branch_sets
             self._check_starts(which, new)
         if starts is None or goals is None:
             self._draw(which, starts is not None, new, new_goals)
@@ -274,7 +274,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             new, new_goals = self._copy_states(), self.goals.copy()
             self._draw(restart, False, new, new_goals)
             self._start_episodes(restart, new, new_goals)
-        copies = CopyStates(self.stances, self.masks, self._streams)
+        copies = CopyStates(self.stances, self.branch_sets, self._streams)
         results = ActionResults.of(self.num_envs)
         advance(actions, restart, env.failure_probability, self.tables, copies, results)
         going = ~restart
@@ -303,7 +303,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         """
         self._check_reset()
         self._refresh_tables()
-        return self._legal(self.stances, self.masks)
+        return self._legal(self.stances, self.branch_sets)
 
     def _refresh_tables(self) -> None:
         """Make the tables again if the world has changed; the indices of stances stay."""
@@ -319,21 +319,21 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
 
     def _check_starts(self, which: BoolArray, states: CopyStates) -> None:
         """Check that at least one step leaves each start."""
-        stuck = which & ~self._legal(states.stances, states.masks).any(axis=1)
+        stuck = which & ~self._legal(states.stances, states.branch_sets).any(axis=1)
         if stuck.any():
             stance = self.env.graph.ids(self.tables.points[states.stances[stuck.argmax()]])
             raise StanceError(f"no step leaves the start stance {stance}; choose another start")
 
-    def _legal(self, stances: IntArray, masks: IntArray) -> BoolArray:
+    def _legal(self, stances: IntArray, branch_sets: IntArray) -> BoolArray:
         """Return which actions are possible in k states, shape (k, 2 m)."""
         k, m = self.num_envs, len(self._stance_at)
         out = np.zeros((k, 2, m), dtype=np.int8)
-        legal_actions(stances, masks, self.tables, out)
+        legal_actions(stances, branch_sets, self.tables, out)
         return out.reshape(k, 2 * m).view(np.bool_)
 
     def _copy_states(self) -> CopyStates:
         """Return copies of states and streams, in which tasks are drawn before they are taken."""
-        return CopyStates(self.stances.copy(), self.masks.copy(), self._streams.copy())
+        return CopyStates(self.stances.copy(), self.branch_sets.copy(), self._streams.copy())
 
     def _draw(self, which: BoolArray, given: bool, states: CopyStates, goals: Array) -> None:
         """Draw goals, and starts unless they are given, and write them into the arrays."""
@@ -353,23 +353,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self, which: BoolArray, given: bool, states: CopyStates, goals: Array
     ) -> None:
         """Draw the tasks of a user's generator, each copy from its stream."""
-        env, (stances, masks, streams) = self.env, states
+        env, (stances, branch_sets, streams) = self.env, states
         for k in np.flatnonzero(which):
             stream = Stream(int(streams[k]))
-            start = state_of(self.tables, int(stances[k]), masks[k]) if given else None
+            start = state_of(self.tables, int(stances[k]), branch_sets[k]) if given else None
             task = draw_task(env.tasks, env.graph, stream, env.goal_tolerance, start)
             if task.start.pose is not None:
                 raise SettingError(
                     "the task generator drew a start pose, which only MlivrEnv supports"
                 )
-            stances[k], masks[k] = self._stance_at[task.start.stance], task.start.masks
+            stances[k], branch_sets[k] = self._stance_at[task.start.stance], task.start.branch_sets
             goals[k] = task.goal
             streams[k] = stream.state
         self._check_starts(which, states)
 
     def _start_episodes(self, which: BoolArray, states: CopyStates, goals: Array) -> None:
         """Take the states and goals that were drawn; start the counters of the chosen copies."""
-        self.stances[:], self.masks[:], self._streams[:] = states
+        self.stances[:], self.branch_sets[:], self._streams[:] = states
         self.goals[:] = goals
         self.steps[which], self.base_translation[which] = 0, 0.0
         self._seeded[which] = self._started[which] = True
@@ -377,7 +377,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def _observe(self) -> None:
         """Compute the observations of all copies."""
         self._seen = ObservationArrays.of(
-            self._observation_table, self.stances, self.masks, self.goals
+            self._observation_table, self.stances, self.branch_sets, self.goals
         )
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
@@ -390,7 +390,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "steps": self.steps.copy(),
             "limb_manipulability": seen.w_m,
             "base_manipulability": seen.w_b,
-            "action_mask": self._legal(self.stances, self.masks).view(np.int8),
+            "action_mask": self._legal(self.stances, self.branch_sets).view(np.int8),
             "is_success": seen.goal_distance <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,

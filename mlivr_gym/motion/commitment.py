@@ -23,7 +23,7 @@ from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.records import CandidatePose, HeldStance, PostureScratch
+from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
 from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
@@ -102,7 +102,8 @@ class CommittedSteps:
             self._obstacles = graph.obstacles
         arrays = step.positions, step.rotations, step.joints, step.grasp_joints
         key = (
-            step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold, edge.pair,
+            step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold,
+            edge.line_branches,
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
         if key not in cached:
@@ -198,7 +199,7 @@ class _MotionDraft:
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
         held, self._candidate, self._scratch = (
-            HeldStance.rows(count),
+            StanceGeometry.rows(count),
             CandidatePose.rows(count),
             PostureScratch.rows(1),
         )
@@ -219,30 +220,30 @@ class _MotionDraft:
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
     def _choose_branches(self, limb: int) -> dict[int, int]:
-        """Choose the branches of a limb; return the allowed masks by the first stance of each."""
+        """Choose the branches of a limb; return the allowed sets by their first stances."""
         graph, allowed = self.graph, {}
         for first, last in hold_intervals(self.points, limb):
-            mask = self.states[last].masks[limb]
+            branch_set = self.states[last].branch_sets[limb]
             if graph.settings.collisions and last < len(self.points) - 1:
                 here = self.postures.take(slice(last, last + 1))
-                mask &= graph.released(self.states[last].stance, here, limb)
+                branch_set &= graph.releasable_branches(self.states[last].stance, here, limb)
             minimum = self._w[first : last + 1, limb].min(axis=0)
-            bits = [bit for bit in range(16) if mask >> bit & 1]
+            bits = [bit for bit in range(16) if branch_set >> bit & 1]
             if not bits:
                 point = graph.grasp_map.ids[self.points[last, limb]]
                 raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")
             bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 12), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3
-            allowed[first] = mask
+            allowed[first] = branch_set
         return allowed
 
     def _edges(self) -> list[Edge]:
         """Return the edge of each step on the chosen branches and flips."""
         bits, edges = self.branches + 8 * self.flips, []
         for k in range(len(self.points) - 1):
-            masks = tuple(1 << int(bit) for bit in bits[k])
-            state = self.states[k]._replace(masks=masks)
+            branch_sets = tuple(1 << int(bit) for bit in bits[k])
+            state = self.states[k]._replace(branch_sets=branch_sets)
             both = self.postures.take(slice(k, k + 2))
             edges.append(self.graph.edge(state, self.states[k + 1].stance, both))
         return edges
@@ -254,11 +255,11 @@ class _MotionDraft:
         """
         changed = False
         for k, edge in enumerate(self.edges):
-            if edge.pair < 0:
+            if edge.line_branches < 0:
                 continue
             limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
             intervals = hold_intervals(self.points, limb)
-            for stance, branch in ((k, edge.pair >> 3), (k + 1, edge.pair & 7)):
+            for stance, branch in ((k, edge.line_branches >> 3), (k + 1, edge.line_branches & 7)):
                 first, last = next(
                     interval for interval in intervals if interval[0] <= stance <= interval[1]
                 )

@@ -97,10 +97,10 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
     with warming("mlivr_gym.planners.warmup", COMPILED):
         bits = _branch_bits(graph, points, motion)
         postures = _postures(graph, points, motion, bits)
-        masks = (1 << bits).tolist()
+        branch_sets = (1 << bits).tolist()
         states = [
-            State(tuple(stance), tuple(mask))
-            for stance, mask in zip(points.tolist(), masks, strict=True)
+            State(tuple(stance), tuple(branch_set))
+            for stance, branch_set in zip(points.tolist(), branch_sets, strict=True)
         ]
         expected = committed_motion(graph, states, postures)
     _check_steps(motion, expected, bits)
@@ -208,7 +208,7 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)
     off = np.maximum(off, np.abs(chosen.base_rotation - turns).max(axis=(1, 2)))
     same = off < SAME_POSE
-    node, held = same & graph.is_node(chosen), same & (chosen.mask >> bits & 1).all(axis=1)
+    node, held = same & graph.is_node(chosen), same & (chosen.branch_sets >> bits & 1).all(axis=1)
     needed = graph.settings.thresholds(graph.limbs)
     for thresholds in (needed, (0.0, 0.0)):
         if not (held & node).all():
@@ -216,10 +216,10 @@ def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray
             node |= graph.is_node(at) & (thresholds == needed)
             for name in FIELDS:
                 getattr(chosen, name)[~held] = getattr(at, name)[~held]
-            held |= (chosen.mask >> bits & 1).all(axis=1)
+            held |= (chosen.branch_sets >> bits & 1).all(axis=1)
     for k in np.flatnonzero(~held).tolist():
-        i = int(np.argmin(chosen.mask[k] >> bits[k] & 1))
-        can = sorted({bit % 8 for bit in range(16) if int(chosen.mask[k, i]) >> bit & 1})
+        i = int(np.argmin(chosen.branch_sets[k] >> bits[k] & 1))
+        can = sorted({bit % 8 for bit in range(16) if int(chosen.branch_sets[k, i]) >> bit & 1})
         raise _mismatch(f"motion.branches[{k}][{i}]", int(motion.branches[k, i]), f"one of {can}")
     for k in (np.flatnonzero(~node[1:]) + 1).tolist():  # the user may have chosen the first
         raise PlanError(

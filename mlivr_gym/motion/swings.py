@@ -141,8 +141,8 @@ class SwingFinder:
 
         The kind by which the stance graph proved the step comes first.
         """
-        if edge.pair >= 0:
-            branches = divmod(edge.pair, 8)
+        if edge.line_branches >= 0:
+            branches = divmod(edge.line_branches, 8)
             before, after = (self._above(side, points[side], branches[side]) for side in range(2))
             if before is not None and after is not None:
                 yield "changed", before, after

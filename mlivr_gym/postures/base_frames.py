@@ -13,9 +13,9 @@ OPPOSED = 0.2
 
 
 def base_frames(
-    grasps: Array, normals: Array, rails: Array, mounts: Array | None = None
+    positions: Array, normals: Array, rails: Array, mounts: Array | None = None
 ) -> tuple[Array, Array, Array, BoolArray]:
-    """Compute the body axes of stances at roll zero, in the frame in which the grasps are given.
+    """Compute the body axes of stances at roll zero, in the frame in which the positions are given.
 
     With two limbs, x lies along the line through the grasps, and z along the part of the mean
     normal perpendicular to that line. With more limbs, z lies along the mean normal, or against it
@@ -24,7 +24,7 @@ def base_frames(
 
     Parameters
     ----------
-    grasps
+    positions
         Held points relative to their centroid [m], shape (k, N, 3).
     normals
         Surface normals, shape (k, N, 3).
@@ -39,8 +39,8 @@ def base_frames(
         Body axes as columns, shape (k, 3, 3); outward directions, shape (k, 3); roll axes, shape
         (k, 3); and whether the held walls are opposite, shape (k,).
     """
-    count = grasps.shape[1]
-    line = grasps[:, 0].copy()
+    count = positions.shape[1]
+    line = positions[:, 0].copy()
     degenerate = dots(line, line) < 1e-12
     line[degenerate] = rails[degenerate]
     line = unit(line)
@@ -59,14 +59,14 @@ def base_frames(
     e1[upright] = _perpendicular(sides, outward)[upright]
     e1 = unit(e1)
     e2 = np.cross(outward, e1)
-    (cosine, sine), is_mirrored = _fit_yaw(grasps, e1, e2, mounts)
+    (cosine, sine), is_mirrored = _fit_yaw(positions, e1, e2, mounts)
     x = cosine[:, None] * e1 + sine[:, None] * e2
     z = np.where(is_mirrored[:, None], -outward, outward)
     return np.stack([x, np.cross(z, x), z], axis=2), outward, line, opposed
 
 
 def _fit_yaw(
-    grasps: Array, e1: Array, e2: Array, mounts: Array | None
+    positions: Array, e1: Array, e2: Array, mounts: Array | None
 ) -> tuple[tuple[Array, Array], BoolArray]:
     """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
@@ -76,12 +76,12 @@ def _fit_yaw(
         Cosine and sine of the yaw, shape (k,) each, and whether the reversed order of the mounts
         fits better, shape (k,).
     """
-    limbs = grasps.shape[1]
+    limbs = positions.shape[1]
     angles = 2.0 * np.pi * np.arange(limbs) / limbs
     across = (np.cos(angles), np.sin(angles)) if mounts is None else (mounts[:, 0], mounts[:, 1])
-    fit, mirrored = np.zeros((2, len(grasps))), np.zeros((2, len(grasps)))
+    fit, mirrored = np.zeros((2, len(positions))), np.zeros((2, len(positions)))
     for limb, (c, s) in enumerate(zip(*across, strict=True)):
-        u, v = dots(grasps[:, limb], e1), dots(grasps[:, limb], e2)
+        u, v = dots(positions[:, limb], e1), dots(positions[:, limb], e2)
         fit += u * c + v * s, v * c - u * s
         mirrored += u * c - v * s, v * c + u * s
     size, mirrored_size = (np.sqrt(a * a + b * b) for a, b in (fit, mirrored))

@@ -1,7 +1,7 @@
 """Evaluation of the inverse-kinematics branches at one base pose (compiled).
 
 This file computes what a limb touches on a branch, `w_b` and the clearance of a combination of
-branches, and the masks of the branches on which each limb may hold.
+branches, and the branch sets of the branches on which each limb may hold.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlivr_gym.collisions.against_boxes import compare_limb_with_boxes, set_behind
+from mlivr_gym.collisions.against_boxes import compare_limb_with_boxes, set_grasp_surface
 from mlivr_gym.collisions.against_robot import (
     compare_limb_with_body,
     compare_limb_with_itself,
@@ -43,10 +43,10 @@ from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_i
 from mlivr_gym.kinematics.poses import along, minus, vector
 from mlivr_gym.postures.records import (
     CandidatePose,
-    HeldStance,
     Posture,
     PostureScratch,
     PostureSearch,
+    StanceGeometry,
 )
 
 if TYPE_CHECKING:
@@ -116,22 +116,22 @@ def limb_status(
             result, _ = compare_limb_with_body(robot, limb, shapes, EVERY, clearance)
         if result == CLEAR:
             place_in_world(limb, scratch.base, shapes, scratch.in_world)
-            allow_surface(search.held, i, scratch)
+            allow_surface(search.geometry, i, scratch)
             # The hand does not depend on the posture: `queries.check_hands` compares it.
             pending = below(limb.hand)
             result, _ = compare_limb_with_boxes(
-                limb, scratch.in_world, pending, search.grid, clearance, scratch.behind
+                limb, scratch.in_world, pending, search.grid, clearance, scratch.surface
             )
     scratch.status[i, b] = result
     return result
 
 
 @kernel
-def allow_surface(held: HeldStance, i: int, scratch: PostureScratch) -> None:
+def allow_surface(geometry: StanceGeometry, i: int, scratch: PostureScratch) -> None:
     """Let the gripper of limb `i` touch the boxes behind the surface at its grasp."""
-    grasp = held.grasps[i]
-    point = along(vector(held.centre), 1.0, vector(grasp.point))
-    set_behind(scratch.behind, point, vector(grasp.normal))
+    grasp = geometry.grasps[i]
+    point = along(vector(geometry.centre), 1.0, vector(grasp.point))
+    set_grasp_surface(scratch.surface, point, vector(grasp.normal))
 
 
 @kernel
@@ -249,34 +249,34 @@ def _limb_pair_gap(
 
 
 @part
-def set_hold_masks(
+def set_branch_sets(
     search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch, out: Posture
 ) -> None:
-    """Set `out.mask` to the branches and flips on which each limb may hold at a posture.
+    """Set `out.branch_sets` to the branches and flips on which each limb may hold at a posture.
 
-    A branch of a limb belongs to its mask if `w_m` meets the threshold, if the limb can depart
-    along the surface normal on it with `w_m` above the floor and every joint in its window, if it
-    touches nothing, and if every combination with branches of the other limbs meets the threshold
-    of `w_b` and keeps the limbs apart. The masks thus form a product set; it grows from the
-    branches of the posture in a fixed order.
+    A branch of a limb belongs to its branch set if `w_m` meets the threshold, if the limb can
+    depart along the surface normal on it with `w_m` above the floor and every joint in its window,
+    if it touches nothing, and if every combination with branches of the other limbs meets the
+    threshold of `w_b` and keeps the limbs apart. The branch sets thus form a product set; it grows
+    from the branches of the posture in a fixed order.
     """
-    robot, held, limits = search.robot, search.held, search.rule.thresholds
+    robot, geometry, limits = search.robot, search.geometry, search.rule.thresholds
     l_c = robot.characteristic_length
     for i in range(robot.limb_count):
-        limb, limb_reach, grasp = robot.limbs[i], candidate.limbs[i], held.grasps[i]
-        mask = EMPTY
+        limb, limb_reach, grasp = robot.limbs[i], candidate.limbs[i], geometry.grasps[i]
+        branch_set = EMPTY
         for c in range(CLASSES):
             w = limb_reach.w[c]
             if w >= limits.w_m and w >= limits.floor and w > 0.0:
-                mask |= whole_class(c)
+                branch_set |= whole_class(c)
         lift_path(scratch.path, out.base, grasp, robot.lift)
         floor = limits.floor * l_c**3
-        mask = hold_mask(limb, grasp.flange, scratch.path, floor, mask, scratch.holding)
-        out.mask[i] = mask
+        branch_set = hold_mask(limb, grasp.flange, scratch.path, floor, branch_set, scratch.holding)
+        out.branch_sets[i] = branch_set
         for b in range(BRANCHES):
             scratch.kept[i, b] = False
             scratch.allowed[i, b] = (
-                has_branch(mask, b) and limb_status(search, candidate, i, b, scratch) == CLEAR
+                has_branch(branch_set, b) and limb_status(search, candidate, i, b, scratch) == CLEAR
             )
             if scratch.allowed[i, b]:
                 flange = FlangeAxis(vector(limb_reach.p), vector(limb_reach.z))
@@ -294,7 +294,7 @@ def set_hold_masks(
         for b in range(BRANCHES):
             if scratch.kept[i, b]:
                 kept |= both_flips(b)
-        out.mask[i] &= kept
+        out.branch_sets[i] &= kept
 
 
 @kernel

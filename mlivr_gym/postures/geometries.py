@@ -15,10 +15,10 @@ RESOLUTION = 1e-7
 """Relative positions [m] and directions that agree to this resolution count as equal."""
 
 
-class Grasps(NamedTuple):
-    """Grasps of k stances relative to their centroids."""
+class RelativeGeometries(NamedTuple):
+    """The k stances as positions and directions of their grasps, relative to their centroids."""
 
-    grasps: Array
+    positions: Array
     """Held points relative to their centroid [m], shape (k, N, 3)."""
     normals: Array
     """Surface normals, shape (k, N, 3)."""
@@ -65,7 +65,7 @@ def relative_geometries(
     return rows[index], inverse
 
 
-def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
+def geometries_of_rows(rows: IntArray, count: int) -> tuple[RelativeGeometries, Array]:
     """Return the grasps of relative geometries, relative to their centroids.
 
     Parameters
@@ -82,13 +82,15 @@ def grasps_of_geometries(rows: IntArray, count: int) -> tuple[Grasps, Array]:
     """
     k = len(rows)
     blocks = rows.reshape(k, count - 1, 9) * RESOLUTION
-    grasps = np.zeros((k, count, 3))
+    positions = np.zeros((k, count, 3))
     normals, rails = np.zeros((k, count, 3)), np.zeros((k, count, 3))
     normals[:, 0, 2] = rails[:, 0, 0] = 1.0
-    grasps[:, 1:] = blocks[:, :, :3]
+    positions[:, 1:] = blocks[:, :, :3]
     normals[:, 1:], rails[:, 1:] = unit(blocks[:, :, 3:6]), unit(blocks[:, :, 6:])
-    centroid = mean_of_limbs(grasps)
-    return Grasps(grasps - centroid[:, None], normals, rails, np.zeros((k, 3))), centroid
+    centroid = mean_of_limbs(positions)
+    return RelativeGeometries(
+        positions - centroid[:, None], normals, rails, np.zeros((k, 3))
+    ), centroid
 
 
 def in_world(

@@ -99,10 +99,10 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
     return given
 
 
-def masks_of_joints(
+def branch_sets_of_joints(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, joints: Array
 ) -> tuple[int, ...]:
-    """Return the branch and flip that each limb is on at given joint angles, as masks.
+    """Return the branch and flip that each limb is on at given joint angles, as branch sets.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def masks_of_joints(
         If the angles do not hold the points at that base pose, if a joint is outside its window, or
         if a limb may not hold on that branch.
     """
-    masks = []
+    branch_sets = []
     for limb, point in enumerate(points):
         name = solver.grasp_map.ids[point]
         solutions = branch_angles_at(solver, limb, point, posture)
@@ -140,13 +140,13 @@ def masks_of_joints(
                 f"(at most {JOINT_TOLERANCE:g} rad)"
             )
         _check_windings(solver.robot, limb, joints[limb])
-        if not int(posture.mask[0, limb]) >> bit & 1:
+        if not int(posture.branch_sets[0, limb]) >> bit & 1:
             raise StanceError(
                 f"start_joints put limb {limb} on a branch on which it touches something or cannot "
                 f"depart from {name!r}"
             )
-        masks.append(1 << bit)
-    return tuple(masks)
+        branch_sets.append(1 << bit)
+    return tuple(branch_sets)
 
 
 def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
@@ -209,7 +209,7 @@ def given_pose_fault(
                 f"at this base pose {close[0].first} is {close[0].distance:.3f} m from "
                 f"{close[0].second}; {solver.settings.clearance:g} m are needed"
             )
-    if free.mask.all():
+    if free.branch_sets.all():
         return "at this base pose every branch on which the limbs could depart touches something"
     return (
         "at this base pose a limb could not depart along the surface normal with limb "

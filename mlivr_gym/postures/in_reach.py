@@ -277,9 +277,9 @@ def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
         # Procrustes fits of the mounts' azimuths to the grasps, for both senses of the body z axis.
         along_x, along_y, over_x, over_y = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
-            point = world.grasps[scratch.points[world.orders[order, i]]].point
-            grasp = minus(vector(point), vector(scratch.centre))
-            x, y = dot(grasp, e1), dot(grasp, e2)
+            grasp = world.grasps[scratch.points[world.orders[order, i]]]
+            offset = minus(vector(grasp.point), vector(scratch.centre))
+            x, y = dot(offset, e1), dot(offset, e2)
             c, s = np.cos(2.0 * np.pi * i / count), np.sin(2.0 * np.pi * i / count)
             along_x, along_y = along_x + x * c + y * s, along_y + y * c - x * s
             over_x, over_y = over_x + x * c - y * s, over_y + y * c + x * s

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.turns import permuted_limbs, turned_frames
+from mlivr_gym.postures.relabelling import relabelled, relabelled_frames
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class Postures:
         Base manipulability, shape (k,).
     branch
         Branch of each limb at which the posture has its margin, shape (k, N).
-    mask
-        Branches and flips on which each limb may hold, as 16-bit masks, shape (k, N).
-    tried
-        Index of the base pose among the candidates, see `tried_poses`, shape (k,); -1 for a given
-        base pose, and where no candidate was chosen.
+    branch set
+        Branches and flips on which each limb may hold, as 16-bit branch sets, shape (k, N).
+    pose_number
+        Index of the base pose among the candidates, see `candidate_poses`, shape (k,); -1 for a
+        given base pose, and where no candidate was chosen.
     cause
         Cause of the collision where only a collision keeps the stance from being held, else 0,
         shape (k,); see `distances`.
@@ -44,8 +44,8 @@ class Postures:
     w_m: Array
     w_b: Array
     branch: IntArray
-    mask: IntArray
-    tried: IntArray
+    branch_sets: IntArray
+    pose_number: IntArray
     cause: IntArray
 
     @property
@@ -65,19 +65,19 @@ class Postures:
         """Return the postures of selected stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
-    def permuted_limbs(self, turns: IntArray) -> Postures:
+    def relabelled(self, relabellings: IntArray) -> Postures:
         """Return the same postures after cyclic relabellings of the limbs, of shape (k,).
 
-        See `turns`.
+        See `relabellings`.
         """
         return Postures(
             self.base_position,
-            turned_frames(self.base_rotation, turns, self.w_m.shape[1]),
-            permuted_limbs(self.w_m, turns),
+            relabelled_frames(self.base_rotation, relabellings, self.w_m.shape[1]),
+            relabelled(self.w_m, relabellings),
             self.w_b,
-            permuted_limbs(self.branch, turns),
-            permuted_limbs(self.mask, turns),
-            self.tried,
+            relabelled(self.branch, relabellings),
+            relabelled(self.branch_sets, relabellings),
+            self.pose_number,
             self.cause,
         )
 

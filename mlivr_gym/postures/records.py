@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.against_boxes import Behind
+from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.placement import Placed, Shapes
@@ -54,7 +54,7 @@ class PostureRule(Record):
     best_touches: bool
     """Whether the posture with the largest margin is known to touch something."""
     check_branches: bool
-    """Whether to compute masks of branches; otherwise every node has all branches."""
+    """Whether to compute sets of branches; otherwise every node has all branches."""
     check_contacts: bool
     """Whether postures must keep the clearance."""
     height_count: int
@@ -83,7 +83,7 @@ def set_candidates(rule: PostureRule, heights_and_rolls: Sequence[Array]) -> Non
         rule[f"{name}s"][: len(values)] = values
 
 
-class HeldStance(Record):
+class StanceGeometry(Record):
     """The grasps of a stance relative to their centroid, and axes of the candidate base poses."""
 
     centre: Vector
@@ -129,7 +129,7 @@ class PostureSearch(NamedTuple):
 
     robot: RobotModel
     """The robot."""
-    held: HeldStance
+    geometry: StanceGeometry
     """The grasps of the stance."""
     rule: PostureRule
     """The rule and its candidates."""
@@ -154,7 +154,7 @@ class Posture(Record):
     """Base manipulability."""
     branch: Limbs
     """Branch of each limb at which the posture has its margin."""
-    mask: Limbs
+    branch_sets: Limbs
     """Branches and flips on which each limb may hold."""
     cause: int
     """Cause of the collision where only a collision keeps the stance from being a node, else 0."""
@@ -199,12 +199,10 @@ class PostureScratch(Record):
     """A limb that does not move."""
     inversion: Inversion
     """Work arrays of matrix inversion."""
-    behind: Behind
+    surface: GraspSurface
     """The grasp at which a gripper is."""
     base: Pose
     """Base pose that is evaluated, in the world of the boxes."""
-    lifted: Pose
-    """Flange pose above a grasp."""
     path: BasePath
     """Base path that stands for a departure."""
     holding: Holding

@@ -12,7 +12,7 @@ import numpy as np
 
 from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, YES, class_of
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
@@ -74,17 +74,22 @@ def prepare_candidate(
     bool
         False if the base touches a box.
     """
-    robot, held, rule, candidate = search.robot, search.held, search.rule, scratch.candidates[c]
+    robot, geometry, rule, candidate = (
+        search.robot,
+        search.geometry,
+        search.rule,
+        scratch.candidates[c],
+    )
     count = robot.limb_count
     forget_checks(count, scratch)
     for axis in range(3):
-        scratch.base.position[axis] = held.centre[axis] + candidate.base.position[axis]
+        scratch.base.position[axis] = geometry.centre[axis] + candidate.base.position[axis]
         for col in range(3):
             scratch.base.rotation[axis, col] = candidate.base.rotation[axis, col]
     if check_contacts:
         still = (0.0, 0.0)
         result = compare_base_with_boxes(
-            robot, scratch.base, still, search.grid, search.clearance, scratch.behind
+            robot, scratch.base, still, search.grid, search.clearance, scratch.surface
         )
         if result != CLEAR:
             return False
@@ -311,7 +316,7 @@ def _break_ties(
     """
     limbs, least = search.robot.limb_count, margin * (1.0 - TIE)
     chosen, gap, best_wb = NONE, -np.inf, 0.0
-    check_contacts = margin == margin
+    check_contacts = YES
     for c in range(search.candidate_count):
         candidate = scratch.candidates[c]
         if candidate.margin_bound < least or not prepare_candidate(

@@ -1,6 +1,6 @@
 """Computation of postures from their candidates, for many stances (compiled).
 
-`rule` chooses among the candidates, `branches` computes the masks; `solver` is the caller.
+`rule` chooses among the candidates, `branches` computes the branch sets; `solver` is the caller.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, SELF
 from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NONE, class_of
+from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NO, NONE, class_of
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.families import SINGULAR, branch_terms
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
-from mlivr_gym.postures.branches import combined_w_b, set_hold_masks
+from mlivr_gym.postures.branches import combined_w_b, set_branch_sets
 from mlivr_gym.postures.records import (
     CandidatePose,
-    HeldStance,
     Posture,
     PostureRule,
     PostureScratch,
     PostureSearch,
+    StanceGeometry,
 )
 from mlivr_gym.postures.rule import best_posture, prepare_candidate, touches_nothing
 
@@ -35,7 +35,7 @@ from mlivr_gym.postures.rule import best_posture, prepare_candidate, touches_not
 @kernel
 def evaluate_reach(
     robot: RobotModel,
-    held: HeldStance,
+    geometry: StanceGeometry,
     floor: float,
     candidate: CandidatePose,
     scratch: PostureScratch,
@@ -55,7 +55,7 @@ def evaluate_reach(
     for i in range(robot.limb_count):
         limb, limb_reach = robot.limbs[i], candidate.limbs[i]
         unit = limb.arm.links / robot.characteristic_length**3
-        seen, _ = flange_seen(limb, candidate.base, held.grasps[i].flange)
+        seen, _ = flange_seen(limb, candidate.base, geometry.grasps[i].flange)
         branch_terms(limb.arm, seen, terms)
         best = 0.0
         for k in range(3):
@@ -71,23 +71,23 @@ def evaluate_reach(
 
 
 @entry
-def reach_all(robots: Any, held: Any, candidates: Any, scratch_rows: Any) -> None:
+def reach_all(robots: Any, geometry: Any, candidates: Any, scratch_rows: Any) -> None:
     """Evaluate the reach of K stances, each at one base pose.
 
     Parameters
     ----------
     robots
         A record of `RobotModel`, shape (1,).
-    held
-        Records of `HeldStance`, shape (K,).
+    geometry
+        Records of `StanceGeometry`, shape (K,).
     candidates
         Records of `CandidatePose` with the base poses, shape (K,); the results are filled.
     scratch_rows
         A record of `PostureScratch`, shape (1,).
     """
-    for k in range(len(held)):
+    for k in range(len(geometry)):
         candidates[k].margin_bound = evaluate_reach(
-            robots[0], held[k], 0.0, candidates[k], scratch_rows[0]
+            robots[0], geometry[k], 0.0, candidates[k], scratch_rows[0]
         )
 
 
@@ -135,7 +135,7 @@ def solve_postures(
     stop
         One past the last stance.
     stances
-        Records of `HeldStance`, shape (k,).
+        Records of `StanceGeometry`, shape (k,).
     robots
         A record of `RobotModel`, shape (1,).
     rules
@@ -154,7 +154,7 @@ def solve_postures(
 
 @part
 def _solve(
-    held: HeldStance,
+    geometry: StanceGeometry,
     robot: RobotModel,
     rule: PostureRule,
     grid: BoxGrid,
@@ -162,13 +162,13 @@ def _solve(
     scratch: PostureScratch,
 ) -> None:
     """Compute the posture of one stance, see `solve_postures`."""
-    count = _evaluate_candidates(held, robot, rule, scratch)
+    count = _evaluate_candidates(geometry, robot, rule, scratch)
     limits = rule.thresholds
     # First the best posture without self-penetration; only if it comes closer to something than
     # the clearance, the best posture that keeps the clearance.
     chosen, node, touches = NONE, False, CLEAR
-    loose = PostureSearch(robot, held, rule, grid, 0.0, count)
-    strict = PostureSearch(robot, held, rule, grid, limits.clearance, count)
+    loose = PostureSearch(robot, geometry, rule, grid, 0.0, count)
+    strict = PostureSearch(robot, geometry, rule, grid, limits.clearance, count)
     for avoid in range(2):
         if (avoid == 0 and rule.best_touches) or (
             avoid == 1 and not (rule.best_touches or touches != CLEAR)
@@ -190,48 +190,48 @@ def _solve(
             out.cause = CLEAR
     if node and rule.check_branches:
         search = strict if rule.check_contacts else loose
-        prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
+        prepare_candidate(search, chosen, np.inf, NO, scratch)
         candidate = scratch.candidates[chosen]
-        set_hold_masks(search, candidate, scratch, out)
+        set_branch_sets(search, candidate, scratch, out)
     elif node:
         for i in range(robot.limb_count):
-            out.mask[i] = ALL
+            out.branch_sets[i] = ALL
 
 
 @kernel
 def _evaluate_candidates(
-    held: HeldStance, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
+    geometry: StanceGeometry, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
 ) -> int:
     """Set up the candidate base poses of a stance and return their number."""
     floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
     count = rule.roll_count * rule.height_count
-    if held.opposed:
+    if geometry.opposed:
         count = rule.opposed_roll_count * rule.opposed_height_count
     for c in range(count):
         candidate = scratch.candidates[c]
-        _set_pose(held, rule, c, candidate.base)
+        _set_pose(geometry, rule, c, candidate.base)
         candidate.margin_bound = (
-            evaluate_reach(robot, held, floor, candidate, scratch) / rule.scale_m
+            evaluate_reach(robot, geometry, floor, candidate, scratch) / rule.scale_m
         )
     return count
 
 
 @kernel
-def _set_pose(held: HeldStance, rule: PostureRule, c: int, base: Pose) -> None:
+def _set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -> None:
     """Set `base` to candidate base pose `c` of a stance, relative to the centroid of its grasps."""
     rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
-    if held.opposed:
+    if geometry.opposed:
         rolls, heights, height_count = (
             rule.opposed_rolls,
             rule.opposed_heights,
             rule.opposed_height_count,
         )
-    line = vector(held.line)
-    x, y, z = columns(held.frame)
+    line = vector(geometry.line)
+    x, y, z = columns(geometry.frame)
     roll, height = rolls[c // height_count], heights[c % height_count]
     cosine, sine = np.cos(roll), np.sin(roll)
     axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
-    up = turn(line, cosine, sine, vector(held.out))
+    up = turn(line, cosine, sine, vector(geometry.out))
     for k in range(3):
         base.position[k] = height * up[k]
         for col in range(3):
@@ -245,7 +245,7 @@ def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
     Parameters
     ----------
     stances
-        Records of `HeldStance`, shape (k,).
+        Records of `StanceGeometry`, shape (k,).
     rules
         A record of `PostureRule` with the candidates, shape (1,).
     numbers
@@ -293,7 +293,7 @@ def _keeps_clearance(
     search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch
 ) -> bool:
     """Return whether a posture touches nothing, without comparing the base with boxes."""
-    prepare_candidate(search, chosen, np.inf, chosen < 0, scratch)
+    prepare_candidate(search, chosen, np.inf, NO, scratch)
     for i in range(search.robot.limb_count):
         scratch.combination[i] = out.branch[i]
     return touches_nothing(search, chosen, scratch)

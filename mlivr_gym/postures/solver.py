@@ -15,8 +15,8 @@ grasps. It prefers the smaller roll, of two opposite rolls the positive one abou
 centroid to the grasp of the first limb, then the lower base, then the lower branch numbers from the
 last limb to the first. The first limb of two is limb 0: the line reverses when they are exchanged,
 so no side of the module is favoured. Of more limbs it is the one with the grasp closest to the
-centroid, see `turns`. Only between opposite walls does the sign of the rail direction matter. With
-collisions checked, the same rule applies to the candidates that touch nothing.
+centroid, see `relabellings`. Only between opposite walls does the sign of the rail direction
+matter. With collisions checked, the same rule applies to the candidates that touch nothing.
 
 Except for the surroundings, the result depends only on the relative geometry of the grasps. It is
 computed in the frame of the first grasp from rounded coordinates, see `geometries`, once for each
@@ -45,30 +45,30 @@ from mlivr_gym.collisions.queries import (
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.postures.candidate_poses import (
+    Candidates,
+    bases_of_ordered,
+    geometries_in_world,
+    rounded_geometries_in_world,
+)
 from mlivr_gym.postures.geometries import (
-    Grasps,
-    grasps_of_geometries,
+    RelativeGeometries,
+    geometries_of_rows,
     in_world,
     relative_geometries,
 )
 from mlivr_gym.postures.in_reach import ReachScratch, orders_of, reach_queries, sets_in_reach
 from mlivr_gym.postures.postures import FIELDS, Postures, PostureTable
 from mlivr_gym.postures.records import (
-    HeldStance,
     Posture,
     PostureRule,
     PostureScratch,
+    StanceGeometry,
     Thresholds,
 )
+from mlivr_gym.postures.relabelling import first_limbs, relabelled, relabelled_frames
 from mlivr_gym.postures.rule import TIE
 from mlivr_gym.postures.selection import solve_postures
-from mlivr_gym.postures.tried_poses import (
-    Candidates,
-    bases_of_ordered,
-    held_in_world,
-    rounded_in_world,
-)
-from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -141,7 +141,7 @@ class PostureSolver:
     def clear_of_boxes(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
     ) -> None:
-        """Remove the branches that touch a box from the masks of selected stances.
+        """Remove the branches that touch a box from the branch sets of selected stances.
 
         Parameters
         ----------
@@ -150,24 +150,24 @@ class PostureSolver:
         stances
             Point indices of all stances, shape (k, N).
         postures
-            Their postures; masks and causes are changed in place.
+            Their postures; branch sets and causes are changed in place.
         grid
             The boxes.
         others
-            Whether to check all branches and remove them from the masks; otherwise only the
+            Whether to check all branches and remove them from the branch sets; otherwise only the
             causes on the branches of the postures are set.
         """
-        held = CheckedPostures(
+        geometry = CheckedPostures(
             np.ascontiguousarray(stances),
             postures.base_rows,
             postures.branch,
-            postures.mask,
+            postures.branch_sets,
             postures.cause,
             np.array([others]),
         )
         world, rows = self.surroundings(grid), QueryScratch.rows
         in_parallel(
-            len(chosen), remove_touching_branches, chosen, held, self.shapes.rows, world,
+            len(chosen), remove_touching_branches, chosen, geometry, self.shapes.rows, world,
             scratch_rows=rows,
         )  # fmt: skip
 
@@ -179,13 +179,13 @@ class PostureSolver:
     def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
         """Compute the postures of stances given by point indices, shape (k, N).
 
-        With `nodes_only` a stance that cannot be held has zero masks and no other result; this is
-        much faster.
+        With `nodes_only` a stance that cannot be held has zero branch sets and no other result;
+        this is much faster.
         """
         if self.robot.limbs == 2 or not self.robot.is_symmetric:
             return self._solve(stances, nodes_only)
-        turns = first_limbs(self.grasp_map, stances)
-        return self._solve(permuted_limbs(stances, turns), nodes_only).permuted_limbs(-turns)
+        relabellings = first_limbs(self.grasp_map, stances)
+        return self._solve(relabelled(stances, relabellings), nodes_only).relabelled(-relabellings)
 
     def _solve(self, stances: IntArray, nodes_only: bool) -> Postures:
         """Compute postures of stances whose limb 0 is the first limb of the rule; see `solve`."""
@@ -211,32 +211,32 @@ class PostureSolver:
 
     def _avoid_boxes(self, stances: IntArray, postures: Postures) -> None:
         """Remove branches that touch a box; choose another posture if its own branches do."""
-        nodes = np.flatnonzero(np.all(postures.mask > 0, axis=1))
+        nodes = np.flatnonzero(np.all(postures.branch_sets > 0, axis=1))
         touching = self.point_cause[stances[nodes]].max(axis=1)
         postures.cause[nodes] = touching
-        postures.mask[nodes[touching > 0]] = 0
+        postures.branch_sets[nodes[touching > 0]] = 0
         nodes = nodes[touching == 0]
         self.clear_of_boxes(nodes, stances, postures, self.boxes, self.settings.transitions)
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return
-        held = rounded_in_world(self.grasp_map, stances[again])
-        new = self._solve_in_place(held, self.boxes, avoid=True)
-        better = np.all(new.mask > 0, axis=1)
-        postures.mask[again] = 0
+        geometry = rounded_geometries_in_world(self.grasp_map, stances[again])
+        new = self._solve_in_place(geometry, self.boxes, avoid=True)
+        better = np.all(new.branch_sets > 0, axis=1)
+        postures.branch_sets[again] = 0
         again, new = again[better], new.take(better)
         # Equal up to rounding; this way a base pose has the same digits wherever it is computed.
-        bases = bases_of_ordered(self.grasp_map, self.robot, stances[again], new.tried)
+        bases = bases_of_ordered(self.grasp_map, self.robot, stances[again], new.pose_number)
         new = replace(new, base_position=bases[0], base_rotation=bases[1])
         for name in FIELDS:
             getattr(postures, name)[again] = getattr(new, name)
 
     def _solve_new(self, rows: IntArray, nodes_only: bool) -> None:
-        grasps, centroid = grasps_of_geometries(rows, self.robot.limbs)
+        grasps, centroid = geometries_of_rows(rows, self.robot.limbs)
         out = self._solve_in_place(grasps, self._no_boxes, avoid=False, nodes_only=nodes_only)
         out.base_position[:] += centroid
         if nodes_only:
-            rejected = np.flatnonzero(~np.all(out.mask > 0, axis=1)) + self._solved.used
+            rejected = np.flatnonzero(~np.all(out.branch_sets > 0, axis=1)) + self._solved.used
             self._rejected.update(rejected.tolist())
         self._solved.append(out)
 
@@ -275,41 +275,41 @@ class PostureSolver:
         """
         collisions = self.settings.collisions if collisions is None else collisions
         count = len(stances)
-        held = held_in_world(self.grasp_map, stances)
-        away = positions - held.centres
+        geometry = geometries_in_world(self.grasp_map, stances)
+        away = positions - geometry.centres
         frames = (rotations.copy(), away, away, np.zeros(count, dtype=np.bool_))
         # One candidate: height 1 along the vector from the centroid to the base, roll 0.
         one, zero = np.ones(1), np.zeros(1)
         out = self._run(
-            held,
+            geometry,
             Candidates(frames, one, zero, one, zero),
             self.boxes if collisions else self._no_boxes,
             thresholds=thresholds,
             avoid=collisions,
             collisions=collisions,
         )
-        out.base_position[:], out.base_rotation[:], out.tried[:] = positions, rotations, -1
+        out.base_position[:], out.base_rotation[:], out.pose_number[:] = positions, rotations, -1
         if collisions:
-            out.mask[self.point_cause[stances].any(axis=1)] = 0
+            out.branch_sets[self.point_cause[stances].any(axis=1)] = 0
         return out
 
-    def poses_tried(self, stance: Sequence[int]) -> tuple[Array, Array]:
+    def candidate_poses(self, stance: Sequence[int]) -> tuple[Array, Array]:
         """Return the candidate base poses of a stance given by point indices, in the world.
 
-        These are positions [m], shape (k, 3), and rotations, shape (k, 3, 3). Rolls change fastest;
-        in the numbers of `Postures.tried` heights do.
+        These are positions [m], shape (k, 3), and rotations, shape (k, 3, 3), in the order of their
+        numbers.
         """
         points = np.array([stance], dtype=np.int64)
-        turns = first_limbs(self.grasp_map, points, self.robot.is_symmetric)
-        held = held_in_world(self.grasp_map, permuted_limbs(points, turns))
-        frames, heights, rolls, *between_walls = Candidates.of(self.robot, held)
+        relabellings = first_limbs(self.grasp_map, points, self.robot.is_symmetric)
+        geometry = geometries_in_world(self.grasp_map, relabelled(points, relabellings))
+        frames, heights, rolls, *between_walls = Candidates.of(self.robot, geometry)
         frame, out, line, opposed = (part[0] for part in frames)
         if opposed:
             heights, rolls = between_walls
         rolled = scipy.spatial.transform.Rotation.from_rotvec(rolls[:, None] * line).as_matrix()
-        positions = held.centres[0] + heights[:, None, None] * (rolled @ out)
-        rotations = np.broadcast_to(rolled @ frame, (len(heights), *rolled.shape))
-        frames_of = turned_frames(rotations.reshape(-1, 3, 3), -turns, len(stance))
+        positions = geometry.centres[0] + heights[:, None] * (rolled @ out)[:, None]
+        rotations = np.repeat(rolled @ frame, len(heights), axis=0)
+        frames_of = relabelled_frames(rotations, -relabellings, len(stance))
         return positions.reshape(-1, 3), frames_of
 
     def in_reach(
@@ -329,7 +329,7 @@ class PostureSolver:
         robot = self.robot
         if not robot.is_symmetric:
             return np.ones(len(sets), dtype=np.bool_)
-        candidates = Candidates.of(robot, held_in_world(self.grasp_map, sets[:1]))
+        candidates = Candidates.of(robot, geometries_in_world(self.grasp_map, sets[:1]))
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, candidates[1:], target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
@@ -338,15 +338,15 @@ class PostureSolver:
         return out
 
     def _solve_in_place(
-        self, held: Grasps, grid: BoxGrid, *, avoid: bool, nodes_only: bool = False
+        self, geometry: RelativeGeometries, grid: BoxGrid, *, avoid: bool, nodes_only: bool = False
     ) -> Postures:
         """Compute postures among the robot's candidates, relative to the centroids of the grasps.
 
         With `avoid` the posture of the largest margin is known to touch something.
         """
         return self._run(
-            held,
-            Candidates.of(self.robot, held),
+            geometry,
+            Candidates.of(self.robot, geometry),
             grid,
             thresholds=self.settings.thresholds(self.robot.limbs),
             avoid=avoid,
@@ -356,7 +356,7 @@ class PostureSolver:
 
     def _run(
         self,
-        held: Grasps,
+        geometry: RelativeGeometries,
         candidates: Candidates,
         grid: BoxGrid,
         *,
@@ -366,12 +366,14 @@ class PostureSolver:
         nodes_only: bool = False,
     ) -> Postures:
         """Choose the posture of each stance among given candidates."""
-        settings, k = self.settings, len(held.grasps)
-        rules, count = PostureRule.rows(1), held.grasps.shape[1]
+        settings, k = self.settings, len(geometry.positions)
+        rules, count = PostureRule.rows(1), geometry.positions.shape[1]
         rule = rules[0]
-        stances = HeldStance.rows(k)
-        stances["centre"] = held.centres
-        grasps = grasp_rows(held.grasps, held.normals, held.rails, self.robot.tool_length)
+        stances = StanceGeometry.rows(k)
+        stances["centre"] = geometry.centres
+        grasps = grasp_rows(
+            geometry.positions, geometry.normals, geometry.rails, self.robot.tool_length
+        )
         stances["grasps"][:, :count] = grasps
         candidates.write(stances, rules)
         rule["thresholds"] = self._thresholds(thresholds)[0]
@@ -392,7 +394,7 @@ class PostureSolver:
             out["w_m"][:, :count].copy(),
             out["w_b"].copy(),
             out["branch"][:, :count].copy(),
-            out["mask"][:, :count].copy(),
+            out["branch_sets"][:, :count].copy(),
             out["pose_number"].copy(),
             out["cause"].copy(),
         )

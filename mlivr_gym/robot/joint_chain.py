@@ -90,8 +90,8 @@ def foot(chain: JointChain, k: int, other: int) -> Array:
     axis, along = chain.axes[k], chain.axes[other]
     apart = chain.anchors[other] - chain.anchors[k]
     # The plane through the other axis and the common perpendicular has this normal.
-    beside = np.cross(along, np.cross(axis, along))
-    share = (apart @ beside) / (axis @ beside)
+    after_move = np.cross(along, np.cross(axis, along))
+    share = (apart @ after_move) / (axis @ after_move)
     nearest: Array = chain.anchors[k] + share * axis
     return nearest
 

@@ -137,7 +137,7 @@ class PhysicalWalk:
         return self.simulation.configuration
 
     def step(
-        self, limb: int, point: int, masks: tuple[int, ...]
+        self, limb: int, point: int, branch_sets: tuple[int, ...]
     ) -> tuple[State, SimulatedInterval | Failure]:
         """Move a limb to a point, given by its index.
 
@@ -147,7 +147,7 @@ class PhysicalWalk:
             Index of the limb.
         point
             Index of the point.
-        masks
+        branch sets
             Branches of all limbs after the step.
 
         Returns
@@ -157,7 +157,7 @@ class PhysicalWalk:
             step, or a `Failure` alone if the step has no swing or no trajectory.
         """
         after = self.state.stance_after(limb, point)
-        result = self._planned(after) or self._committed(State(after, masks))
+        result = self._planned(after) or self._committed(State(after, branch_sets))
         if result is None:
             return self._no_swing(limb, point, "no swing was found")
         regrasp, reached = result
@@ -207,10 +207,11 @@ class PhysicalWalk:
         joints, limb = self.joints.copy(), regrasp.limb
         joints[limb] = regrasp.grasp_joints
         reached = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
-        masks = tuple(
-            reached.masks[i] if i == limb else mask for i, mask in enumerate(self.state.masks)
+        branch_sets = tuple(
+            reached.branch_sets[i] if i == limb else branch_set
+            for i, branch_set in enumerate(self.state.branch_sets)
         )
-        return regrasp, State(after, masks)
+        return regrasp, State(after, branch_sets)
 
     def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
@@ -220,7 +221,7 @@ class PhysicalWalk:
         graph = self.graph
         regrasp, edge = self._regrasp(reached.stance)
         for option in self._options(reached, regrasp.limb):
-            branches = (*regrasp.branches[:-1], _branch(option.masks[regrasp.limb]))
+            branches = (*regrasp.branches[:-1], _branch(option.branch_sets[regrasp.limb]))
             grasp_joints = graph.configuration(option)[2][regrasp.limb]
             chosen = replace(regrasp, branches=branches, grasp_joints=grasp_joints)
             committed = commit(graph, chosen, edge)
@@ -233,7 +234,10 @@ class PhysicalWalk:
         graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
-        limb, branches = moving_limb(state.stance, after), [_branch(mask) for mask in state.masks]
+        limb, branches = (
+            moving_limb(state.stance, after),
+            [_branch(branch_set) for branch_set in state.branch_sets],
+        )
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
             edge.kind, graph.pivot(state.stance, after), (*branches, branches[limb]), self.joints,
@@ -245,9 +249,12 @@ class PhysicalWalk:
         """Return the state with a limb on each of its branches, most successors first."""
         options = []
         for bit in range(16):
-            if state.masks[limb] >> bit & 1:
-                masks = tuple(1 << bit if i == limb else mask for i, mask in enumerate(state.masks))
-                options.append(state._replace(masks=masks))
+            if state.branch_sets[limb] >> bit & 1:
+                branch_sets = tuple(
+                    1 << bit if i == limb else branch_set
+                    for i, branch_set in enumerate(state.branch_sets)
+                )
+                options.append(state._replace(branch_sets=branch_sets))
         return sorted(options, key=lambda option: -len(self.graph.successors(option).limb))
 
     def _on_branches(
@@ -255,18 +262,19 @@ class PhysicalWalk:
     ) -> State:
         """Return the state with limbs on given branches; the flips follow from the joint angles."""
         joints = self.joints if joints is None else joints
-        plain = state._replace(masks=tuple(1 << int(branch) for branch in branches))
+        plain = state._replace(branch_sets=tuple(1 << int(branch) for branch in branches))
         unturned = self.graph.configuration(plain)[2]
         turned = np.cos(joints[:, 5] - unturned[:, 5]) < 0.0
-        masks = tuple(
-            int(mask) << 8 * int(flip) for mask, flip in zip(plain.masks, turned, strict=True)
+        branch_sets = tuple(
+            int(branch_set) << 8 * int(flip)
+            for branch_set, flip in zip(plain.branch_sets, turned, strict=True)
         )
-        return state._replace(masks=masks)
+        return state._replace(branch_sets=branch_sets)
 
 
-def _branch(mask: int) -> int:
-    """Return the branch of a mask with one bit."""
-    return (mask.bit_length() - 1) & 7
+def _branch(branch_set: int) -> int:
+    """Return the branch of a branch set with one bit."""
+    return (branch_set.bit_length() - 1) & 7
 
 
 def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[str, Any]:

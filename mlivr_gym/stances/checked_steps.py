@@ -31,40 +31,40 @@ class CheckedSteps(ChangingWorld):
         """Number of limbs."""
         return self.robot.limbs
 
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+    def releasable_branches(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """Return the branches on which a limb can be released at a stance, 0 if none."""
         stances = self.checks.stances(np.array([stance]), posture)
         self._check_releases(stances, np.array([[0, limb]]))
-        return int(stances.released["branches"][0, limb])
+        return int(stances.releases["branches"][0, limb])
 
-    def all_released(self, points: IntArray, postures: Postures) -> Any:
+    def all_releases(self, points: IntArray, postures: Postures) -> Any:
         """Return the releases of all limbs at stances: rows of `ReleaseRecord`, shape (k, N)."""
         stances = self.checks.stances(points, postures)
         self._check_releases(stances, np.indices(points.shape).reshape(2, -1).T)
-        return stances.released
+        return stances.releases
 
     def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
         """Compute releases that are not known: rows and limbs, shape (k, 2)."""
-        todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
+        todo = todo[~stances.releases["known"][todo[:, 0], todo[:, 1]]]
         self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
 
-    def mask_after_grasp(self, state: State, limb: int) -> int:
+    def branch_set_after_grasp(self, state: State, limb: int) -> int:
         """Return the branches and flips that a limb may be on after it has grasped."""
         Integer(0, self.limbs - 1).read(limb, FieldPath("limb", StanceError))
         posture = self.posture_of(state)
         if not self.settings.transitions:
-            return int(posture.mask[0, limb])
-        return self.released(state.stance, posture, limb)
+            return int(posture.branch_sets[0, limb])
+        return self.releasable_branches(state.stance, posture, limb)
 
     def pivot(self, before: tuple[int, ...], after: tuple[int, ...]) -> Array:
-        """Return the centre of an arc as base path: the centroid of the supports [m], (3,)."""
+        """Return the centre of an arc as base path: the centroid of the points held [m], (3,)."""
         limb = moving_limb(before, after)
-        held = [point for i, point in enumerate(after) if i != limb]
-        centre: Array = self.grasp_map.positions[held].mean(axis=0)
+        others = [point for i, point in enumerate(after) if i != limb]
+        centre: Array = self.grasp_map.positions[others].mean(axis=0)
         return centre
 
     def step_rows(
-        self, stances: StanceSet, before: IntArray, after: IntArray, masks: IntArray
+        self, stances: StanceSet, before: IntArray, after: IntArray, branch_sets: IntArray
     ) -> Any:
         """Return rows of `StepRecord` for steps between stances.
 
@@ -76,18 +76,18 @@ class CheckedSteps(ChangingWorld):
             Rows of the stances before the steps, shape (k,).
         after
             Rows of the stances after the steps, shape (k,).
-        masks
+        branch sets
             Branches and flips of each limb before the steps, shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points
         moves = points[after] != points[before]
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
-        held = self.grasp_map.positions[points[after]] * ~moves[..., None]
-        steps["pivot"] = held.sum(axis=1) / (self.limbs - 1)
-        steps["branches"][:, : self.limbs] = masks
+        at_supports = self.grasp_map.positions[points[after]] * ~moves[..., None]
+        steps["pivot"] = at_supports.sum(axis=1) / (self.limbs - 1)
+        steps["branches"][:, : self.limbs] = branch_sets
         return steps
 
-    def masks_after(
+    def branch_sets_after(
         self,
         states: Sequence[State],
         here: Postures,
@@ -95,7 +95,7 @@ class CheckedSteps(ChangingWorld):
         stances: IntArray,
         after: Postures,
     ) -> Any:
-        """Return the masks of all limbs after steps from states, shape (k, N); 0 without a step.
+        """Return the branch sets after steps from states, shape (k, N); 0 without a step.
 
         Parameters
         ----------
@@ -111,15 +111,15 @@ class CheckedSteps(ChangingWorld):
             The postures after the steps.
         """
         if not self.settings.transitions or not len(stances):
-            return after.mask.copy()
+            return after.branch_sets.copy()
         points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
-        masks = np.array([s.masks for s in states], dtype=np.int64)[before]
-        steps = self.step_rows(found, before, np.arange(len(states), len(points)), masks)
-        return self.masks_of_steps(steps, found)
+        branch_sets = np.array([s.branch_sets for s in states], dtype=np.int64)[before]
+        steps = self.step_rows(found, before, np.arange(len(states), len(points)), branch_sets)
+        return self.branch_sets_of_steps(steps, found)
 
-    def masks_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
-        """Return the masks of all limbs after steps, shape (k, N); 0 for what is no step.
+    def branch_sets_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
+        """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
         Parameters
         ----------
@@ -130,19 +130,19 @@ class CheckedSteps(ChangingWorld):
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
-        if not stances.released["known"].all():
+        if not stances.releases["known"].all():
             # Releases take longer to compute than whether the support limbs can follow.
-            able = np.flatnonzero(self.checks.hold(steps, stances, world))
+            able = np.flatnonzero(self.checks.can_follow(steps, stances, world))
         if self.settings.collisions:
             able = self._releasable_steps(stances, steps, able)
         chosen = steps[able]
         self.checks.check(chosen, stances, world)
         kept, rows, limb = chosen["kept"][:, : self.limbs], np.arange(len(able)), chosen["limb"]
-        masks: IntArray = np.zeros((len(steps), self.limbs), dtype=np.int64)
-        masks[able] = kept
-        grasped = stances.released["branches"] if self.settings.collisions else stances.mask
-        masks[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
-        return masks
+        branch_sets: IntArray = np.zeros((len(steps), self.limbs), dtype=np.int64)
+        branch_sets[able] = kept
+        grasped = stances.releases["branches"] if self.settings.collisions else stances.branch_sets
+        branch_sets[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
+        return branch_sets
 
     def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
         """Return the indices of steps whose limb can be released before and after them.
@@ -153,12 +153,12 @@ class CheckedSteps(ChangingWorld):
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
             self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
-            released = stances.released["branches"][row, limb]
+            branches = stances.releases["branches"][row, limb]
             if end == "before":
-                both = zip(steps["branches"][able, limb].tolist(), released.tolist(), strict=True)
+                both = zip(steps["branches"][able, limb].tolist(), branches.tolist(), strict=True)
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
-                able = able[released != 0]
+                able = able[branches != 0]
         if self.limbs > 2:
             return able
         rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
@@ -172,7 +172,7 @@ class CheckedSteps(ChangingWorld):
         Parameters
         ----------
         state
-            Stance before the step, and the branch and flip that each limb is on, as masks.
+            Stance before the step, and the branch and flip that each limb is on, as branch sets.
         after
             Point index of each limb after the step.
         posture
@@ -181,7 +181,7 @@ class CheckedSteps(ChangingWorld):
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)
         first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
-        steps = self.step_rows(stances, first, last, np.array([state.masks]))
+        steps = self.step_rows(stances, first, last, np.array([state.branch_sets]))
         steps["fixed"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.tried_poses import OPPOSED_HEIGHTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
@@ -30,10 +30,10 @@ class LazyGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Start with no results."""
         super().__init__(grasp_map, robot, settings)
-        self._released: dict[tuple[bytes, int], Any] = {}
+        self._releases: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
 
-    def sets(self, progress: Progress | None = None, *, work_out: bool = True) -> StanceSets | None:
+    def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
         """Return the sets of points that limbs may hold at once; see `StanceSets.of`.
 
         If all nodes are known, they are the sets that a node holds. Once they are known, only
@@ -43,7 +43,7 @@ class LazyGraph(StanceGraph):
         ----------
         progress
             Called with the finished share of the work.
-        work_out
+        build
             Whether unknown sets are computed.
 
         Returns
@@ -55,7 +55,7 @@ class LazyGraph(StanceGraph):
         if self._sets is None and self.table is not None:
             self._sets = StanceSets.of_nodes(self, self.table.points)
         elif self._sets is None:
-            self._sets = StanceSets.of(self, progress, work_out=work_out)
+            self._sets = StanceSets.of(self, progress, build=build)
         return self._sets
 
     def postures(self, stances: IntArray) -> Postures:
@@ -66,7 +66,7 @@ class LazyGraph(StanceGraph):
         return self._among_obstacles(stances, super().postures(stances))
 
     def nodes(self, stances: IntArray) -> Postures:
-        """Return postures as `postures` does, but only masks of 0 for stances that are no nodes."""
+        """Return postures as `postures` does, but only empty branch sets for what is no node."""
         return self._among_obstacles(stances, super().nodes(stances))
 
     def _among_obstacles(self, stances: IntArray, found: Postures) -> Postures:
@@ -74,54 +74,60 @@ class LazyGraph(StanceGraph):
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, found)
         if self.occupied:
-            found.mask[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
+            found.branch_sets[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
     def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
         """Compute releases, see `CheckedSteps`, and store them."""
         new = []
-        todo = todo[~stances.released["known"][todo[:, 0], todo[:, 1]]]
+        todo = todo[~stances.releases["known"][todo[:, 0], todo[:, 1]]]
         for row, limb in todo.tolist():
             key = (stances.points[row].tobytes() + stances.base[row].tobytes(), limb)
-            found = self._released.get(key)
+            found = self._releases.get(key)
             if found is None:
                 new.append((row, limb, key))
             else:
-                stances.released[row, limb] = found
+                stances.releases[row, limb] = found
         unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
         free = stances
         if self.obstacles:
-            free = stances._replace(mask=self._free_masks(stances, np.unique(unknown[:, 0])))
+            free = stances._replace(
+                branch_sets=self._free_branch_sets(stances, np.unique(unknown[:, 0]))
+            )
         super()._check_releases(free, unknown)
         rows, limbs = unknown.T
-        stances.released["branches"][rows, limbs] &= stances.mask[rows, limbs]
+        stances.releases["branches"][rows, limbs] &= stances.branch_sets[rows, limbs]
         for row, limb, key in new:
-            self._released[key] = stances.released[row, limb].copy()
+            self._releases[key] = stances.releases[row, limb].copy()
 
-    def _free_masks(self, stances: StanceSet, rows: IntArray) -> IntArray:
-        """Return the masks of stances, without obstacles for some of them, shape (k, N).
+    def _free_branch_sets(self, stances: StanceSet, rows: IntArray) -> IntArray:
+        """Return the branch sets of stances, without obstacles for some of them, shape (k, N).
 
         The motion by which a limb is released is chosen without obstacles, which only remove
         branches from it: so obstacles never add a step.
         """
-        masks, points = stances.mask.copy(), stances.points[rows]
+        branch_sets, points = stances.branch_sets.copy(), stances.points[rows]
         position, rotation = stances.base["position"][rows], stances.base["rotation"][rows]
         if self.table is None:
             found = self.solver.solve(points, nodes_only=True)
-            base, masks[rows], given = found.base_rows, found.mask, np.zeros(len(rows), np.bool_)
+            base, branch_sets[rows], given = (
+                found.base_rows,
+                found.branch_sets,
+                np.zeros(len(rows), np.bool_),
+            )
         else:
-            known, turns = self.table.find(points)
-            nodes = node_stances(self.grasp_map, self.robot, self.table, known, -turns)
-            base, masks[rows], given = nodes.base, nodes.mask, known < 0
+            known, relabellings = self.table.find(points)
+            nodes = node_stances(self.grasp_map, self.robot, self.table, known, -relabellings)
+            base, branch_sets[rows], given = nodes.base, nodes.branch_sets, known < 0
         given |= (abs(base["position"] - position) > SAME).any(axis=1)
         given |= (abs(base["rotation"] - rotation) > SAME).any(axis=(1, 2))
         if given.any():
             where = points[given], position[given], rotation[given]
-            masks[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).mask
-        return masks
+            branch_sets[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).branch_sets
+        return branch_sets
 
     def _obstacles_changed(self) -> None:
-        self._released = {}
+        self._releases = {}
 
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
@@ -136,20 +142,25 @@ class LazyGraph(StanceGraph):
         For a node of the table only the steps that it allows are checked.
         """
         self.check(state)
-        held = not self.occupied.isdisjoint(state.stance)
-        if self.table is None or state.pose is not None or self.obstacles or held:
+        is_occupied = not self.occupied.isdisjoint(state.stance)
+        if self.table is None or state.pose is not None or self.obstacles or is_occupied:
             return super().successors(state)
-        row, turn = (int(one[0]) for one in self.table.find(np.array([state.stance])))
+        row, relabelling = (int(one[0]) for one in self.table.find(np.array([state.stance])))
         if row < 0:
             return super().successors(state)
-        moves = candidate_steps(self.table, row, -turn)
-        rows, turns = np.append(row, moves.rows), np.append(-turn, moves.turns)
-        stances = node_stances(self.grasp_map, self.robot, self.table, rows, turns)
+        moves = candidate_steps(self.table, row, -relabelling)
+        rows, relabellings = np.append(row, moves.rows), np.append(-relabelling, moves.relabellings)
+        stances = node_stances(self.grasp_map, self.robot, self.table, rows, relabellings)
         after = np.arange(1, len(rows))
         vacant = ~np.isin(stances.points[after], list(self.occupied)).any(axis=1)
         limb, after = moves.limb[vacant], after[vacant]
-        before, masks = np.zeros_like(after), np.tile(np.array(state.masks), (len(after), 1))
-        found = self.masks_of_steps(self.step_rows(stances, before, after, masks), stances)
+        before, branch_sets = (
+            np.zeros_like(after),
+            np.tile(np.array(state.branch_sets), (len(after), 1)),
+        )
+        found = self.branch_sets_of_steps(
+            self.step_rows(stances, before, after, branch_sets), stances
+        )
         kept = found.all(axis=1)
         limb, after = limb[kept], after[kept]
         return Successors(
@@ -165,7 +176,9 @@ class LazyGraph(StanceGraph):
             limb
             for limb in range(self.limbs)
             if not self.settings.transitions
-            or can_release(state.masks[limb], self.released(state.stance, posture, limb))
+            or can_release(
+                state.branch_sets[limb], self.releasable_branches(state.stance, posture, limb)
+            )
         ]
         return self._neighbouring(state.stance, able)[2]
 
@@ -179,16 +192,16 @@ class LazyGraph(StanceGraph):
         moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for limb in limbs:
             others = [point for i, point in enumerate(stance) if i != limb]
-            able = np.flatnonzero(self.together[others].all(axis=0))
+            able = np.flatnonzero(self.compatible[others].all(axis=0))
             points.append(able[able != stance[limb]])
             moved.append(np.full(len(points[-1]), limb, dtype=np.int64))
         limb_of, point = np.concatenate(moved), np.concatenate(points)
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
         stances[np.arange(len(limb_of)), limb_of] = point
-        sets = self.sets(work_out=False)
+        sets = self.sets(build=False)
         if sets is not None:
-            held = sets.find(stances) >= 0
-            limb_of, point, stances = limb_of[held], point[held], stances[held]
+            kept = sets.find(stances) >= 0
+            limb_of, point, stances = limb_of[kept], point[kept], stances[kept]
         return limb_of, point, stances
 
     def likely_base(self, stances: IntArray) -> Array:

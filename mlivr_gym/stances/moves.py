@@ -50,7 +50,7 @@ class Moves(Protocol):
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
 
-    def mask(self, state: State) -> BoolArray:
+    def action_mask(self, state: State) -> BoolArray:
         """Return which actions a state allows, shape (N m,)."""
 
     def take(self, state: State, action: int) -> State:
@@ -65,9 +65,9 @@ class Moves(Protocol):
 
 def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
     position = tuple(posture.base_position[0].tolist())
-    turn = quaternion(posture.base_rotation[0])
+    orientation = quaternion(posture.base_rotation[0])
     return StanceProperties(
-        graph.ids(stance), position, turn, posture.w_m[0], float(posture.w_b[0])
+        graph.ids(stance), position, orientation, posture.w_m[0], float(posture.w_b[0])
     )
 
 
@@ -88,7 +88,7 @@ class GraphMoves:
                 self._steps.popitem(last=False)
         return self._steps[state]
 
-    def mask(self, state: State) -> BoolArray:
+    def action_mask(self, state: State) -> BoolArray:
         """Return which actions a state allows, shape (N m,)."""
         return action_mask(self.graph, self.successors(state))
 
@@ -133,15 +133,15 @@ class TableMoves:
         """Return all steps that leave a state."""
         if state.pose is not None:
             return self._from_given_pose.successors(state)
-        return self.tables.successors(int(self.stance_at[state.stance]), state.masks)
+        return self.tables.successors(int(self.stance_at[state.stance]), state.branch_sets)
 
-    def mask(self, state: State) -> BoolArray:
+    def action_mask(self, state: State) -> BoolArray:
         """Return which actions a state allows, shape (2 m,)."""
         if state.pose is not None:
-            return self._from_given_pose.mask(state)
+            return self._from_given_pose.action_mask(state)
         out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
         stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
-        legal_actions(stance, np.array([state.masks], dtype=np.int64), self.tables, out)
+        legal_actions(stance, np.array([state.branch_sets], dtype=np.int64), self.tables, out)
         return out.ravel().view(np.bool_)
 
     def take(self, state: State, action: int) -> State:
@@ -152,17 +152,17 @@ class TableMoves:
         of_limb = 2 * int(self.stance_at[state.stance]) + limb
         begin, end = self._start[of_limb], self._start[of_limb + 1]
         step = begin + int(self.tables.to_point[begin:end].searchsorted(np.uint16(point)))
-        masks = self.tables.masks_after(step, limb, state.masks)
-        return State(state.stance_after(limb, point), masks)
+        branch_sets = self.tables.branch_sets_after(step, limb, state.branch_sets)
+        return State(state.stance_after(limb, point), branch_sets)
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether the support limb could be released after each step, shape (k,)."""
         a, b = np.array(state.stance, dtype=np.int64)[:, None].repeat(len(steps.limb), axis=1)
         first = steps.limb == 0
         after = self.stance_at[np.where(first, steps.point, a), np.where(first, b, steps.point)]
-        held = 1 - steps.limb
-        kept = np.take_along_axis(steps.masks, held[:, None], axis=1)[:, 0]
-        free = map(can_release, kept.tolist(), self.tables.releasable[after, held].tolist())
+        support = 1 - steps.limb
+        kept = np.take_along_axis(steps.branch_sets, support[:, None], axis=1)[:, 0]
+        free = map(can_release, kept.tolist(), self.tables.releasable[after, support].tolist())
         return np.fromiter(free, dtype=np.bool_, count=len(after))
 
     def place(self, state: State) -> StanceProperties:
@@ -172,9 +172,9 @@ class TableMoves:
         found = self._places.get(state.stance)
         if found is None:
             graph, s = self.graph, int(self.stance_at[state.stance])
-            base, turn = tuple(self.tables.base_in_world[s].tolist()), self._quaternions[s]
+            base, orientation = tuple(self.tables.base_in_world[s].tolist()), self._quaternions[s]
             found = StanceProperties(
-                graph.ids(state.stance), base, turn, graph.w_m[s], float(graph.w_b[s])
+                graph.ids(state.stance), base, orientation, graph.w_m[s], float(graph.w_b[s])
             )
             self._places[state.stance] = found
         return found

@@ -43,18 +43,18 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     candidates = f"{len(sets):,} sets of points"
     if not len(sets):
         return Estimate(candidates, 0.0, 0.0)
-    chosen, tried = _some(sets)
+    chosen, pose_number = _some(sets)
     world = graph.grasp_map, graph.robot, graph.settings
-    nodes_of_sets(0, sets.points[tried[:1]], world)  # compiles
+    nodes_of_sets(0, sets.points[pose_number[:1]], world)  # compiles
     began = time.perf_counter()
-    *columns, rotation = nodes_of_sets(0, sets.points[tried], world)
-    seconds = (time.perf_counter() - began) * len(sets) / len(tried)
+    *columns, rotation = nodes_of_sets(0, sets.points[pose_number], world)
+    seconds = (time.perf_counter() - began) * len(sets) / len(pose_number)
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
     table = table_of(nodes)
     every, begun = len(chosen), np.flatnonzero(_in_sample(table, sets, chosen))
     members = table.members.astype(np.int64)
-    pairs, more = _pairs(table, begun), sets.support_count / every
+    pairs, more = _pairs(table, begun), sets.support_set_count / every
     some = pairs[:: max(1, len(pairs) // PAIRS)]
     kept_at_most(graph, nodes, rotation[order], members, some[:1])
     began = time.perf_counter()
@@ -64,18 +64,18 @@ def estimate_nodes(graph: LazyGraph) -> Estimate:
     each = sum(one.itemsize * one[:1].size for one in table[:7]) + members.itemsize * graph.limbs
     squares = float((np.diff(table.start)[begun].astype(float) ** 2).sum()) * more
     lost = 16.0 * len(found.lost) * more * len(pairs) / max(len(some), 1)
-    size = each * len(nodes.points) * len(sets) / len(tried) + squares * 20 / 64 + lost
+    size = each * len(nodes.points) * len(sets) / len(pose_number) + squares * 20 / 64 + lost
     seconds /= workers(len(sets), FEW_SETS)
     return Estimate(candidates, seconds, size, parts_of_nodes(graph).count())
 
 
 def _some(sets: StanceSets) -> tuple[IntArray, IntArray]:
     """Return some support sets, and the rows of all sets that have one of them."""
-    order = np.random.default_rng(0).permutation(sets.support_count)
-    sizes = np.bincount(sets.supports.ravel(), minlength=sets.support_count)
+    order = np.random.default_rng(0).permutation(sets.support_set_count)
+    sizes = np.bincount(sets.support_sets.ravel(), minlength=sets.support_set_count)
     count = 1 + int(np.searchsorted(np.cumsum(sizes[order]), SAMPLE))
     chosen = order[:count]
-    return chosen, np.flatnonzero(np.isin(sets.supports, chosen).any(axis=1))
+    return chosen, np.flatnonzero(np.isin(sets.support_sets, chosen).any(axis=1))
 
 
 def _in_sample(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArray:
@@ -85,18 +85,18 @@ def _in_sample(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArra
     """
     points = table.points.astype(np.int64)
     place = np.argsort(np.argsort(points, axis=1), axis=1)
-    others = np.take_along_axis(sets.supports[sets.find(points)], place, axis=1)
+    others = np.take_along_axis(sets.support_sets[sets.find(points)], place, axis=1)
     found = np.zeros(len(table.start) - 1, dtype=np.bool_)
-    found[table.supports[np.isin(others, chosen)]] = True
+    found[table.support_sets[np.isin(others, chosen)]] = True
     return found
 
 
-def _pairs(table: NodeTable, supports: IntArray) -> IntArray:
+def _pairs(table: NodeTable, support_sets: IntArray) -> IntArray:
     """Return pairs of members of some support sets that share branches, shape (p, 2)."""
     found = [np.zeros((0, 2), dtype=np.int64)]
-    for support in supports.tolist():
-        before = Pair.before(table, support)
-        pairs = np.empty((count_pairs(table, before.copy(), support + 1), 2), dtype=np.int64)
-        list_pairs(table, before, support + 1, pairs)
+    for support_set in support_sets.tolist():
+        before = Pair.before(table, support_set)
+        pairs = np.empty((count_pairs(table, before.copy(), support_set + 1), 2), dtype=np.int64)
+        list_pairs(table, before, support_set + 1, pairs)
         found.append(pairs)
     return np.concatenate(found)

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import (
-    NO_LIMB,
+from mlivr_gym.compiled.limb_branch_sets import (
+    NO_BRANCHES,
     WORD,
-    all_keep_one,
+    each_keeps_one,
     has_bit,
-    held_beside,
     set_before,
     set_bit,
+    supports_of,
 )
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.stances.node_table import NodeTable
@@ -37,14 +37,14 @@ class EdgeSet(NamedTuple):
     loses_branches: BoolArray
     """Whether a step loses branches that both nodes have, for each joined pair, shape (j,)."""
     lost: NDArray[np.uint64]
-    """The lost branches, as `held_beside`, for each pair that loses some, shape (l,)."""
+    """The lost branches, as `supports_of`, for each pair that loses some, shape (l,)."""
 
     @classmethod
     def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> EdgeSet:
         """Return results from the branches that both nodes have and those kept at most, (p,)."""
-        joined = kept != NO_LIMB
+        joined = kept != NO_BRANCHES
         lost = shared[joined] & ~kept[joined]
-        return cls(joined, lost != NO_LIMB, lost[lost != NO_LIMB])
+        return cls(joined, lost != NO_BRANCHES, lost[lost != NO_BRANCHES])
 
     @classmethod
     def joint(cls, parts: list[EdgeSet]) -> EdgeSet:
@@ -55,7 +55,7 @@ class EdgeSet(NamedTuple):
 class Pair(Record):
     """A pair of members of a support set, from which `next_pair` continues."""
 
-    support: int
+    support_set: int
     """Number of the support set."""
     first: int
     """Index of the first of the two in `members`."""
@@ -63,40 +63,40 @@ class Pair(Record):
     """Index of the second, which is larger."""
 
     @classmethod
-    def before(cls, table: NodeTable, support: int) -> Any:
+    def before(cls, table: NodeTable, support_set: int) -> Any:
         """Return the place before the first pair of a support set, a row."""
         pair = cls.row()
-        pair["support"], pair["first"], pair["second"] = (
-            support,
-            table.start[support],
-            table.start[support],
+        pair["support_set"], pair["first"], pair["second"] = (
+            support_set,
+            table.start[support_set],
+            table.start[support_set],
         )
         return pair
 
 
 def edge_ends(
-    table: NodeTable, bits: IntArray
+    table: NodeTable, edges: IntArray
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
-    """Return the nodes and limbs of pairs by their bits, and the bits of the reverse pairs.
+    """Return the nodes and limbs of edges, and the numbers of the reverse edges.
 
     Parameters
     ----------
     table
         The nodes.
-    bits
-        Bits, shape (k,).
+    edges
+        Numbers of the edges, which are those of their bits, shape (k,).
 
     Returns
     -------
     tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]
-        Nodes and limbs of the rows, those of the columns, and bits, all of shape (k,).
+        Nodes and limbs of the rows, those of the columns, and numbers, all of shape (k,).
     """
-    supports = np.searchsorted(table.offset, bits, side="right") - 1
-    begin, size = table.start[supports], np.diff(table.start)[supports].astype(np.int64)
-    inside: IntArray = bits - table.offset[supports]
+    support_sets = np.searchsorted(table.offset, edges, side="right") - 1
+    begin, size = table.start[support_sets], np.diff(table.start)[support_sets].astype(np.int64)
+    inside: IntArray = edges - table.offset[support_sets]
     a, b = inside // size, inside % size
     one, other = (table.members[begin + k].astype(np.int64) for k in (a, b))
-    back: IntArray = table.offset[supports] + b * size + a
+    back: IntArray = table.offset[support_sets] + b * size + a
     limbs = table.limbs
     return (one // limbs, one % limbs), (other // limbs, other % limbs), back
 
@@ -104,8 +104,8 @@ def edge_ends(
 @kernel
 def row_of(table: NodeTable, node: int, limb: int) -> int:
     """Return the first bit of the row of a member; -1 if its limb cannot be released."""
-    support, member = table.supports[node, limb], node * table.points.shape[1] + limb
-    first, last = int(table.start[support]), int(table.start[support + 1])
+    support_set, member = table.support_sets[node, limb], node * table.points.shape[1] + limb
+    first, last = int(table.start[support_set]), int(table.start[support_set + 1])
     low, high = first, last
     while low < high:
         middle = (low + high) // 2
@@ -114,7 +114,7 @@ def row_of(table: NodeTable, node: int, limb: int) -> int:
         else:
             high = middle
     if low < last and table.members[low] == member:
-        return int(table.offset[support]) + (low - first) * (last - first)
+        return int(table.offset[support_set]) + (low - first) * (last - first)
     return -1
 
 
@@ -122,25 +122,25 @@ def row_of(table: NodeTable, node: int, limb: int) -> int:
 def share_branches(table: NodeTable, a: int, b: int) -> bool:
     """Return whether each support limb of two members has a branch that both nodes have."""
     limbs = table.points.shape[1]
-    held = held_beside(table.masks[a // limbs], a % limbs, limbs) & held_beside(
-        table.masks[b // limbs], b % limbs, limbs
+    shared = supports_of(table.branch_sets[a // limbs], a % limbs, limbs) & supports_of(
+        table.branch_sets[b // limbs], b % limbs, limbs
     )
-    return all_keep_one(held, limbs)
+    return each_keeps_one(shared, limbs)
 
 
 @kernel
-def branches_lost(table: NodeTable, bit: int) -> np.uint64:
-    """Return the branches that both nodes of a pair have and a step loses, as `held_beside`."""
-    if not has_bit(table.loses_branches, bit):
-        return NO_LIMB
-    return np.uint64(table.lost[table.ranks[bit // WORD] + set_before(table.loses_branches, bit)])
+def branches_lost(table: NodeTable, edge: int) -> np.uint64:
+    """Return the branches that both nodes of a pair have and a step loses, as `supports_of`."""
+    if not has_bit(table.loses_branches, edge):
+        return NO_BRANCHES
+    return np.uint64(table.lost[table.ranks[edge // WORD] + set_before(table.loses_branches, edge)])
 
 
 @kernel
 def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
     """Go on to the next pair that shares branches; return False if none comes before `last`."""
-    while pair.support < last:
-        stop = int(table.start[pair.support + 1])
+    while pair.support_set < last:
+        stop = int(table.start[pair.support_set + 1])
         pair.second += 1
         if pair.second >= stop:
             pair.first += 1
@@ -149,16 +149,16 @@ def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
             if share_branches(table, table.members[pair.first], table.members[pair.second]):
                 return True
         elif pair.first + 1 >= stop:
-            pair.support += 1
+            pair.support_set += 1
             pair.first = pair.second = stop
     return False
 
 
 @kernel
-def _bit_of(table: NodeTable, support: int, row: int, column: int) -> int:
-    """Return the bit of a pair of members."""
-    begin, end = int(table.start[support]), int(table.start[support + 1])
-    return int(table.offset[support]) + (row - begin) * (end - begin) + column - begin
+def _edge_of(table: NodeTable, support_set: int, row: int, column: int) -> int:
+    """Return the number of the edge between two members."""
+    begin, end = int(table.start[support_set]), int(table.start[support_set + 1])
+    return int(table.offset[support_set]) + (row - begin) * (end - begin) + column - begin
 
 
 @entry
@@ -199,28 +199,28 @@ def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
     ValueError
         If there are results for more or fewer pairs.
     """
-    words, supports = len(table.bits), len(table.offset) - 1
-    bits, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
-    blank = table._replace(bits=bits, loses_branches=loses_branches)
-    complete = _set_bits(blank, Pair.before(table, 0), supports, known)
+    words, support_sets = len(table.joined), len(table.offset) - 1
+    joined, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
+    blank = table._replace(joined=joined, loses_branches=loses_branches)
+    complete = _set_bits(blank, Pair.before(table, 0), support_sets, known)
     counts = np.bitwise_count(loses_branches)
     if not complete or counts.sum() != 2 * len(known.lost):
         raise ValueError
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
-    _set_lost(full, Pair.before(table, 0), supports, known)
+    _set_lost(full, Pair.before(table, 0), support_sets, known)
     return full
 
 
 def gather(table: NodeTable) -> EdgeSet:
     """Return the results for all pairs of a table, the inverse of `spread`."""
-    supports, steps = len(table.offset) - 1, int(np.bitwise_count(table.bits).sum()) // 2
+    support_sets, steps = len(table.offset) - 1, int(np.bitwise_count(table.joined).sum()) // 2
     found = EdgeSet(
-        np.zeros(count_pairs(table, Pair.before(table, 0), supports), dtype=np.bool_),
+        np.zeros(count_pairs(table, Pair.before(table, 0), support_sets), dtype=np.bool_),
         np.zeros(steps, dtype=np.bool_),
         np.zeros(len(table.lost) // 2, dtype=np.uint64),
     )
-    _get(table, Pair.before(table, 0), supports, found)
+    _get(table, Pair.before(table, 0), support_sets, found)
     return found
 
 
@@ -237,10 +237,10 @@ def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> bool:
         if known.joined[count]:
             if steps == len(known.loses_branches):
                 return False
-            there = _bit_of(table, pair.support, pair.first, pair.second)
-            back = _bit_of(table, pair.support, pair.second, pair.first)
-            set_bit(table.bits, there)
-            set_bit(table.bits, back)
+            there = _edge_of(table, pair.support_set, pair.first, pair.second)
+            back = _edge_of(table, pair.support_set, pair.second, pair.first)
+            set_bit(table.joined, there)
+            set_bit(table.joined, back)
             if known.loses_branches[steps]:
                 set_bit(table.loses_branches, there)
                 set_bit(table.loses_branches, back)
@@ -254,13 +254,13 @@ def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
     """Write the branches that steps lose where `branches_lost` reads them."""
     count = 0
     while next_pair(table, pair, last):
-        for turn in range(2):
-            first, second = (pair.second, pair.first) if turn else (pair.first, pair.second)
-            bit = _bit_of(table, pair.support, first, second)
-            if has_bit(table.loses_branches, bit):
-                place = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
+        for back in range(2):
+            first, second = (pair.second, pair.first) if back else (pair.first, pair.second)
+            edge = _edge_of(table, pair.support_set, first, second)
+            if has_bit(table.loses_branches, edge):
+                place = table.ranks[edge // WORD] + set_before(table.loses_branches, edge)
                 table.lost[place] = known.lost[count]
-                count += turn
+                count += back
 
 
 @entry
@@ -268,13 +268,13 @@ def _get(table: NodeTable, pair: Pair, last: int, found: EdgeSet) -> None:
     """Read the results for pairs, see `gather`."""
     count, steps, loses_branches = 0, 0, 0
     while next_pair(table, pair, last):
-        bit = _bit_of(table, pair.support, pair.first, pair.second)
-        if has_bit(table.bits, bit):
+        edge = _edge_of(table, pair.support_set, pair.first, pair.second)
+        if has_bit(table.joined, edge):
             found.joined[count] = True
-            if has_bit(table.loses_branches, bit):
+            if has_bit(table.loses_branches, edge):
                 found.loses_branches[steps], found.lost[loses_branches] = (
                     True,
-                    branches_lost(table, bit),
+                    branches_lost(table, edge),
                 )
                 loses_branches += 1
             steps += 1

@@ -8,10 +8,10 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.compiled.limb_masks import has_bit, unpacked
+from mlivr_gym.compiled.limb_branch_sets import has_bit, unpacked
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.tried_poses import bases_at
-from mlivr_gym.postures.turns import permuted_limbs
+from mlivr_gym.postures.candidate_poses import bases_at
+from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.node_pairs import row_of
 from mlivr_gym.stances.node_table import NodeTable
@@ -26,14 +26,14 @@ class CandidateSteps(NamedTuple):
     """Limb that moves, shape (k,)."""
     rows: IntArray
     """Rows of the nodes after the steps, shape (k,)."""
-    turns: IntArray
+    relabellings: IntArray
     """Cyclic relabellings from these to the limbs of the robot, shape (k,)."""
-    bits: IntArray
-    """Bits of the pairs, see `node_pairs`, shape (k,)."""
+    edges: IntArray
+    """Numbers of the edges, see `node_pairs`, shape (k,)."""
 
 
 def node_stances(
-    grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, turns: IntArray
+    grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, relabellings: IntArray
 ) -> StanceSet:
     """Return nodes of a table, relabelled, as the step check reads them.
 
@@ -47,47 +47,49 @@ def node_stances(
         The nodes.
     rows
         Rows of the nodes, shape (k,).
-    turns
+    relabellings
         Cyclic relabellings of the limbs, shape (k,).
     """
-    points = permuted_limbs(table.points[rows].astype(np.int64), turns)
+    points = relabelled(table.points[rows].astype(np.int64), relabellings)
     base = Pose.rows(len(rows))
     base["position"], base["rotation"] = bases_at(
-        grasp_map, robot, points, table.tried[rows].astype(np.int64)
+        grasp_map, robot, points, table.pose_number[rows].astype(np.int64)
     )
-    masks, branches, folds = (
-        permuted_limbs(unpacked(one[rows], table.limbs), turns)
-        for one in (table.masks, table.released, table.folds)
+    branch_sets, branches, folds = (
+        relabelled(unpacked(one[rows], table.limbs), relabellings)
+        for one in (table.branch_sets, table.releasable, table.folds)
     )
-    released = ReleaseRecord.rows(*points.shape)
-    released["branches"], released["folds"], released["known"] = branches, folds, True
-    return StanceSet(np.ascontiguousarray(points), base, masks, released)
+    releases = ReleaseRecord.rows(*points.shape)
+    releases["branches"], releases["folds"], releases["known"] = branches, folds, True
+    return StanceSet(np.ascontiguousarray(points), base, branch_sets, releases)
 
 
-def candidate_steps(table: NodeTable, row: int, turn: int) -> CandidateSteps:
+def candidate_steps(table: NodeTable, row: int, relabelling: int) -> CandidateSteps:
     """Return the candidate steps from a node of a table, relabelled, in the order of limbs."""
-    limbs, supports = table.limbs, table.supports[row]
-    most = int((table.start[supports + 1] - table.start[supports]).sum())
+    limbs, support_sets = table.limbs, table.support_sets[row]
+    most = int((table.start[support_sets + 1] - table.start[support_sets]).sum())
     found = np.empty((most, 3), dtype=np.int64)
-    limb, member, bits = found[: list_candidate_steps(table, row, found)].T
+    limb, member, edges = found[: list_candidate_steps(table, row, found)].T
     rows, moved = np.divmod(member, limbs)
-    limb_now = (limb - turn) % limbs
+    limb_now = (limb - relabelling) % limbs
     order = np.lexsort((table.points[rows, moved], limb_now))
-    return CandidateSteps(limb_now[order], rows[order], (moved - limb + turn)[order], bits[order])
+    return CandidateSteps(
+        limb_now[order], rows[order], (moved - limb + relabelling)[order], edges[order]
+    )
 
 
 @entry
 def list_candidate_steps(table: NodeTable, node: int, found: IntArray) -> int:
-    """Write limb, member reached and bit of each candidate step from a node; return how many."""
+    """Write limb, member reached and number of each candidate step from a node; return how many."""
     count, limbs = 0, table.points.shape[1]
     for limb in range(limbs):
         row = row_of(table, node, limb)
         if row < 0:
             continue
-        support = table.supports[node, limb]
-        begin, end = int(table.start[support]), int(table.start[support + 1])
+        support_set = table.support_sets[node, limb]
+        begin, end = int(table.start[support_set]), int(table.start[support_set + 1])
         for k in range(end - begin):
-            if has_bit(table.bits, row + k):
+            if has_bit(table.joined, row + k):
                 found[count, 0], found[count, 1] = limb, table.members[begin + k]
                 found[count, 2] = row + k
                 count += 1

@@ -1,9 +1,9 @@
 """Table of all nodes of the stance graph of three or four limbs.
 
-With four limbs a node stands for all cyclic relabellings of the limbs, see `postures.turns`: limb 0
-holds its lowest point. Each node has what the search needs before it checks a step: the base
+With four limbs a node stands for all cyclic relabellings of the limbs, see `postures.relabelling`:
+limb 0 holds its lowest point. Each node has what the search needs before it checks a step: the base
 position, the branches on which limbs may hold and be released, and the nodes that are one step
-away. So a walk is searched without computing postures, and the table has every walk of the graph.
+away. So a path is searched without computing postures, and the table has every path of the graph.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import packed
-from mlivr_gym.postures.turns import lowest_first, permuted_limbs, same_after_turns
+from mlivr_gym.compiled.limb_branch_sets import packed
+from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, lowest_first, relabelled
 
 RESOLUTION = 1e-12
 """Unit in which files have base positions, from the centroid of the grasps [m]."""
@@ -33,14 +33,14 @@ class Nodes(NamedTuple):
     """Point index of each limb, shape (n, N)."""
     base_position: Array
     """Base positions in the world [m], shape (n, 3)."""
-    masks: IntArray
+    branch_sets: IntArray
     """Branches on which the limbs may hold, shape (n, N)."""
-    released: IntArray
+    releasable: IntArray
     """Branches on which they can be released, shape (n, N)."""
     folds: IntArray
     """Folds between which they can change, see `ReleaseRecord`, shape (n, N)."""
-    tried: IntArray
-    """Number of the candidate base pose, see `tried_poses`, shape (n,)."""
+    pose_number: IntArray
+    """Number of the candidate base pose, see `candidate_poses`, shape (n,)."""
 
 
 class NodeTable(NamedTuple):
@@ -54,15 +54,15 @@ class NodeTable(NamedTuple):
     """Point index of each limb, with four limbs the lowest first, shape (n, N)."""
     base_position: NDArray[np.float64]
     """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
-    masks: NDArray[np.uint64]
-    """Branches on which the limbs may hold, see `limb_masks`, shape (n,)."""
-    released: NDArray[np.uint64]
+    branch_sets: NDArray[np.uint64]
+    """Branches on which the limbs may hold, see `limb_branch_sets`, shape (n,)."""
+    releasable: NDArray[np.uint64]
     """Branches on which they can be released, shape (n,)."""
     folds: NDArray[np.uint64]
     """Folds between which they can change, shape (n,)."""
-    tried: NDArray[np.uint16]
+    pose_number: NDArray[np.uint16]
     """Number of the candidate base pose, shape (n,)."""
-    supports: NDArray[np.int32]
+    support_sets: NDArray[np.int32]
     """Number of the support set if each limb moves, shape (n, N). Its points are in cyclic order of
     the limbs from that limb on; if relabelling makes a difference, the limb is part of the
     number."""
@@ -72,7 +72,7 @@ class NodeTable(NamedTuple):
     """Nodes by support set, `row * N + limb`, if the limb can be released, shape (m,)."""
     offset: IntArray
     """First of the bits of each support set, and their number, shape (r + 1,)."""
-    bits: NDArray[np.uint64]
+    joined: NDArray[np.uint64]
     """Whether a step may join two members of a support set, a bit for each pair, see
     `node_pairs`."""
     loses_branches: NDArray[np.uint64]
@@ -80,7 +80,7 @@ class NodeTable(NamedTuple):
     ranks: NDArray[np.int32]
     """Number of those bits before each number of `loses_branches`, shape (len(loses_branches),)."""
     lost: NDArray[np.uint64]
-    """Branches that are lost, as `held_beside`, in the order of these bits, shape (l,)."""
+    """Branches that are lost, as `supports_of`, in the order of these bits, shape (l,)."""
 
     @property
     def limbs(self) -> int:
@@ -100,12 +100,12 @@ class NodeTable(NamedTuple):
         tuple[IntArray, IntArray]
             Rows, -1 for a stance that is no node, and cyclic relabellings, each of shape (k,).
         """
-        turns = np.zeros(len(stances), dtype=np.int64)
-        if same_after_turns(self.limbs):
-            turns = lowest_first(stances)
+        relabellings = np.zeros(len(stances), dtype=np.int64)
+        if is_symmetric_after_relabelling(self.limbs):
+            relabellings = lowest_first(stances)
         rows = np.empty(len(stances), dtype=np.int64)
-        find_rows(self.points, permuted_limbs(stances, turns), rows)
-        return rows, turns
+        find_rows(self.points, relabelled(stances, relabellings), rows)
+        return rows, relabellings
 
 
 @entry
@@ -153,17 +153,17 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
 
 def table_of(nodes: Nodes) -> NodeTable:
     """Return the table of some nodes without steps, which `node_pairs.spread` adds."""
-    points, released = nodes.points, nodes.released
+    points, releasable = nodes.points, nodes.releasable
     limbs = points.shape[1]
-    beside: Any = np.stack(
+    after_move: Any = np.stack(
         [codes(np.roll(points, -k, axis=1)[:, 1:]) for k in range(limbs)], axis=1
     )
-    if not same_after_turns(limbs):
-        beside = beside * np.uint64(limbs) + np.arange(limbs, dtype=np.uint64)
-    known, supports = np.unique(beside, return_inverse=True)
-    numbers = supports.reshape(-1).astype(np.int32)
+    if not is_symmetric_after_relabelling(limbs):
+        after_move = after_move * np.uint64(limbs) + np.arange(limbs, dtype=np.uint64)
+    known, support_sets = np.unique(after_move, return_inverse=True)
+    numbers = support_sets.reshape(-1).astype(np.int32)
     members = np.argsort(numbers, kind="stable").astype(np.int32)
-    members = members[released.reshape(-1)[members] != 0]
+    members = members[releasable.reshape(-1)[members] != 0]
     start = np.searchsorted(numbers[members], np.arange(len(known) + 1)).astype(np.int32)
     sizes = np.diff(start).astype(np.int64)
     offset = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes * sizes)])
@@ -171,15 +171,15 @@ def table_of(nodes: Nodes) -> NodeTable:
     return NodeTable(
         points=points.astype(np.uint16),
         base_position=nodes.base_position,
-        masks=packed(nodes.masks),
-        released=packed(released),
+        branch_sets=packed(nodes.branch_sets),
+        releasable=packed(releasable),
         folds=packed(nodes.folds),
-        tried=nodes.tried.astype(np.uint16),
-        supports=numbers.reshape(points.shape),
+        pose_number=nodes.pose_number.astype(np.uint16),
+        support_sets=numbers.reshape(points.shape),
         start=start,
         members=members,
         offset=offset,
-        bits=none,
+        joined=none,
         loses_branches=none,
         ranks=none[:0].astype(np.int32),
         lost=none[:0],

@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import workers
-from mlivr_gym.compiled.limb_masks import packed
+from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.turns import permuted_limbs, same_after_turns, turned_frames
+from mlivr_gym.postures.relabelling import (
+    is_symmetric_after_relabelling,
+    relabelled,
+    relabelled_frames,
+)
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -80,7 +84,7 @@ def build(
         nodes = Nodes(*(one[order] for one in columns))
         table = table_of(nodes)
         shared = world, nodes, rotation[order], table
-        steps = _in_blocks(processes, _joined, _support_blocks(table), parts, shared)
+        steps = _in_blocks(processes, _joined, _support_set_blocks(table), parts, shared)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
     return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
@@ -151,7 +155,7 @@ def _each(
 def _orders(limbs: int) -> IntArray:
     """Return the orders in which limbs may hold ascending points, shape (k, N)."""
     # Of cyclic relabellings the one with the lowest point first stands for all.
-    alike = same_after_turns(limbs)
+    alike = is_symmetric_after_relabelling(limbs)
     return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
 
 
@@ -168,14 +172,14 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
     postures = graph.nodes(stances)
     nodes = np.flatnonzero(graph.is_node(postures))
     stances, postures = stances[nodes], postures.take(nodes)
-    released = graph.all_released(stances, postures)
+    releases = graph.all_releases(stances, postures)
     base, rotation = postures.base_position, postures.base_rotation
-    folds = released["folds"].astype(np.int64)
-    branches = released["branches"].astype(np.int64)
-    return stances, base, postures.mask, branches, folds, postures.tried, rotation
+    folds = releases["folds"].astype(np.int64)
+    branches = releases["branches"].astype(np.int64)
+    return stances, base, postures.branch_sets, branches, folds, postures.pose_number, rotation
 
 
-def _support_blocks(table: NodeTable) -> list[Block]:
+def _support_set_blocks(table: NodeTable) -> list[Block]:
     """Return the blocks of support sets whose pairs are checked at once, by first and last."""
     blocks: list[Block] = []
     at, last = 0, len(table.offset) - 1
@@ -209,32 +213,32 @@ def kept_at_most(
     """
     limbs = graph.limbs
     rows, moved = np.divmod(members, limbs)
-    turns = moved if same_after_turns(limbs) else np.zeros_like(moved)
-    points, masks = (
-        permuted_limbs(nodes.points[rows], turns),
-        permuted_limbs(nodes.masks[rows], turns),
+    relabellings = moved if is_symmetric_after_relabelling(limbs) else np.zeros_like(moved)
+    points, branch_sets = (
+        relabelled(nodes.points[rows], relabellings),
+        relabelled(nodes.branch_sets[rows], relabellings),
     )
-    frames, none = turned_frames(rotation[rows], turns, limbs), np.zeros_like(points)
+    frames, none = relabelled_frames(rotation[rows], relabellings, limbs), np.zeros_like(points)
     postures = Postures(
         nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
-        masks, none[:, 0], none[:, 0],
+        branch_sets, none[:, 0], none[:, 0],
     )  # fmt: skip
     stances, world = graph.checks.stances(points, postures), graph.checks.world(None)
-    for name, values in (("branches", nodes.released), ("folds", nodes.folds)):
-        stances.released[name] = permuted_limbs(values[rows], turns)
-    stances.released["known"] = True
-    first = moved - turns + 1  # the limb after the swing limb
+    for name, values in (("branches", nodes.releasable), ("folds", nodes.folds)):
+        stances.releases[name] = relabelled(values[rows], relabellings)
+    stances.releases["known"] = True
+    first = moved - relabellings + 1  # the limb after the swing limb
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
-        steps = graph.step_rows(stances, one, other, masks[one])
+        steps = graph.step_rows(stances, one, other, branch_sets[one])
         graph.checks.relax(steps, stances, world)
-        held = permuted_limbs(steps["kept"][:, :limbs], first[one])[:, :-1]
-        kept = packed(held)
-        kept[~held.all(axis=1)] = 0
+        of_supports = relabelled(steps["kept"][:, :limbs], first[one])[:, :-1]
+        kept = packed(of_supports)
+        kept[~of_supports.all(axis=1)] = 0
         return kept
 
     one, other = pairs.T
-    shared = packed(permuted_limbs(masks[one] & masks[other], first[one])[:, :-1])
+    shared = packed(relabelled(branch_sets[one] & branch_sets[other], first[one])[:, :-1])
     kept = at_most(one, other)
     less = np.flatnonzero(kept != shared)
     kept[less] |= at_most(other[less], one[less])

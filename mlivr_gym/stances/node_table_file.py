@@ -1,7 +1,7 @@
 """Files of the tables of nodes of three and four limbs, and the tables used last.
 
 In a compressed file all that can be derived is omitted, and different values are listed once: few
-base positions and branch masks differ between nodes. To put a table together from it takes
+base positions and branch sets differ between nodes. To put a table together from it takes
 seconds, so the cache folder has it unpacked, and its arrays are mapped into memory.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled.limb_masks import WORD, unpacked
+from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import EdgeSet, gather, spread
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
@@ -52,13 +52,13 @@ def remember(table: NodeTable, graph: LazyGraph) -> None:
 
 def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
     """Return a table in the arrays of a compressed file."""
-    masks = [
+    branch_sets = [
         unpacked(one, table.limbs).astype(np.uint16)
-        for one in (table.masks, table.released, table.folds)
+        for one in (table.branch_sets, table.releasable, table.folds)
     ]
     offsets = table.base_position - graph.grasp_map.positions[table.points].mean(axis=1)
     offset, offset_index = _distinct(np.rint(offsets / RESOLUTION).astype(np.int64))
-    mask, mask_index = _distinct(np.stack(masks, axis=2).reshape(-1, 3))
+    branch_set, mask_index = _distinct(np.stack(branch_sets, axis=2).reshape(-1, 3))
     edges = gather(table)
     lost, lost_index = _distinct(edges.lost)
     increments = np.diff(table.points.astype(np.int32), axis=0, prepend=0)
@@ -66,9 +66,9 @@ def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
         "point_increments": increments.astype(np.int16).T.copy(),
         "base_offset": offset,
         "base_offset_index": offset_index,
-        "mask": mask,
+        "mask": branch_set,
         "mask_index": mask_index,
-        "tried": table.tried,
+        "tried": table.pose_number,
         "pair_counts": np.array([len(edges.joined), len(edges.loses_branches)]),
         "joined": np.packbits(edges.joined),
         "loses_branches": np.packbits(edges.loses_branches),
@@ -86,20 +86,20 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
 def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
     """Check the arrays of a compressed file and return its table."""
     points = np.cumsum(arrays["point_increments"].T, axis=0, dtype=np.int64)
-    tried, limbs = arrays["tried"], graph.limbs
+    pose_number, limbs = arrays["tried"], graph.limbs
     if (
-        points.shape != (len(tried), limbs)
-        or tried.shape != (len(points),)
+        points.shape != (len(pose_number), limbs)
+        or pose_number.shape != (len(points),)
         or not ((points >= 0) & (points < len(graph.grasp_map))).all()
-        or not (tried < MOST_BASE_POSES).all()
+        or not (pose_number < MOST_BASE_POSES).all()
     ):
         raise ValueError
     offsets = arrays["base_offset"][arrays["base_offset_index"]]
     base = graph.grasp_map.positions[points].mean(axis=1) + offsets * RESOLUTION
-    masks, released, folds = (
+    branch_sets, releasable, folds = (
         arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
     )
-    table = table_of(Nodes(points, base, masks, released, folds, tried))
+    table = table_of(Nodes(points, base, branch_sets, releasable, folds, pose_number))
     joined, loses_branches = (
         np.unpackbits(arrays[name], count=count).view(np.bool_)
         for name, count in zip(
@@ -113,7 +113,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
 def table_of_arrays(arrays: Arrays) -> NodeTable:
     """Check types and shapes of arrays, by their names, and return their table."""
     table = NodeTable(**arrays)
-    (n, limbs), rows, words = table.points.shape, len(table.start), len(table.bits)
+    (n, limbs), rows, words = table.points.shape, len(table.start), len(table.joined)
     expected: Any = (
         (np.uint16, (n, limbs)), (np.float64, (n, 3)), (np.uint64, (n,)), (np.uint64, (n,)),
         (np.uint64, (n,)), (np.uint16, (n,)), (np.int32, (n, limbs)), (np.int32, (rows,)),

@@ -125,7 +125,7 @@ class ChangingWorld(ABC):
         return close
 
     def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
-        """Remove the branches that touch an obstacle from the masks of some stances.
+        """Remove the branches that touch an obstacle from the branch sets of some stances.
 
         Parameters
         ----------
@@ -134,11 +134,11 @@ class ChangingWorld(ABC):
         points
             Point indices of all stances, shape (k, N).
         postures
-            Their postures; the masks are changed in place.
+            Their postures; the branch sets are changed in place.
         """
         grid = self.obstacle_grid
         if grid is None:
             return
         self.solver.clear_of_boxes(chosen, points, postures, grid, others=True)
         hands = self.solver.hands_touch(grid)
-        postures.mask[(hands[points] > 0).any(axis=1)] = 0
+        postures.branch_sets[(hands[points] > 0).any(axis=1)] = 0

@@ -52,34 +52,34 @@ def fill_rows(
     parts
         Stores finished parts until all are; only without obstacles and occupied points.
     """
-    if graph.complete:
+    if graph.is_complete:
         return
     m, known, parts = len(graph.grasp_map), graph.steps, parts or Parts(None)
-    known.released[...] = parts.get("released", partial(_releases, graph))[0]
+    known.releases[...] = parts.get("released", partial(_releases, graph))[0]
     first = np.append(known.offset.ravel(), len(known.edges))
     chunk = max(1, m // 16)
-    for held, begin in product(range(2), range(0, m, chunk)):
+    for support, begin in product(range(2), range(0, m, chunk)):
         end = min(begin + chunk, m)
-        edges = known.edges[first[held * m + begin] : first[held * m + end]]
-        check = partial(_check_rows, graph, held, range(begin, end), edges)
-        edges[...] = parts.get(f"rows-{held}-{begin}", check)[0]
+        edges = known.edges[first[support * m + begin] : first[support * m + end]]
+        check = partial(_check_rows, graph, support, range(begin, end), edges)
+        edges[...] = parts.get(f"rows-{support}-{begin}", check)[0]
         if progress is not None:
-            progress((held * m + end) / (2 * m))
-    graph.complete = True
+            progress((support * m + end) / (2 * m))
+    graph.is_complete = True
 
 
 def _releases(graph: PairGraph) -> list[NDArray[Any]]:
     """Compute the branches on which every limb can be released."""
     graph.check_releases(np.indices((len(graph), 2)).reshape(2, -1).T)
-    return [graph.steps.released]
+    return [graph.steps.releases]
 
 
 def _check_rows(
-    graph: PairGraph, held: int, points: range, edges: NDArray[Any]
+    graph: PairGraph, support: int, points: range, edges: NDArray[Any]
 ) -> list[NDArray[Any]]:
     """Check the steps of some rows, whose records are `edges`."""
-    before, after = np.concatenate([graph.pairs_of_row(held, p) for p in points], axis=1)
-    graph.check_steps(np.full(len(before), held, dtype=np.int64), before, after)
+    before, after = np.concatenate([graph.pairs_of_row(support, p) for p in points], axis=1)
+    graph.check_steps(np.full(len(before), support, dtype=np.int64), before, after)
     return [edges]
 
 
@@ -92,9 +92,9 @@ def built_pairs(graph: PairGraph) -> Path | None:
     if found is None:
         return None
     path, known = found
-    if not (graph.complete or graph.obstacles or graph.occupied):
-        graph.steps.edges[...], graph.steps.released[...] = known.edges, known.released
-        graph.complete = True
+    if not (graph.is_complete or graph.obstacles or graph.occupied):
+        graph.steps.edges[...], graph.steps.releases[...] = known.edges, known.releases
+        graph.is_complete = True
     return path
 
 
@@ -118,22 +118,22 @@ def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | No
 def estimate_pairs(graph: PairGraph) -> Estimate:
     """Estimate what building the table of a graph takes, from a sample of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
-    size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, released=None)))
+    size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, releases=None)))
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
-    if graph.complete or not steps:
+    if graph.is_complete or not steps:
         return Estimate(candidates, 0.0, size)
-    held, before, after = _sample(graph)
-    graph.check_steps(held[:1], before[:1], after[:1])  # compiles
+    support, before, after = _sample(graph)
+    graph.check_steps(support[:1], before[:1], after[:1])  # compiles
     stances = np.unique([before, after])
     began = time.perf_counter()
     graph.check_releases(np.stack([np.repeat(stances, 2), np.tile([0, 1], len(stances))], axis=1))
-    released = time.perf_counter()
-    graph.check_steps(held, before, after)
+    after_releases = time.perf_counter()
+    graph.check_steps(support, before, after)
     checked = time.perf_counter()
-    seconds = (released - began) * len(graph) / len(stances)
-    seconds += (checked - released) * steps / len(held)
+    seconds = (after_releases - began) * len(graph) / len(stances)
+    seconds += (checked - after_releases) * steps / len(support)
     edges = graph.steps.edges[graph.steps.edges["known"] == 1]
-    size += _packed(edges) * 2 * steps + _packed(graph.steps.released[stances]) * len(graph)
+    size += _packed(edges) * 2 * steps + _packed(graph.steps.releases[stances]) * len(graph)
     return Estimate(candidates, seconds, size, parts_of_pairs(graph).count())
 
 
@@ -142,16 +142,16 @@ def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
     rows = list(zip(*np.nonzero(graph.degree > 1), strict=True))
     found, count = [], 0
     for k in np.random.default_rng(0).permutation(len(rows)):
-        held, point = rows[k]
-        begin, end = graph.row_start[held, point : point + 2]
-        row = graph.rows[held, begin : min(end, begin + SIDE)]
+        support, point = rows[k]
+        begin, end = graph.row_start[support, point : point + 2]
+        row = graph.rows[support, begin : min(end, begin + SIDE)]
         i, j = np.tril_indices(len(row), -1)
-        found.append(np.stack([np.full(len(i), held), row[i], row[j]]))
+        found.append(np.stack([np.full(len(i), support), row[i], row[j]]))
         count += len(i)
         if count >= SAMPLE:
             break
-    held, before, after = np.concatenate(found, axis=1)
-    return held, before, after
+    support, before, after = np.concatenate(found, axis=1)
+    return support, before, after
 
 
 def _packed(rows: NDArray[Any]) -> float:

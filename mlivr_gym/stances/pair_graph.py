@@ -59,10 +59,10 @@ class PairGraph(StanceGraph):
         Limb manipulability, shape (n, 2).
     w_b
         Base manipulability, shape (n,).
-    mask
+    branch set
         Branches and flips on which each limb may hold, shape (n, 2).
-    tried
-        Number of the candidate base pose, see `tried_poses`, shape (n,).
+    pose_number
+        Number of the candidate base pose, see `candidate_poses`, shape (n,).
     rows
         Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
     row_start
@@ -79,8 +79,6 @@ class PairGraph(StanceGraph):
         checked, this floor also holds without thresholds.
     """
 
-    has_tables = True
-
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Read stances and steps from a table if there is one, else compute the stances."""
         super().__init__(grasp_map, robot, settings)
@@ -93,31 +91,32 @@ class PairGraph(StanceGraph):
         self.points, chosen = known.points, known.postures
         self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
-        self.branch, self.mask, self.tried = chosen.branch, chosen.mask, chosen.tried
+        self.branch, self.branch_sets = chosen.branch, chosen.branch_sets
+        self.pose_number = chosen.pose_number
         m = len(grasp_map)
         rows = rows_of(self.points, m)
         self.rows, self.row_start, self.degree, self.offset, self.local = rows
         self._keys = self.points[:, 0] * m + self.points[:, 1]
         stances = self.checks.stances(self.points, chosen)
-        if known.released is not None:
-            stances = stances._replace(released=known.released)
+        if known.releases is not None:
+            stances = stances._replace(releases=known.releases)
         self._free = PairEdges(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
-        self._table_complete = False
+        self._is_table_complete = False
 
     @property
     def table(self) -> NodeTable:  # type: ignore[override]
         """All stances and the steps known so far; once all are known, a new and complete table."""
-        if self._table is None or (self._free.complete and not self._table_complete):
-            self._table = pair_nodes(self._free.table, self.tried)
-            self._table_complete = self._free.complete
+        if self._table is None or (self._free.is_complete and not self._is_table_complete):
+            self._table = pair_nodes(self._free.table, self.pose_number)
+            self._is_table_complete = self._free.is_complete
         return self._table
 
     @property
-    def table_complete(self) -> bool:
+    def is_table_complete(self) -> bool:
         """Whether the table has every step, among the present obstacles too."""
-        return self._table_complete and not (self.obstacles and self.settings.transitions)
+        return self._is_table_complete and not (self.obstacles and self.settings.transitions)
 
     def _computed(self) -> PairStances:
         """Compute every stance, without steps."""
@@ -143,41 +142,45 @@ class PairGraph(StanceGraph):
             self.points,
             self.node_postures(slice(None)),
             dict(zip(COUNTS, numbers, strict=True)),
-            free.stances.released if checked else None,
+            free.stances.releases if checked else None,
             free.table.edges if checked else None,
         )
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether every step is known, among the present obstacles and occupied points."""
-        return self._known.complete
+        return self._known.is_complete
 
-    @complete.setter
-    def complete(self, complete: bool) -> None:
-        self._known.complete = complete
+    @is_complete.setter
+    def is_complete(self, is_complete: bool) -> None:
+        self._known.is_complete = is_complete
 
     @property
     def steps(self) -> PairTable:
         """The steps known so far, among the present obstacles, as compiled code reads them."""
         return self._known.table
 
-    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+    def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, (k,) each."""
-        self._known.check_steps(held, before, after)
+        self._known.check_steps(support, before, after)
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
         self._known.check_releases(todo)
 
-    def pairs_of_row(self, held: int, point: int) -> IntArray:
+    def stances_with(self, limb: int, point: int) -> IntArray:
+        """Return the row of a point: all stances in which a limb holds it, shape (k,)."""
+        return self.rows[limb, self.row_start[limb, point] : self.row_start[limb, point + 1]]
+
+    def pairs_of_row(self, support: int, point: int) -> IntArray:
         """Return every pair of stances of a row, the lower index last, shape (2, k)."""
-        row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+        row = self.stances_with(support, point)
         i, j = np.tril_indices(len(row), -1)
         return np.stack([row[i], row[j]])
 
     def _obstacles_changed(self) -> None:
         """Start from what is known without obstacles."""
-        self._known, self.mask = self._free, self._free.table.mask
+        self._known, self.branch_sets = self._free, self._free.table.branch_sets
         if not (self.obstacles or self.occupied):
             return
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
@@ -186,17 +189,17 @@ class PairGraph(StanceGraph):
         taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
         taken[list(self.occupied)] = True
         gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
-        self.mask = self.mask.copy()
-        self.mask[gone] = 0
+        self.branch_sets = self.branch_sets.copy()
+        self.branch_sets[gone] = 0
         if close.any():
             chosen = np.flatnonzero(self.close_to_obstacles(self.base_in_world, around))
             self.clear_of_obstacles(chosen, self.points, self.node_postures(slice(None)))
-        self._known = self._free.among_obstacles(self.mask, gone, close, self.obstacle_grid)
+        self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
 
     @property
     def releasable(self) -> IntArray:
         """Branches on which limbs can be released, for the releases known so far, shape (n, 2)."""
-        known: IntArray = self.steps.released["branches"]
+        known: IntArray = self.steps.releases["branches"]
         return known
 
     def __len__(self) -> int:
@@ -259,8 +262,8 @@ class PairGraph(StanceGraph):
             self.w_m[chosen],
             self.w_b[chosen],
             self.branch[chosen],
-            self.mask[chosen],
-            self.tried[chosen],
+            self.branch_sets[chosen],
+            self.pose_number[chosen],
             np.zeros(len(position), dtype=np.int64),
         )
 
@@ -282,12 +285,12 @@ class PairGraph(StanceGraph):
         )
         return s if same else -1
 
-    def released(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
-        """Return the branches on which a limb can be released; see `StanceGraph.released`."""
+    def releasable_branches(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
+        """Return the branches on which a limb can be released; see `CheckedSteps`."""
         s = self._node(stance, posture)
         if s < 0:
-            return super().released(stance, posture, limb)
-        if not self.steps.released["known"][s, limb]:
+            return super().releasable_branches(stance, posture, limb)
+        if not self.steps.releases["known"][s, limb]:
             self._known.check_releases(np.array([[s, limb]]))
         return int(self.releasable[s, limb])
 
@@ -296,12 +299,12 @@ class PairGraph(StanceGraph):
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
         if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
-        held = 1 - moving_limb(state.stance, tuple(after))
-        entry = self._known.step(held, s0, s1)
-        on_arc = bool(kept_on_edge(state.masks[held], int(entry["on_arc"])))
-        kept = {held: int(kept_on_edge(state.masks[held], int(entry["kept"])))}
-        if entry["pair"] >= 0:
-            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry["pair"]), kept)
+        support = 1 - moving_limb(state.stance, tuple(after))
+        entry = self._known.step(support, s0, s1)
+        on_arc = bool(kept_on_edge(state.branch_sets[support], int(entry["on_arc"])))
+        kept = {support: int(kept_on_edge(state.branch_sets[support], int(entry["kept"])))}
+        if entry["line_branches"] >= 0:
+            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry["line_branches"]), kept)
         if on_arc:
             return Edge(ARC, int(entry["fold_on_arc"]), -1, kept)
         return Edge(STRAIGHT, int(entry["fold_on_line"]), -1, kept)
@@ -321,14 +324,13 @@ class PairGraph(StanceGraph):
         out = np.empty(len(steps.limb), dtype=np.bool_)
         for k, limb in enumerate(steps.limb.tolist()):
             after = steps.after(state, k)
-            releasable = self.mask_after_grasp(after, 1 - limb)
-            out[k] = can_release(after.masks[1 - limb], releasable)
+            releasable = self.branch_set_after_grasp(after, 1 - limb)
+            out[k] = can_release(after.branch_sets[1 - limb], releasable)
         return out
 
-    def row(self, held: int, s: int) -> IntArray:
-        """Return the other stances that have the point of limb `held` in common with stance `s`."""
-        point = self.points[s, held]
-        row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
+    def row(self, support: int, s: int) -> IntArray:
+        """Return the other stances in which limb `support` holds the same point as at `s`."""
+        row = self.stances_with(support, self.points[s, support])
         others: IntArray = row[row != s]
         return others
 
@@ -336,20 +338,20 @@ class PairGraph(StanceGraph):
         """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
         limbs, rows = [], []
         for limb in range(2):
-            held, point = 1 - limb, stance[1 - limb]
-            row = self.rows[held, self.row_start[held, point] : self.row_start[held, point + 1]]
-            row = row[(self.points[row, limb] != stance[limb]) & (self.mask[row] > 0).all(axis=1)]
+            row = self.stances_with(1 - limb, stance[1 - limb])
+            is_node = (self.branch_sets[row] > 0).all(axis=1)
+            row = row[is_node & (self.points[row, limb] != stance[limb])]
             rows.append(row)
             limbs.append(np.full(len(row), limb, dtype=np.int64))
         limb_of, chosen = np.concatenate(limbs), np.concatenate(rows)
         return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
 
-    def edge_masks(self, held: Any, before: Any, after: IntArray) -> IntArray:
+    def kept_branches(self, support: Any, before: Any, after: IntArray) -> IntArray:
         """Return the branches that support limbs keep on steps, which are checked once, shape (k,).
 
         Parameters
         ----------
-        held
+        support
             The support limb, or that of each step, shape (k,).
         before
             The stance before, or that before each step, shape (k,).
@@ -358,7 +360,7 @@ class PairGraph(StanceGraph):
         """
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)
-        steps = [np.array(one) for one in np.broadcast_arrays(held, before, after)]
+        steps = [np.array(one) for one in np.broadcast_arrays(support, before, after)]
         self.check_steps(*steps)
         kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
         return kept
@@ -375,23 +377,23 @@ class PairGraph(StanceGraph):
             )
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
-        masks = np.empty((size, 2), dtype=np.int64)
-        both = state.masks[0], state.masks[1]
-        if self.settings.transitions and not self.complete:
+        branch_sets = np.empty((size, 2), dtype=np.int64)
+        both = state.branch_sets[0], state.branch_sets[1]
+        if self.settings.transitions and not self.is_complete:
             self._known.check_releases(np.array([[s, 0], [s, 1]]))
-            count = unknown_steps(s, both, self.steps, masks)
-            held, after = masks[:count].T.copy()
-            self.check_steps(held, np.full(count, s), after)
-        count = pair_successors(s, both, self.steps, limb, stance, masks)
+            count = unknown_steps(s, both, self.steps, branch_sets)
+            support, after = branch_sets[:count].T.copy()
+            self.check_steps(support, np.full(count, s), after)
+        count = pair_successors(s, both, self.steps, limb, stance, branch_sets)
         limb, stance = limb[:count], stance[:count]
         return Successors(
-            limb, self.points[stance, limb], self.base_in_world[stance], masks[:count]
+            limb, self.points[stance, limb], self.base_in_world[stance], branch_sets[:count]
         )
 
     @cached_property
     def max_step(self) -> float:
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
-        for held in range(2):
-            longest_step(held, self.rows, self.row_start, self.base_in_world, out)
+        for support in range(2):
+            longest_step(support, self.rows, self.row_start, self.base_in_world, out)
         return max(float(np.sqrt(out.max())), 1e-9)

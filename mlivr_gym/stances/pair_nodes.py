@@ -6,13 +6,13 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_masks import WORD, has_bit, set_before, set_bit
+from mlivr_gym.compiled.limb_branch_sets import WORD, has_bit, set_before, set_bit
 from mlivr_gym.stances.node_table import Nodes, NodeTable, table_of
 from mlivr_gym.stances.pair_steps import PairTable, branches_kept, edge_index
 from mlivr_gym.transitions.rule import kept_on_edge
 
 
-def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
+def pair_nodes(pairs: PairTable, pose_number: IntArray) -> NodeTable:
     """Return a node table with the steps known so far.
 
     A step that is not known is assumed to keep all branches that both of its stances have.
@@ -21,17 +21,19 @@ def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
     ----------
     pairs
         The stances and steps.
-    tried
+    pose_number
         Number of the candidate base pose of each stance, shape (n,).
     """
-    released, folds = pairs.mask, np.zeros_like(pairs.mask)
+    releasable, folds = pairs.branch_sets, np.zeros_like(pairs.branch_sets)
     if pairs.check:
-        known = pairs.released["known"]
-        released = np.where(known, pairs.released["branches"], pairs.mask).astype(np.int64)
-        folds = pairs.released["folds"].astype(np.int64)
-    table = table_of(Nodes(pairs.points, pairs.base, pairs.mask, released, folds, tried))
-    bits, loses_branches = (np.zeros_like(table.bits) for _ in range(2))
-    table = table._replace(bits=bits, loses_branches=loses_branches)
+        known = pairs.releases["known"]
+        releasable = np.where(known, pairs.releases["branches"], pairs.branch_sets).astype(np.int64)
+        folds = pairs.releases["folds"].astype(np.int64)
+    table = table_of(
+        Nodes(pairs.points, pairs.base, pairs.branch_sets, releasable, folds, pose_number)
+    )
+    joined, loses_branches = (np.zeros_like(table.joined) for _ in range(2))
+    table = table._replace(joined=joined, loses_branches=loses_branches)
     mark_steps(table, pairs)
     counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
@@ -43,14 +45,14 @@ def pair_nodes(pairs: PairTable, tried: IntArray) -> NodeTable:
 @entry
 def mark_steps(table: NodeTable, pairs: PairTable) -> None:
     """Set the bits of steps that keep a branch, and of those that lose some."""
-    for support in range(len(table.start) - 1):
-        first, last = int(table.start[support]), int(table.start[support + 1])
+    for support_set in range(len(table.start) - 1):
+        first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
             for j in range(first, last):
                 shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
                 if i != j and kept:
-                    bit = int(table.offset[support]) + (i - first) * (last - first) + j - first
-                    set_bit(table.bits, bit)
+                    bit = int(table.offset[support_set]) + (i - first) * (last - first) + j - first
+                    set_bit(table.joined, bit)
                     if kept != shared:
                         set_bit(table.loses_branches, bit)
 
@@ -58,11 +60,11 @@ def mark_steps(table: NodeTable, pairs: PairTable) -> None:
 @entry
 def fill_lost(table: NodeTable, pairs: PairTable) -> None:
     """Write the branches that steps lose."""
-    for support in range(len(table.start) - 1):
-        first, last = int(table.start[support]), int(table.start[support + 1])
+    for support_set in range(len(table.start) - 1):
+        first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
             for j in range(first, last):
-                bit = int(table.offset[support]) + (i - first) * (last - first) + j - first
+                bit = int(table.offset[support_set]) + (i - first) * (last - first) + j - first
                 if has_bit(table.loses_branches, bit):
                     shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
                     place = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
@@ -72,11 +74,11 @@ def fill_lost(table: NodeTable, pairs: PairTable) -> None:
 @kernel
 def _shared_and_kept(a: int, b: int, pairs: PairTable) -> tuple[int, int]:
     """Return the branches that two members share for the support limb, and those kept."""
-    before, after, held = a // 2, b // 2, 1 - a % 2
-    shared = kept_on_edge(pairs.mask[before, held], pairs.mask[after, held])
+    before, after, support = a // 2, b // 2, 1 - a % 2
+    shared = kept_on_edge(pairs.branch_sets[before, support], pairs.branch_sets[after, support])
     kept = shared
     if pairs.check and before != after:
-        edge = pairs.edges[edge_index(held, before, after, pairs)]
+        edge = pairs.edges[edge_index(support, before, after, pairs)]
         if edge.known:
             kept = kept_on_edge(shared, branches_kept(edge))
     return shared, kept

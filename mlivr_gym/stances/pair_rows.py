@@ -59,6 +59,6 @@ def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
     pairs = scipy.sparse.coo_array(
         (np.ones(len(points)), (points[:, 0], m + points[:, 1])), shape=(2 * m, 2 * m)
     )
-    _, label = scipy.sparse.csgraph.connected_components(pairs, directed=False)
-    parts, part = np.unique(label[points[:, 0]], return_inverse=True)
+    _, component = scipy.sparse.csgraph.connected_components(pairs, directed=False)
+    parts, part = np.unique(component[points[:, 0]], return_inverse=True)
     return len(parts), part.astype(np.int32)

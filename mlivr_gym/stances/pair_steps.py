@@ -30,7 +30,7 @@ class PairEdge(Record):
     """Fold in which the swing limb can be on the straight path, -1 for none."""
     fold_on_arc: Annotated[int, np.int8]
     """The same on the arc."""
-    pair: Annotated[int, np.int8]
+    line_branches: Annotated[int, np.int8]
     """Branches between which it can swing along a line, `8 * before + after`, or -1."""
 
 
@@ -46,9 +46,9 @@ class PairTable(NamedTuple):
     """Point of each limb, shape (n, 2)."""
     base: Array
     """Base positions in the world [m], shape (n, 3)."""
-    mask: IntArray
+    branch_sets: IntArray
     """Branches and flips on which each limb may hold, shape (n, 2)."""
-    released: Any
+    releases: Any
     """Rows of `ReleaseRecord`, shape (n, 2)."""
     rows: IntArray
     """Stances by the point of limb 0 and of limb 1, shape (2, n)."""
@@ -74,29 +74,29 @@ def branches_kept(edge: PairEdge) -> int:
 
 
 @kernel
-def edge_index(held: int, before: int, after: int, table: PairTable) -> int:
-    """Return the index of the step between two stances of a row in which limb `held` holds."""
-    point, local = table.points[before, held], table.local
-    first = table.offset[held, point] + local[held, before] * table.degree[held, point]
-    index: int = first + local[held, after]
+def edge_index(support: int, before: int, after: int, table: PairTable) -> int:
+    """Return the index of the step between two stances of a row in which limb `support` holds."""
+    point, local = table.points[before, support], table.local
+    first = table.offset[support, point] + local[support, before] * table.degree[support, point]
+    index: int = first + local[support, after]
     return index
 
 
 @kernel
 def releasable(table: PairTable, s: int, limb: int) -> int:
     """Return the branches on which a limb can be released, and may be once it has grasped."""
-    return int(table.released[s, limb].branches)
+    return int(table.releases[s, limb].branches)
 
 
 @entry
-def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArray) -> int:
+def unknown_steps(s: int, branch_sets: tuple[int, int], table: PairTable, out: IntArray) -> int:
     """List the steps that may leave a state and are not known yet.
 
     Parameters
     ----------
     s
         Stance.
-    masks
+    branch sets
         Branches that each limb may be on.
     table
         The table, with the releases of the stance.
@@ -110,16 +110,16 @@ def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArra
     """
     count = 0
     for moving in range(2):
-        held = 1 - moving
-        if not can_release(masks[moving], releasable(table, s, moving)):
+        support = 1 - moving
+        if not can_release(branch_sets[moving], releasable(table, s, moving)):
             continue
-        point = table.points[s, held]
-        for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
-            s2 = table.rows[held, k]
-            if s2 == s or not kept_on_edge(masks[held], table.mask[s2, held]):
+        point = table.points[s, support]
+        for k in range(table.row_start[support, point], table.row_start[support, point + 1]):
+            s2 = table.rows[support, k]
+            if s2 == s or not kept_on_edge(branch_sets[support], table.branch_sets[s2, support]):
                 continue
-            if not table.edges[edge_index(held, s, s2, table)].known:
-                out[count, 0], out[count, 1] = held, s2
+            if not table.edges[edge_index(support, s, s2, table)].known:
+                out[count, 0], out[count, 1] = support, s2
                 count += 1
     return count
 
@@ -127,7 +127,7 @@ def unknown_steps(s: int, masks: tuple[int, int], table: PairTable, out: IntArra
 @entry
 def pair_successors(
     s: int,
-    masks: tuple[int, int],
+    branch_sets: tuple[int, int],
     table: PairTable,
     limb: IntArray,
     stance: IntArray,
@@ -139,7 +139,7 @@ def pair_successors(
     ----------
     s
         Stance.
-    masks
+    branch sets
         Branches that each limb may be on.
     table
         The table, in which all these steps are known.
@@ -148,41 +148,46 @@ def pair_successors(
     stance
         Receives the stance reached, shape (k,).
     after
-        Receives the masks after the step, shape (k, 2).
+        Receives the branch sets after the step, shape (k, 2).
     """
     count = 0
     for moving in range(2):
-        held = 1 - moving
-        if table.check and not can_release(masks[moving], releasable(table, s, moving)):
+        support = 1 - moving
+        if table.check and not can_release(branch_sets[moving], releasable(table, s, moving)):
             continue
-        point = table.points[s, held]
-        for k in range(table.row_start[held, point], table.row_start[held, point + 1]):
-            s2 = table.rows[held, k]
+        point = table.points[s, support]
+        for k in range(table.row_start[support, point], table.row_start[support, point + 1]):
+            s2 = table.rows[support, k]
             if s2 == s:
                 continue
-            kept, grasped = kept_on_edge(masks[held], table.mask[s2, held]), table.mask[s2, moving]
+            kept, grasped = (
+                kept_on_edge(branch_sets[support], table.branch_sets[s2, support]),
+                table.branch_sets[s2, moving],
+            )
             if table.check and kept:
-                edge = table.edges[edge_index(held, s, s2, table)]
+                edge = table.edges[edge_index(support, s, s2, table)]
                 kept = kept_on_edge(kept, branches_kept(edge))
                 grasped = releasable(table, s2, moving)
             if kept and grasped:
                 limb[count], stance[count] = moving, s2
-                after[count, held], after[count, moving] = kept, grasped
+                after[count, support], after[count, moving] = kept, grasped
                 count += 1
     return count
 
 
 @entry
-def longest_step(held: int, rows: IntArray, row_start: IntArray, base: Array, out: Array) -> None:
-    """Write the largest squared base displacement in each row of limb `held` into `out` [m^2].
+def longest_step(
+    support: int, rows: IntArray, row_start: IntArray, base: Array, out: Array
+) -> None:
+    """Write the largest squared base displacement in each row of limb `support` into `out` [m^2].
 
     Rows as in `PairTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape
     (m,).
     """
     for point in range(len(out)):
-        for i in range(row_start[held, point], row_start[held, point + 1]):
-            for j in range(row_start[held, point], i):
-                a, b = rows[held, i], rows[held, j]
+        for i in range(row_start[support, point], row_start[support, point + 1]):
+            for j in range(row_start[support, point], i):
+                a, b = rows[support, i], rows[support, j]
                 square = 0.0
                 for axis in range(3):
                     square += (base[a, axis] - base[b, axis]) ** 2
@@ -212,18 +217,18 @@ def gather_steps(
     kept
         Receives the branches kept with `fill`, shape (e,).
     """
-    mask, row_start, rows = table.mask, table.row_start, table.rows
+    branch_set, row_start, rows = table.branch_sets, table.row_start, table.rows
     for s in range(len(table.points)):
         for moving in range(2):
-            held, count = 1 - moving, 0
-            point = table.points[s, held]
-            for k in range(row_start[held, point], row_start[held, point + 1]):
-                s2 = rows[held, k]
-                if s2 == s or mask[s2, moving] == 0:
+            support, count = 1 - moving, 0
+            point = table.points[s, support]
+            for k in range(row_start[support, point], row_start[support, point + 1]):
+                s2 = rows[support, k]
+                if s2 == s or branch_set[s2, moving] == 0:
                     continue
-                branches = kept_on_edge(mask[s, held], mask[s2, held])
+                branches = kept_on_edge(branch_set[s, support], branch_set[s2, support])
                 if table.check:
-                    edge = table.edges[edge_index(held, s, s2, table)]
+                    edge = table.edges[edge_index(support, s, s2, table)]
                     branches = kept_on_edge(branches, branches_kept(edge))
                 if branches:
                     if fill:

@@ -25,7 +25,7 @@ class PairEdges:
         The steps.
     """
 
-    complete: bool
+    is_complete: bool
     """Whether every step is known."""
 
     def __init__(
@@ -55,15 +55,15 @@ class PairEdges:
         self.collisions, self.stances = settings.collisions, stances
         self._world = checks.world(None)
         count = int((rows.degree**2).sum()) if settings.transitions else 1
-        self.complete = not settings.transitions or (edges is not None and len(edges) == count)
+        self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)
         if edges is None or len(edges) != count:
             edges = PairEdge.rows(count)
         self.table = PairTable(
             settings.transitions,
             stances.points,
             base,
-            stances.mask,
-            stances.released,
+            stances.branch_sets,
+            stances.releases,
             rows.rows,
             rows.row_start,
             base[rows.rows],
@@ -74,13 +74,13 @@ class PairEdges:
         )
 
     def among_obstacles(
-        self, mask: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
+        self, branch_sets: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
     ) -> PairEdgesAmongObstacles:
         """Return the steps among obstacles and occupied points.
 
         Parameters
         ----------
-        mask
+        branch set
             Branches and flips on which each limb may hold, shape (n, 2).
         gone
             Stances that hold an occupied point, shape (n,).
@@ -89,68 +89,68 @@ class PairEdges:
         obstacles
             The obstacles, if there are any.
         """
-        return PairEdgesAmongObstacles(self, mask, gone, close, obstacles)
+        return PairEdgesAmongObstacles(self, branch_sets, gone, close, obstacles)
 
-    def index(self, held: Any, before: Any, after: Any) -> Any:
+    def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `pair_steps.edge_index`."""
         table = self.table
-        point, local = table.points[before, held], table.local
-        row = table.offset[held, point] + local[held, before] * table.degree[held, point]
-        return row + local[held, after]
+        point, local = table.points[before, support], table.local
+        row = table.offset[support, point] + local[support, before] * table.degree[support, point]
+        return row + local[support, after]
 
-    def step(self, held: int, before: int, after: int) -> Any:
+    def step(self, support: int, before: int, after: int) -> Any:
         """Return the record of a step, which is checked unless it is known: a row of `PairEdge`."""
-        entry = self.index(held, before, after)
+        entry = self.index(support, before, after)
         if not self.table.edges["known"][entry]:
-            self.check_step(held, before, after)
+            self.check_step(support, before, after)
         return self.table.edges[entry]
 
-    def check_step(self, held: int, before: int, after: int) -> None:
+    def check_step(self, support: int, before: int, after: int) -> None:
         """Check one step as `check_steps` does, with less overhead."""
         if self.collisions and before > after:
             before, after = after, before
-        known = self.stances.released["known"]
+        known = self.stances.releases["known"]
         ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
         if ends:
             self.checks.release(self.stances, np.array(ends), self._world)
-        steps, mask, table = self.checks.steps(1), self.stances.mask, self.table
-        step, point = steps[0], table.points[before, held]
-        step["limb"], step["before"], step["after"] = 1 - held, before, after
+        steps, branch_sets, table = self.checks.steps(1), self.stances.branch_sets, self.table
+        step, point = steps[0], table.points[before, support]
+        step["limb"], step["before"], step["after"] = 1 - support, before, after
         step["pivot"] = self.checks.solver.grasps["point"][point]
-        step["branches"][held] = mask[before, held] & mask[after, held]
+        step["branches"][support] = branch_sets[before, support] & branch_sets[after, support]
         self.checks.check(steps, self.stances, self._world)
-        found = int(step["kept"][held]), int(step["on_arc"])
+        found = int(step["kept"][support]), int(step["on_arc"])
         self._store_step(
-            held, before, after, (*found, 1, *step["folds"].tolist(), int(step["pair"]))
+            support, before, after, (*found, 1, *step["folds"].tolist(), int(step["line_branches"]))
         )
 
-    def _store_step(self, held: int, before: int, after: int, edge: tuple[int, ...]) -> None:
+    def _store_step(self, support: int, before: int, after: int, edge: tuple[int, ...]) -> None:
         """Store the result of one step, the fields of `PairEdge`, in both directions."""
-        edges, pair = self.table.edges, edge[-1]
-        back = pair if pair < 0 else 8 * (pair % 8) + pair // 8
-        edges[self.index(held, before, after)] = edge
-        edges[self.index(held, after, before)] = (*edge[:-1], back)
+        edges, line_branches = self.table.edges, edge[-1]
+        back = line_branches if line_branches < 0 else 8 * (line_branches % 8) + line_branches // 8
+        edges[self.index(support, before, after)] = edge
+        edges[self.index(support, after, before)] = (*edge[:-1], back)
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
-        todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
+        todo = todo[~self.stances.releases["known"][todo[:, 0], todo[:, 1]]]
         if len(todo) > 1:
             todo = np.unique(todo, axis=0)
         self.checks.release(self.stances, todo, self._world)
 
-    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+    def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
-        held, before, after = self._unknown(held, before, after)
-        if not len(held):
+        support, before, after = self._unknown(support, before, after)
+        if not len(support):
             return
         both = np.concatenate([before, after])
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-        steps = self._steps(held, before, after)
+        steps = self._steps(support, before, after)
         self.checks.check(steps, self.stances, self._world)
-        self._store(held, before, after, steps)
+        self._store(support, before, after, steps)
 
     def _unknown(
-        self, held: IntArray, before: IntArray, after: IntArray
+        self, support: IntArray, before: IntArray, after: IntArray
     ) -> tuple[IntArray, IntArray, IntArray]:
         """Return the steps that are not known, each once.
 
@@ -159,32 +159,34 @@ class PairEdges:
         """
         if self.collisions:
             before, after = np.minimum(before, after), np.maximum(before, after)
-        entry = self.index(held, before, after)
+        entry = self.index(support, before, after)
         new = np.flatnonzero(self.table.edges["known"][entry] == 0)
         if len(new) > 1:
             new = new[np.unique(entry[new], return_index=True)[1]]
-        return held[new], before[new], after[new]
+        return support[new], before[new], after[new]
 
-    def _steps(self, held: IntArray, before: IntArray, after: IntArray) -> Any:
+    def _steps(self, support: IntArray, before: IntArray, after: IntArray) -> Any:
         """Return rows of `StepRecord` to be checked."""
-        steps, mask = self.checks.steps(len(held)), self.stances.mask
-        steps["limb"], steps["before"], steps["after"] = 1 - held, before, after
-        grasps = self.checks.solver.grasps["point"]
-        steps["pivot"] = grasps[self.table.points[before, held]]
-        steps["branches"][np.arange(len(held)), held] = mask[before, held] & mask[after, held]
+        steps, branch_sets = self.checks.steps(len(support)), self.stances.branch_sets
+        steps["limb"], steps["before"], steps["after"] = 1 - support, before, after
+        positions = self.checks.solver.grasps["point"]
+        steps["pivot"] = positions[self.table.points[before, support]]
+        steps["branches"][np.arange(len(support)), support] = (
+            branch_sets[before, support] & branch_sets[after, support]
+        )
         return steps
 
-    def _store(self, held: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
+    def _store(self, support: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
         """Store the results of steps in both directions."""
-        found = PairEdge.rows(len(held))
+        found = PairEdge.rows(len(support))
         found["known"] = 1
-        found["kept"] = steps["kept"][np.arange(len(held)), held]
-        found["on_arc"], found["pair"] = steps["on_arc"], steps["pair"]
+        found["kept"] = steps["kept"][np.arange(len(support)), support]
+        found["on_arc"], found["line_branches"] = steps["on_arc"], steps["line_branches"]
         found["fold_on_line"], found["fold_on_arc"] = steps["folds"].T
-        self.table.edges[self.index(held, before, after)] = found
-        first, last = found["pair"] // 8, found["pair"] % 8
-        found["pair"] = np.where(found["pair"] < 0, -1, 8 * last + first)
-        self.table.edges[self.index(held, after, before)] = found
+        self.table.edges[self.index(support, before, after)] = found
+        first, last = found["line_branches"] // 8, found["line_branches"] % 8
+        found["line_branches"] = np.where(found["line_branches"] < 0, -1, 8 * last + first)
+        self.table.edges[self.index(support, after, before)] = found
 
 
 class PairEdgesAmongObstacles(PairEdges):
@@ -196,7 +198,7 @@ class PairEdgesAmongObstacles(PairEdges):
     def __init__(
         self,
         free: PairEdges,
-        mask: IntArray,
+        branch_sets: IntArray,
         gone: BoolArray,
         close: BoolArray,
         obstacles: BoxGrid | None,
@@ -206,30 +208,33 @@ class PairEdgesAmongObstacles(PairEdges):
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, obstacles_only=True)
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
-        released = free.stances.released
-        released = released.view(np.uint8).copy().view(released.dtype)
-        released["branches"][gone] = 0
-        released["known"][gone] = True
-        released["known"][close & ~gone] = False
-        self.stances = free.stances._replace(mask=mask, released=released)
-        # If no obstacle is close, only the masks differ.
+        releases = free.stances.releases
+        releases = releases.view(np.uint8).copy().view(releases.dtype)
+        releases["branches"][gone] = 0
+        releases["known"][gone] = True
+        releases["known"][close & ~gone] = False
+        self.stances = free.stances._replace(branch_sets=branch_sets, releases=releases)
+        # If no obstacle is close, only the branch sets differ.
         edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
-        self.complete = free.complete and edges is free.table.edges
-        self.table = free.table._replace(mask=mask, released=released, edges=edges)
+        self.is_complete = free.is_complete and edges is free.table.edges
+        self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
 
-    def check_step(self, held: int, before: int, after: int) -> None:
+    def check_step(self, support: int, before: int, after: int) -> None:
         """Check one step as `check_steps` does, with less overhead."""
         if self.collisions and before > after:
             before, after = after, before
-        kept, on_arc, _, *folds, pair = self.free.step(held, before, after).item()
-        released, mask, moving = self.stances.released, self.stances.mask, 1 - held
-        known = released["known"]
+        kept, on_arc, _, *folds, line_branches = self.free.step(support, before, after).item()
+        releases, branch_sets, moving = self.stances.releases, self.stances.branch_sets, 1 - support
+        known = releases["known"]
         ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
         if ends:
             self._check_releases(np.array(ends))
         if self.table.edges is self.free.table.edges:
             return
-        branches, shared = released["branches"], int(mask[before, held] & mask[after, held])
+        branches, shared = (
+            releases["branches"],
+            int(branch_sets[before, support] & branch_sets[after, support]),
+        )
         able = branches[before, moving] and branches[after, moving]
         kept = kept & shared if able else 0
         if kept and (self.close[before] or self.close[after]):
@@ -241,55 +246,57 @@ class PairEdgesAmongObstacles(PairEdges):
                 after,
                 True,
             )
-            step["pivot"] = self.checks.solver.grasps["point"][self.table.points[before, held]]
-            step["branches"][held], step["kept"][held] = shared, kept
-            step["on_arc"], step["folds"], step["pair"] = on_arc, folds, pair
+            step["pivot"] = self.checks.solver.grasps["point"][self.table.points[before, support]]
+            step["branches"][support], step["kept"][support] = shared, kept
+            step["on_arc"], step["folds"], step["line_branches"] = on_arc, folds, line_branches
             self.checks.check(steps, self.stances, self._world)
-            kept, on_arc = int(step["kept"][held]), int(step["on_arc"])
-        self._store_step(held, before, after, (kept, on_arc & kept, 1, *folds, pair))
+            kept, on_arc = int(step["kept"][support]), int(step["on_arc"])
+        self._store_step(support, before, after, (kept, on_arc & kept, 1, *folds, line_branches))
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
-        todo = todo[~self.stances.released["known"][todo[:, 0], todo[:, 1]]]
+        todo = todo[~self.stances.releases["known"][todo[:, 0], todo[:, 1]]]
         if len(todo):
             self._check_releases(np.unique(todo, axis=0))
 
     def _check_releases(self, todo: IntArray) -> None:
         """Compute releases that are not known, each once."""
-        released, mask = self.stances.released, self.stances.mask
+        releases, branch_sets = self.stances.releases, self.stances.branch_sets
         self.free.check_releases(todo)
         s, limb = todo.T
-        released[s, limb] = self.free.stances.released[s, limb]
-        blocked = mask[s, 1 - limb] == 0
-        released["branches"][s[blocked], limb[blocked]] = 0
+        releases[s, limb] = self.free.stances.releases[s, limb]
+        blocked = branch_sets[s, 1 - limb] == 0
+        releases["branches"][s[blocked], limb[blocked]] = 0
         close = todo[self.close[s] & ~blocked]
         self.checks.release(self.stances, close, self._world)
 
-    def check_steps(self, held: IntArray, before: IntArray, after: IntArray) -> None:
+    def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
         if self.table.edges is self.free.table.edges:
-            self.free.check_steps(held, before, after)
+            self.free.check_steps(support, before, after)
             both = np.concatenate([before, after])
             self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
             return
-        held, before, after = self._unknown(held, before, after)
-        if not len(held):
+        support, before, after = self._unknown(support, before, after)
+        if not len(support):
             return
-        self.free.check_steps(held, before, after)
+        self.free.check_steps(support, before, after)
         both = np.concatenate([before, after])
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-        steps = self._steps(held, before, after)
-        known = self.free.table.edges[self.index(held, before, after)]
-        released = self.stances.released["branches"]
-        able = (released[before, 1 - held] != 0) & (released[after, 1 - held] != 0)
-        rows = np.arange(len(held))
+        steps = self._steps(support, before, after)
+        known = self.free.table.edges[self.index(support, before, after)]
+        branches = self.stances.releases["branches"]
+        able = (branches[before, 1 - support] != 0) & (branches[after, 1 - support] != 0)
+        rows = np.arange(len(support))
         steps["recheck"] = True
-        steps["kept"][rows, held] = np.where(able, known["kept"] & steps["branches"][rows, held], 0)
-        steps["on_arc"], steps["pair"] = known["on_arc"], known["pair"]
+        steps["kept"][rows, support] = np.where(
+            able, known["kept"] & steps["branches"][rows, support], 0
+        )
+        steps["on_arc"], steps["line_branches"] = known["on_arc"], known["line_branches"]
         steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
         close = self.close[before] | self.close[after]
         checked = steps[close]
         self.checks.check(checked, self.stances, self._world)
         steps[close] = checked
-        steps["on_arc"] &= steps["kept"][rows, held]
-        self._store(held, before, after, steps)
+        steps["on_arc"] &= steps["kept"][rows, support]
+        self._store(support, before, after, steps)

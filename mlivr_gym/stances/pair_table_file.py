@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
+from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.tried_poses import bases_at
 from mlivr_gym.stances.pair_steps import PairEdge
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles
@@ -25,6 +25,9 @@ from mlivr_gym.transitions.records import ReleaseRecord
 COUNTS = ("considered", "reachable", "no_departure", "self", "cabin", "handrail")
 """Names of the counts of pairs of points, see `PairGraph`."""
 
+
+NAMES_IN_FILE = {"line_branches": "pair"}
+"""Names of the fields of `PairEdge` in files, where they are others."""
 
 MOST_BASE_POSES = 1 << 12
 """More than the candidate base poses of any stance."""
@@ -39,7 +42,7 @@ class PairStances(NamedTuple):
     """Their postures."""
     counts: Mapping[str, int]
     """Numbers of `COUNTS`."""
-    released: Any = None
+    releases: Any = None
     """What can be released, rows of `ReleaseRecord`, shape (n, 2); None if it is not known."""
     edges: Any = None
     """All steps, rows of `PairEdge` in the order of `PairTable.offset`; None if not known."""
@@ -53,14 +56,14 @@ def encode(graph: StanceGraph, stances: PairStances) -> Arrays:
     arrays = {
         "counts": np.array([stances.counts[name] for name in COUNTS]),
         "points": stances.points.astype(np.uint16),
-        "tried": postures.tried.astype(np.int16),
+        "tried": postures.pose_number.astype(np.int16),
         "branch": postures.branch.astype(np.int8),
-        "mask": postures.mask.astype(np.uint16),
+        "mask": postures.branch_sets.astype(np.uint16),
         "manipulability": manipulability,
         "manipulability_index": index.reshape(-1).astype(np.int32),
     }
     if stances.edges is not None:
-        arrays |= {"edges": _bare(stances.edges), "released": _bare(stances.released)}
+        arrays |= {"edges": _bare(stances.edges), "released": _bare(stances.releases)}
     return arrays
 
 
@@ -69,37 +72,48 @@ def _bare(rows: Any) -> Any:
     bare = np.zeros(rows.shape, dtype=rows.dtype)
     for name in rows.dtype.names:
         bare[name] = rows[name]
-    return bare
+    return bare.view(_type_in_file(rows.dtype))
+
+
+def _type_in_file(kind: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type of records with the names that their fields have in files."""
+    fields: Any = kind.fields
+    names = [NAMES_IN_FILE.get(name, name) for name in fields]
+    formats, offsets = zip(*fields.values(), strict=True)
+    layout: Any = {"names": names, "formats": formats, "offsets": offsets}
+    layout["itemsize"] = kind.itemsize
+    in_file: np.dtype[Any] = np.dtype(layout)
+    return in_file
 
 
 def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
     """Check the arrays of a file, which compiled code uses as indices, and return its table."""
-    points, tried, branch, mask = (
+    points, pose_number, branch, branch_sets = (
         arrays[name].astype(np.int64) for name in ("points", "tried", "branch", "mask")
     )
     index, manipulability = arrays["manipulability_index"], arrays["manipulability"]
     n, folds = len(points), len(graph.robot.folds)
     shapes: list[tuple[NDArray[Any], tuple[int, ...]]] = [
-        (points, (n, 2)), (tried, (n,)), (branch, (n, 2)), (mask, (n, 2)), (index, (n,)),
-        (manipulability, (len(manipulability), 3)),
+        (points, (n, 2)), (pose_number, (n,)), (branch, (n, 2)), (branch_sets, (n, 2)),
+        (index, (n,)), (manipulability, (len(manipulability), 3)),
     ]  # fmt: skip
     ranges: list[tuple[NDArray[Any], int, int]] = [
-        (points, 0, len(graph.grasp_map)), (tried, 0, MOST_BASE_POSES), (branch, 0, BRANCHES),
-        (mask, 1, ALL + 1), (index, 0, len(manipulability)),
+        (points, 0, len(graph.grasp_map)), (pose_number, 0, MOST_BASE_POSES), (branch, 0, BRANCHES),
+        (branch_sets, 1, ALL + 1), (index, 0, len(manipulability)),
     ]  # fmt: skip
-    edges, released = arrays.get("edges"), arrays.get("released")
-    if edges is not None and released is not None:
+    edges, releases = arrays.get("edges"), arrays.get("released")
+    if edges is not None and releases is not None:
         types = PairEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
-        if (edges.dtype, released.dtype) != types:
+        if (edges.dtype, releases.dtype) != tuple(map(_type_in_file, types)):
             raise ValueError
         # NumPy writes these types without their alignment, which makes another type of them.
-        edges, released = edges.view(types[0]), released.view(types[1])
-        shapes += [(edges, (len(edges),)), (released, (n, 2))]
+        edges, releases = edges.view(types[0]), releases.view(types[1])
+        shapes += [(edges, (len(edges),)), (releases, (n, 2))]
         ranges += [
             (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
-            (edges["pair"], -1, BRANCHES * BRANCHES), (released["root"], 0, folds),
-            (released["via"], 0, folds), (released["branches"], 0, ALL + 1),
-            (released["known"], 1, 2),
+            (edges["line_branches"], -1, BRANCHES * BRANCHES), (releases["root"], 0, folds),
+            (releases["via"], 0, folds), (releases["branches"], 0, ALL + 1),
+            (releases["known"], 1, 2),
         ]  # fmt: skip
         # No step leads from a stance to itself in either of its rows.
         if len(edges) - int((edges["known"] == 1).sum()) != 2 * n:
@@ -109,13 +123,20 @@ def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
     if not all(((low <= array) & (array < end)).all() for array, low, end in ranges):
         raise ValueError
     both: Array = manipulability[index]
-    position, rotation = bases_at(graph.grasp_map, graph.robot, points, tried)
+    position, rotation = bases_at(graph.grasp_map, graph.robot, points, pose_number)
     cause = np.zeros(n, dtype=np.int64)
     postures = Postures(
-        position, rotation, both[:, :2].copy(), both[:, 2].copy(), branch, mask, tried, cause
+        position,
+        rotation,
+        both[:, :2].copy(),
+        both[:, 2].copy(),
+        branch,
+        branch_sets,
+        pose_number,
+        cause,
     )
     counts = dict(zip(COUNTS, arrays["counts"].tolist(), strict=True))
-    return PairStances(points, postures, counts, released, edges)
+    return PairStances(points, postures, counts, releases, edges)
 
 
 PAIR_TABLES = TableFiles("pairs", zipfile.ZIP_DEFLATED, encode, decode)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from mlivr_gym.errors import RobotError, StanceError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.given_pose import (
+    branch_sets_of_joints,
     given_joints,
     given_pose,
     given_pose_fault,
-    masks_of_joints,
     rotation_of,
 )
 from mlivr_gym.postures.postures import FIELDS, Postures
@@ -54,9 +54,6 @@ class StanceGraph(CheckedSteps):
     table: NodeTable | None = None
     """All nodes and the steps known between them, without obstacles and occupied points, if there
     is such a table."""
-    has_tables: ClassVar[bool] = False
-    """Whether the graph holds all its stances, so that step tables and the cost-to-go can be
-    computed."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver and the pairs of points that may be held at once."""
@@ -79,11 +76,11 @@ class StanceGraph(CheckedSteps):
         )
 
     @cached_property
-    def together(self) -> BoolArray:
+    def compatible(self) -> BoolArray:
         """Which points two limbs may hold at once, shape (m, m)."""
-        together = np.zeros((len(self.grasp_map),) * 2, dtype=np.bool_)
-        together[tuple(self.pairs.T)] = True
-        return together
+        compatible = np.zeros((len(self.grasp_map),) * 2, dtype=np.bool_)
+        compatible[tuple(self.pairs.T)] = True
+        return compatible
 
     def partners(self, point: int) -> IntArray:
         """Return the points that may be held at once with `point`."""
@@ -122,7 +119,7 @@ class StanceGraph(CheckedSteps):
         return self.solver.solve(self.rows_of_points(stances))
 
     def nodes(self, stances: IntArray) -> Postures:
-        """Return postures as `postures` does, but only masks of 0 for stances that are no nodes."""
+        """Return postures as `postures` does, but only empty branch sets for what is no node."""
         return self.solver.solve(self.rows_of_points(stances), nodes_only=True)
 
     def rows_of_points(self, stances: Any) -> IntArray:
@@ -146,7 +143,7 @@ class StanceGraph(CheckedSteps):
         Raises
         ------
         StanceError
-            If its stance or masks are not numbers of points and branches.
+            If its stance or branch sets are not numbers of points and branches.
         SettingError
             If its base pose is not valid.
         """
@@ -165,7 +162,7 @@ class StanceGraph(CheckedSteps):
 
     def is_node(self, postures: Postures) -> BoolArray:
         """Return which stances are nodes of the graph, given by their postures, shape (k,)."""
-        node: BoolArray = np.all(postures.mask > 0, axis=1)
+        node: BoolArray = np.all(postures.branch_sets > 0, axis=1)
         return node
 
     def posture_of(self, state: State) -> Postures:
@@ -220,7 +217,7 @@ class StanceGraph(CheckedSteps):
         if self.obstacles:
             self.clear_of_obstacles(np.arange(len(stances)), stances, postures)
         if self.occupied:
-            postures.mask[np.isin(stances, sorted(self.occupied)).any(axis=1)] = 0
+            postures.branch_sets[np.isin(stances, sorted(self.occupied)).any(axis=1)] = 0
         return postures
 
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
@@ -253,10 +250,10 @@ class StanceGraph(CheckedSteps):
                 f"stance {self.ids(points)} cannot be held: {self._fault(points, posture, here)}"
             )
         if angles is not None:
-            return State(points, masks_of_joints(self.solver, points, posture, angles), here)
-        return State(points, tuple(int(m) for m in posture.mask[0]), here)
+            return State(points, branch_sets_of_joints(self.solver, points, posture, angles), here)
+        return State(points, tuple(int(m) for m in posture.branch_sets[0]), here)
 
-    def checked_state(self, state: State) -> State:
+    def validated_state(self, state: State) -> State:
         """Check that a state of a user is one of this graph, and return it.
 
         Raises
@@ -266,15 +263,16 @@ class StanceGraph(CheckedSteps):
         """
         self.check(state)
         known = self.state(state.stance, state.pose)
-        masks = tuple(map(int, state.masks))
-        if len(masks) != self.limbs or any(
-            not 0 < mask & held == mask for mask, held in zip(masks, known.masks, strict=True)
+        branch_sets = tuple(map(int, state.branch_sets))
+        if len(branch_sets) != self.limbs or any(
+            not 0 < one & every == one
+            for one, every in zip(branch_sets, known.branch_sets, strict=True)
         ):
             raise StanceError(
-                f"state of stance {self.ids(known.stance)} has masks {masks}; each limb must be "
-                f"on some of {known.masks}, on which it can hold"
+                f"state of stance {self.ids(known.stance)} has branch sets {branch_sets}; each "
+                f"limb must be on some of {known.branch_sets}, on which it can hold"
             )
-        return State(known.stance, masks, known.pose)
+        return State(known.stance, branch_sets, known.pose)
 
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
@@ -305,7 +303,7 @@ class StanceGraph(CheckedSteps):
         )
 
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
-        """Return a configuration of a state, each limb on the first branch and flip of its mask.
+        """Return a configuration of a state, each limb on its first branch and flip.
 
         Returns
         -------
@@ -316,7 +314,7 @@ class StanceGraph(CheckedSteps):
         posture = self.posture_of(state)
         bits = posture.branch
         if self.settings.transitions:
-            bits = np.array([[(mask & -mask).bit_length() - 1 for mask in state.masks]])
+            bits = np.array([[(one & -one).bit_length() - 1 for one in state.branch_sets]])
         joints = self.joints(np.array([state.stance]), posture, bits)[0]
         return posture.base_position[0], quaternion(posture.base_rotation[0]), joints
 
@@ -351,8 +349,9 @@ class StanceGraph(CheckedSteps):
         """
         stance = tuple(after)
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
-        masks = self.masks_after([state], here, np.zeros(1, int), np.array([stance]), there)[0]
-        return State(stance, tuple(masks.tolist())) if masks.all() else None
+        first = np.zeros(1, int)
+        found = self.branch_sets_after([state], here, first, np.array([stance]), there)[0]
+        return State(stance, tuple(found.tolist())) if found.all() else None
 
     @abstractmethod
     def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
@@ -371,9 +370,10 @@ class StanceGraph(CheckedSteps):
         stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
         stances[np.arange(len(limb)), limb] = point
         every = np.zeros(len(stances), dtype=np.int64)
-        masks = self.masks_after([state], self.posture_of(state), every, stances, postures)
-        kept = masks.all(axis=1)
-        return Successors(limb[kept], point[kept], postures.base_position[kept], masks[kept])
+        here = self.posture_of(state)
+        found = self.branch_sets_after([state], here, every, stances, postures)
+        kept = found.all(axis=1)
+        return Successors(limb[kept], point[kept], postures.base_position[kept], found[kept])
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a neighbouring stance, None without such a step."""

@@ -1,7 +1,7 @@
 """Sets of points that the limbs of a robot may hold at once, in any order of the limbs.
 
 Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
-smallest number of changes between two sets is a lower bound of the steps of a walk, and a stance
+smallest number of changes between two sets is a lower bound of the steps of a path, and a stance
 that holds no such set is no node: searches of three and four limbs use both. The sets of a map and
 robot are computed once and stored.
 """
@@ -46,16 +46,16 @@ class StanceSets:
     ----------
     points
         Points of each set, ascending, the sets in the order of their codes, shape (n, N).
-    supports
+    support_sets
         Number of the support set that remains of each set without one of its points: sets with
         a common support set are one step apart; shape (n, N).
-    support_count
+    support_set_count
         Number of support sets.
     """
 
     points: NDArray[np.uint16]
-    supports: NDArray[np.int32]
-    support_count: int
+    support_sets: NDArray[np.int32]
+    support_set_count: int
 
     def __len__(self) -> int:
         """Return the number of sets."""
@@ -89,7 +89,7 @@ class StanceSets:
 
     @classmethod
     def of(
-        cls, graph: StanceGraph, progress: Progress | None = None, *, work_out: bool = True
+        cls, graph: StanceGraph, progress: Progress | None = None, *, build: bool = True
     ) -> StanceSets | None:
         """Return the sets of a graph from memory or from the cache folder, or compute them.
 
@@ -101,7 +101,7 @@ class StanceSets:
             The stance graph.
         progress
             Called with the finished share of the work.
-        work_out
+        build
             Whether unknown sets are computed.
 
         Returns
@@ -117,7 +117,7 @@ class StanceSets:
             found = SET_TABLES.find(graph)
             sets = found and found[1]
             if sets is None:
-                if not work_out:
+                if not build:
                     return None
                 sets = _computed(graph, progress)
                 if sets is not None:
@@ -139,17 +139,17 @@ def _keep(key: str, sets: StanceSets | None) -> None:
 
 def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
     """Compute the sets of a graph; None if there are too many."""
-    limbs, together = graph.limbs, graph.together.copy()
+    limbs, compatible = graph.limbs, graph.compatible.copy()
     touching = graph.solver.point_cause > 0
-    together[touching], together[:, touching] = False, False
-    counts = np.zeros(len(together), dtype=np.int64)
-    if not count_sets(together, limbs, MOST_SETS, counts):
+    compatible[touching], compatible[:, touching] = False, False
+    counts = np.zeros(len(compatible), dtype=np.int64)
+    if not count_sets(compatible, limbs, MOST_SETS, counts):
         return None
     found = [np.zeros((0, limbs), dtype=np.uint16)]
     done, every = 0, max(int(counts.sum()), 1)
     for first in np.flatnonzero(counts).tolist():
         sets = np.empty((counts[first], limbs), dtype=np.int64)
-        sets_from(together, first, sets)
+        sets_from(compatible, first, sets)
         found.append(sets[graph.solver.in_reach(sets)].astype(np.uint16))
         done += len(sets)
         if progress is not None:
@@ -160,18 +160,18 @@ def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | Non
 def _of_points(points: NDArray[np.uint16]) -> StanceSets:
     """Return sets that are given by their points, with their support sets."""
     limbs = points.shape[1]
-    supports = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
-    codes, numbers = np.unique(supports, return_inverse=True)
-    return StanceSets(points, numbers.reshape(supports.shape).astype(np.int32), len(codes))
+    support_sets = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
+    codes, numbers = np.unique(support_sets, return_inverse=True)
+    return StanceSets(points, numbers.reshape(support_sets.shape).astype(np.int32), len(codes))
 
 
 @entry
-def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
-    """Count the sets of three or four points, all pairwise `together`, by their first point.
+def count_sets(compatible: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
+    """Count the sets of three or four points, all pairwise `compatible`, by their first point.
 
     Parameters
     ----------
-    together
+    compatible
         Which points may be held at once, shape (m, m).
     limbs
         Points of a set, 3 or 4.
@@ -185,17 +185,17 @@ def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> 
     bool
         Whether there are no more than `most`.
     """
-    count, total = len(together), 0
+    count, total = len(compatible), 0
     for a in range(count):
         for b in range(a + 1, count):
-            if together[a, b]:
+            if compatible[a, b]:
                 for c in range(b + 1, count):
-                    if together[a, c] and together[b, c]:
+                    if compatible[a, c] and compatible[b, c]:
                         if limbs == 3:
                             counts[a] += 1
                         else:
                             for d in range(c + 1, count):
-                                if together[a, d] and together[b, d] and together[c, d]:
+                                if compatible[a, d] and compatible[b, d] and compatible[c, d]:
                                     counts[a] += 1
         total += counts[a]
         if total > most:
@@ -204,19 +204,19 @@ def count_sets(together: BoolArray, limbs: int, most: int, counts: IntArray) -> 
 
 
 @entry
-def sets_from(together: BoolArray, a: int, out: IntArray) -> None:
+def sets_from(compatible: BoolArray, a: int, out: IntArray) -> None:
     """Write the sets that start with point `a`, in order, into `out`, shape (k, 3) or (k, 4)."""
-    count, n = len(together), 0
+    count, n = len(compatible), 0
     for b in range(a + 1, count):
-        if together[a, b]:
+        if compatible[a, b]:
             for c in range(b + 1, count):
-                if together[a, c] and together[b, c]:
+                if compatible[a, c] and compatible[b, c]:
                     if out.shape[1] == 3:
                         out[n, 0], out[n, 1], out[n, 2] = a, b, c
                         n += 1
                     else:
                         for d in range(c + 1, count):
-                            if together[a, d] and together[b, d] and together[c, d]:
+                            if compatible[a, d] and compatible[b, d] and compatible[c, d]:
                                 out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, b, c, d
                                 n += 1
 
@@ -233,23 +233,23 @@ def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
     """Return sets in the arrays of a file."""
     return {
         "points": sets.points,
-        "supports": sets.supports,
-        "support_count": np.array(sets.support_count),
+        "supports": sets.support_sets,
+        "support_count": np.array(sets.support_set_count),
     }
 
 
 def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
     """Check the arrays of a file and return its sets."""
-    points, supports, count = (arrays[name] for name in ("points", "supports", "support_count"))
+    points, support_sets, count = (arrays[name] for name in ("points", "supports", "support_count"))
     if (
         points.shape != (len(points), graph.limbs)
-        or points.shape != supports.shape
-        or (points.dtype.name, supports.dtype.name) != ("uint16", "int32")
+        or points.shape != support_sets.shape
+        or (points.dtype.name, support_sets.dtype.name) != ("uint16", "int32")
         or not (points < len(graph.grasp_map)).all()
-        or not ((supports >= 0) & (supports < count)).all()
+        or not ((support_sets >= 0) & (support_sets < count)).all()
     ):
         raise ValueError
-    return StanceSets(points, supports, int(count))
+    return StanceSets(points, support_sets, int(count))
 
 
 SET_TABLES = TableFiles(

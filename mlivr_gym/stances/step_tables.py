@@ -30,7 +30,7 @@ class StepTables(NamedTuple):
     """Point that each limb of a stance holds, shape (n, 2)."""
     base_in_world: Array
     """Base positions [m], shape (n, 3)."""
-    masks: NDArray[np.int32]
+    branch_sets: NDArray[np.int32]
     """Branches and flips on which each limb may hold, shape (n, 2)."""
     releasable: NDArray[np.int32]
     """Those on which it can be released, and may be once it has grasped, shape (n, 2)."""
@@ -43,8 +43,10 @@ class StepTables(NamedTuple):
     kept: NDArray[np.uint16]
     """Branches and flips that the support limb keeps on a step, never 0, shape (e,)."""
 
-    def masks_after(self, step: int, limb: int, masks: tuple[int, ...]) -> tuple[int, int]:
-        """Return the masks of both limbs after a step that leaves a state.
+    def branch_sets_after(
+        self, step: int, limb: int, branch_sets: tuple[int, ...]
+    ) -> tuple[int, int]:
+        """Return the branch sets of both limbs after a step that leaves a state.
 
         Parameters
         ----------
@@ -52,18 +54,18 @@ class StepTables(NamedTuple):
             Index of the step.
         limb
             The limb that moves.
-        masks
-            The masks before the step.
+        branch sets
+            The branch sets before the step.
         """
-        kept = int(kept_on_edge(masks[1 - limb], int(self.kept[step])))
+        kept = int(kept_on_edge(branch_sets[1 - limb], int(self.kept[step])))
         grasped = int(self.releasable[self.after[step], limb])
         return (grasped, kept) if limb == 0 else (kept, grasped)
 
-    def successors(self, s: int, masks: tuple[int, ...]) -> Successors:
+    def successors(self, s: int, branch_sets: tuple[int, ...]) -> Successors:
         """Return the steps that leave a state of stance `s`, as `PairGraph.successors` does."""
         most = int(self.start[2 * s + 2] - self.start[2 * s])
         steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
-        first, count = steps_of_state(s, (masks[0], masks[1]), self, steps, kept)
+        first, count = steps_of_state(s, (branch_sets[0], branch_sets[1]), self, steps, kept)
         after, kept = self.after[steps[:count]].astype(np.int64), kept[:count]
         moving = np.zeros(count, dtype=np.int64)
         moving[first:] = 1
@@ -102,7 +104,7 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
         )
     if graph.obstacles or graph.occupied:
         fill_rows(graph, progress)
-    elif not graph.complete:
+    elif not graph.is_complete:
         build_pairs(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
@@ -110,12 +112,14 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     np.cumsum(start, out=start)
     after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.uint16)
     gather_steps(graph.steps, True, start, after, kept)
-    released = graph.releasable if graph.settings.transitions else graph.mask
-    masks, releasable = (mask.astype(np.int32) for mask in (graph.mask, released))
+    able = graph.releasable if graph.settings.transitions else graph.branch_sets
+    branch_sets, releasable = (one.astype(np.int32) for one in (graph.branch_sets, able))
     points = graph.points.astype(np.int32)
     moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
     to_point = points[after, moving].astype(np.uint16)
-    return StepTables(points, graph.base_in_world, masks, releasable, start, after, to_point, kept)
+    return StepTables(
+        points, graph.base_in_world, branch_sets, releasable, start, after, to_point, kept
+    )
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
@@ -132,12 +136,12 @@ def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
     steps = np.diff(tables.start)
     keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]
     start = np.concatenate([[0], np.cumsum(keep)])[tables.start]
-    masks, releasable = (
-        np.where(gone[:, None], 0, mask).astype(np.int32)
-        for mask in (tables.masks, tables.releasable)
+    branch_sets, releasable = (
+        np.where(gone[:, None], 0, branch_set).astype(np.int32)
+        for branch_set in (tables.branch_sets, tables.releasable)
     )
     return tables._replace(
-        masks=masks,
+        branch_sets=branch_sets,
         releasable=releasable,
         start=start,
         after=tables.after[keep],
@@ -146,7 +150,7 @@ def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
     )
 
 
-def state_of(tables: StepTables, s: int, masks: NDArray[np.integer]) -> State:
-    """Return the state of a stance index and its masks."""
+def state_of(tables: StepTables, s: int, branch_sets: NDArray[np.integer]) -> State:
+    """Return the state of a stance index and its branch sets."""
     a, b = tables.points[s].tolist()
-    return State((a, b), (int(masks[0]), int(masks[1])))
+    return State((a, b), (int(branch_sets[0]), int(branch_sets[1])))

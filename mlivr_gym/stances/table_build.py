@@ -46,7 +46,7 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
     >>> from mlivr_gym import stance_graph
     >>> graph = stance_graph()
     >>> path = build_table(graph)
-    >>> graph.complete
+    >>> graph.is_complete
     True
     """
     if graph.obstacles or graph.occupied:

@@ -91,7 +91,7 @@ class TableFiles(Generic[Table]):
         folder, name = cache_folder(), self.name(graph)
         if folder is None:
             return None
-        return folder / (name.replace(".npz", "-mapped.npz") if self.mapped else name)
+        return folder / (name.replace(".npz", "-unpacked.npz") if self.mapped else name)
 
     def find(self, graph: StanceGraph, *, warn: bool = True) -> tuple[Path, Table] | None:
         """Return the table of a graph and its file, which ships or lies in the cache folder.

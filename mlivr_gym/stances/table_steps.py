@@ -15,12 +15,12 @@ TOGETHER = 64
 """Number of states whose steps are fetched at once."""
 
 LINE = 32
-"""Number of points, or masks of kept branches, on a line of the processor's cache."""
+"""Number of points, or branch sets of kept branches, on a line of the processor's cache."""
 
 
 @entry
 def steps_of_state(
-    s: int, masks: tuple[int, int], tables: Any, steps: IntArray, kept: IntArray
+    s: int, branch_sets: tuple[int, int], tables: Any, steps: IntArray, kept: IntArray
 ) -> tuple[int, int]:
     """List the steps that leave a state.
 
@@ -28,7 +28,7 @@ def steps_of_state(
     ----------
     s
         Stance index.
-    masks
+    branch sets
         Branches that each limb may be on.
     tables
         `StepTables`.
@@ -44,9 +44,9 @@ def steps_of_state(
     """
     first = count = 0
     for moving in range(2):
-        if can_release(masks[moving], tables.releasable[s, moving]):
+        if can_release(branch_sets[moving], tables.releasable[s, moving]):
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                branches = kept_on_edge(masks[1 - moving], tables.kept[e])
+                branches = kept_on_edge(branch_sets[1 - moving], tables.kept[e])
                 if branches:
                     steps[count], kept[count] = e, branches
                     count += 1
@@ -57,7 +57,7 @@ def steps_of_state(
 
 @entry
 def legal_actions(
-    stances: IntArray, masks: IntArray, tables: Any, out: NDArray[np.int8]
+    stances: IntArray, branch_sets: IntArray, tables: Any, out: NDArray[np.int8]
 ) -> np.uint16:
     """Mark the actions that states allow.
 
@@ -68,7 +68,7 @@ def legal_actions(
     ----------
     stances
         Stance indices, shape (k,).
-    masks
+    branch sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
@@ -89,18 +89,18 @@ def legal_actions(
         for k in range(first, last):
             s = stances[k]
             for moving in range(2):
-                if can_release(masks[k, moving], tables.releasable[s, moving]):
+                if can_release(branch_sets[k, moving], tables.releasable[s, moving]):
                     row = out[k, moving]
-                    of_held: Any = np.uint16(masks[k, 1 - moving])
+                    of_support: Any = np.uint16(branch_sets[k, 1 - moving])
                     for e in range(start[2 * s + moving], start[2 * s + moving + 1]):
-                        row[to_point[e]] = kept_on_edge(of_held, kept[e]) != 0
+                        row[to_point[e]] = kept_on_edge(of_support, kept[e]) != 0
     return read
 
 
 @entry
 def legal_positions(
     stances: IntArray,
-    masks: IntArray,
+    branch_sets: IntArray,
     tables: Any,
     out: NDArray[np.int8],
     position: Array,
@@ -112,7 +112,7 @@ def legal_positions(
     ----------
     stances
         Stance indices, shape (k,).
-    masks
+    branch sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
@@ -127,11 +127,11 @@ def legal_positions(
     for k in range(len(stances)):
         s = stances[k]
         for moving in range(2):
-            if not can_release(masks[k, moving], tables.releasable[s, moving]):
+            if not can_release(branch_sets[k, moving], tables.releasable[s, moving]):
                 continue
-            of_held = masks[k, 1 - moving]
+            of_support = branch_sets[k, 1 - moving]
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                kept = kept_on_edge(of_held, tables.kept[e])
+                kept = kept_on_edge(of_support, tables.kept[e])
                 if kept:
                     s2 = tables.after[e]
                     point = tables.to_point[e]
@@ -157,7 +157,7 @@ class Ahead(NamedTuple):
 
 @entry
 def onward_of_actions(
-    stances: IntArray, masks: IntArray, tables: Any, ahead: Ahead, out: Array
+    stances: IntArray, branch_sets: IntArray, tables: Any, ahead: Ahead, out: Array
 ) -> None:
     """Compute how close to the goal each action can lead with any step after it.
 
@@ -165,7 +165,7 @@ def onward_of_actions(
     ----------
     stances
         Stance indices, shape (k,).
-    masks
+    branch sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
@@ -180,11 +180,11 @@ def onward_of_actions(
     for k in range(len(stances)):
         s = stances[k]
         for moving in range(2):
-            if not can_release(masks[k, moving], tables.releasable[s, moving]):
+            if not can_release(branch_sets[k, moving], tables.releasable[s, moving]):
                 continue
-            of_held = masks[k, 1 - moving]
+            of_support = branch_sets[k, 1 - moving]
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                kept = kept_on_edge(of_held, tables.kept[e])
+                kept = kept_on_edge(of_support, tables.kept[e])
                 if kept:
                     s2 = tables.after[e]
                     grasped = tables.releasable[s2, moving]
@@ -198,14 +198,16 @@ def _look_onward(
     k: int, state: tuple[int, tuple[int, int]], tables: Any, ahead: Ahead, out: Array, depth: int
 ) -> None:
     """Add the steps after one action to its row of `onward_of_actions`, shape (2 d + 2,)."""
-    s, masks = state
+    s, branch_sets = state
     for moving in range(2):
-        if not can_release(masks[moving], tables.releasable[s, moving]):
+        if not can_release(branch_sets[moving], tables.releasable[s, moving]):
             continue
         for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
             s2 = tables.after[e]
             point = tables.to_point[e]
-            if not ahead.free[k, point] or not kept_on_edge(masks[1 - moving], tables.kept[e]):
+            if not ahead.free[k, point] or not kept_on_edge(
+                branch_sets[1 - moving], tables.kept[e]
+            ):
                 continue
             squared = 0.0
             for axis in range(3):
@@ -233,11 +235,11 @@ def find_step(s: int, moving: int, point: int, tables: Any) -> int:
 
 
 @entry
-def any_step(s: int, masks: tuple[int, int], tables: Any) -> bool:
+def any_step(s: int, branch_sets: tuple[int, int], tables: Any) -> bool:
     """Return whether a step leaves stance `s` with its limbs on these branches."""
     for moving in range(2):
-        if can_release(masks[moving], tables.releasable[s, moving]):
+        if can_release(branch_sets[moving], tables.releasable[s, moving]):
             for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-                if kept_on_edge(masks[1 - moving], tables.kept[e]):
+                if kept_on_edge(branch_sets[1 - moving], tables.kept[e]):
                     return True
     return False

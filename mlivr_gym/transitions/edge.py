@@ -13,7 +13,7 @@ class Edge(NamedTuple):
     fold: int
     """Fold in which the limb can be moved, -1 if it swings along a line or collisions are not
     checked."""
-    pair: int
+    line_branches: int
     """Branches between which it can swing along a line, `8 * before + after`, or -1."""
     kept: dict[int, int]
     """Branches that each support limb keeps, by limb; empty if the step is no edge."""
@@ -21,5 +21,7 @@ class Edge(NamedTuple):
 
 def edge_of(step: Any) -> Edge:
     """Return the edge of a checked step, a row of `StepRecord`."""
-    kept = {i: int(mask) for i, mask in enumerate(step["kept"]) if mask}
-    return Edge(int(step["kind"]), int(step["folds"][step["kind"]]), int(step["pair"]), kept)
+    kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
+    return Edge(
+        int(step["kind"]), int(step["folds"][step["kind"]]), int(step["line_branches"]), kept
+    )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
@@ -13,6 +15,9 @@ from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
 from mlivr_gym.transitions.records import StepScratch
+
+BEFORE = cast(int, np.int64(0))
+"""The side of a step before it, see `lifted_branches`; 64 bits for the reason that `EMPTY` has."""
 
 
 @kernel
@@ -79,8 +84,8 @@ def lifted_angles(
         Whether the branch exists there.
     """
     q = to.q
-    held, x = flange_seen(limb, base, grasp.flange)
-    lifted = FlangeAxis(along(held.p, -lift, held.z), held.z)
+    at_grasp, x = flange_seen(limb, base, grasp.flange)
+    lifted = FlangeAxis(along(at_grasp.p, -lift, at_grasp.z), at_grasp.z)
     if not branch_angles(limb.arm, lifted, x, branch, 0.0, q):
         return False
     for joint in range(6):
@@ -94,11 +99,11 @@ def lifted_branches(
     limb: LimbModel,
     base: Pose,
     grasp: Grasp,
-    mask: int,
+    branch_set: int,
     side: int,
     scratch: StepScratch,
 ) -> int:
-    """Compute the joint angles of a limb that has departed from a grasp, for each branch of a mask.
+    """Compute the joint angles of a limb that has departed from a grasp, for a set of branches.
 
     They are written into `scratch.q[side]`.
 
@@ -112,7 +117,7 @@ def lifted_branches(
         Base in the world.
     grasp
         The grasp.
-    mask
+    branch set
         Branches and flips.
     side
         0 before a step, 1 after it.
@@ -122,14 +127,14 @@ def lifted_branches(
     Returns
     -------
     int
-        The branches and flips of the mask that exist there.
+        The branches and flips of the branch set that exist there.
     """
     found = EMPTY
     for b in range(BRANCHES):
         q = scratch.q[side, b]
-        if has_branch(mask, b) and lifted_angles(limb, base, grasp, b, robot.lift, q):
+        if has_branch(branch_set, b) and lifted_angles(limb, base, grasp, b, robot.lift, q):
             found |= both_flips(b)
-    return found & mask
+    return found & branch_set
 
 
 @entry

@@ -8,6 +8,7 @@ from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
 from mlivr_gym.collisions.sweep import sweep
+from mlivr_gym.compiled.bit_sets import NO, YES
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.base_path import BasePath, set_path
@@ -104,7 +105,7 @@ def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting
     """Select the shapes with which the first limb is compared; it is at no grasp."""
     motion = scratch.motion
     motion.boxes, motion.body, motion.resting, motion.meeting = boxes, body, resting, meeting
-    scratch.behind.applies = False
+    scratch.surface.applies = False
 
 
 @part
@@ -134,13 +135,13 @@ def swing_clear(
     inside = layer == 0
     set_swing(scratch.motion.first, limb, start, end)
     set_swing(scratch.motion.second, limb, start, end)
-    compare_with(scratch, layer >= 0, inside, inside, layer < 0)
+    compare_with(scratch, YES, inside, inside, NO)
     return is_clear(robot, world, layer, scratch)
 
 
 @entry
 def segment_clear(
-    pieces: Any, holds: Any, robots: Any, world: WorldRecord, scratch_rows: Any
+    pieces: Any, supports: Any, robots: Any, world: WorldRecord, scratch_rows: Any
 ) -> bool:
     """Return whether the robot keeps the clearance along a segment of a swing.
 
@@ -148,7 +149,7 @@ def segment_clear(
     ----------
     pieces
         The segment, a row of `SwingSegment`, shape (1,).
-    holds
+    supports
         The support limbs, rows of `SupportRecord`.
     robots
         A row of `RobotModel`, shape (1,).
@@ -166,11 +167,13 @@ def segment_clear(
         if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, scratch):
             return False
         inside = layer == 0
-        for k in range(len(holds)):
-            hold = holds[k]
-            set_support(scratch.motion.first, hold.limb, hold.branch, world.grasps[hold.point])
+        for k in range(len(supports)):
+            support = supports[k]
+            set_support(
+                scratch.motion.first, support.limb, support.branch, world.grasps[support.point]
+            )
             set_swing(scratch.motion.second, piece.limb, piece.start, piece.end)
-            compare_with(scratch, layer >= 0, inside, layer < 0, inside)
+            compare_with(scratch, YES, inside, NO, inside)
             if not is_clear(robot, world, layer, scratch):
                 return False
     return True

@@ -41,9 +41,9 @@ class StanceSet(NamedTuple):
     """Point that each limb holds, shape (K, N)."""
     base: Any
     """Bases in the world, rows of `Pose`, shape (K,)."""
-    mask: IntArray
+    branch_sets: IntArray
     """Branches and flips on which each limb may hold, shape (K, N)."""
-    released: Any
+    releases: Any
     """Rows of `ReleaseRecord`, shape (K, N)."""
 
 
@@ -99,7 +99,7 @@ class StepRecord(Record):
     """Kind of the base path; for a single support limb see `on_arc`."""
     folds: Annotated[IntArray, (2,), np.int64]
     """Fold in which the limb can be moved on the line and on the arc, -1 for none."""
-    pair: int
+    line_branches: int
     """Branches between which it can swing along a line, `8 * before + after`, or -1."""
 
 
@@ -110,9 +110,9 @@ class StepScratch(Record):
     holding: Holding
     path: BasePath
     """Base path under check."""
-    holds: Annotated[IntArray, (2, MOST_LIMBS), np.int64]
-    """Branches on which each limb can hold on both kinds of path."""
-    holds_known: Annotated[IntArray, (2,), np.int64]
+    can_follow: Annotated[IntArray, (2, MOST_LIMBS), np.int64]
+    """Branches on which each support limb can follow both kinds of base path."""
+    can_follow_known: Annotated[IntArray, (2,), np.int64]
     """Whether these were computed."""
     selected: Limbs
     """Branches under check."""

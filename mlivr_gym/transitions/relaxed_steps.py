@@ -16,7 +16,6 @@ from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, has, has_branch, withou
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.grasp_poses import folded
-from mlivr_gym.transitions.holds import MOVER, STANDING, both_clear, each_clear
 from mlivr_gym.transitions.motions import set_base_motion, swing_clear
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
@@ -27,6 +26,7 @@ from mlivr_gym.transitions.steps import (
     lines_by_travel,
     set_step_path,
 )
+from mlivr_gym.transitions.supports import MOVER, STANDING, both_clear, each_clear
 
 
 @entry
@@ -47,15 +47,15 @@ def _relax(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     clear_step(step, robot, scratch)
-    before = stances.released[step.before, step.limb]
-    after = stances.released[step.after, step.limb]
+    before = stances.releases[step.before, step.limb]
+    after = stances.releases[step.after, step.limb]
     if world.stop > 0 and (before.branches == 0 or after.branches == 0):
         return
     for kind in range(2):
         if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.holds[kind, i]
+            scratch.clear[i] = scratch.can_follow[kind, i]
         if world.stop == 0:
             _add(step, scratch.clear, robot.limb_count)
         elif not _keeps_all(step, scratch.clear, robot.limb_count):
@@ -67,31 +67,31 @@ def _relax(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
 
 
 @kernel
-def _keeps_all(step: StepRecord, masks: Limbs, limbs: int) -> bool:
+def _keeps_all(step: StepRecord, branch_sets: Limbs, limbs: int) -> bool:
     """Return whether all requested branches are kept."""
     missing = EMPTY
     for i in range(limbs):
         if i != step.limb:
-            missing |= masks[i] & ~step.kept[i]
+            missing |= branch_sets[i] & ~step.kept[i]
     return bool(missing == 0)
 
 
 @kernel
-def _add(step: StepRecord, masks: Limbs, limbs: int) -> None:
+def _add(step: StepRecord, branch_sets: Limbs, limbs: int) -> None:
     """Add branches to those that are kept at most."""
     for i in range(limbs):
         if i != step.limb:
-            step.kept[i] |= masks[i]
+            step.kept[i] |= branch_sets[i]
 
 
 @kernel
 def _each_keeps_one(
-    parts: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+    parts: int, branch_sets: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> bool:
     """Remove branches that collide whatever other limbs do; return whether each limb keeps one."""
     world = scene.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, masks, scratch):
+        if not each_clear(parts, layer, step, scene, branch_sets, scratch):
             return False
     return True
 
@@ -130,31 +130,31 @@ def _relax_on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) 
 @kernel
 def _relax_with_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     """Add the branches that are clear of the swing in `scratch`."""
-    limbs, masks = scene.robots[0].limb_count, scratch.clear_of_swing
+    limbs, branch_sets = scene.robots[0].limb_count, scratch.clear_of_swing
     for i in range(limbs):
-        masks[i] = scratch.clear[i]
-    if not _each_keeps_one(MOVER, masks, step, scene, scratch):
+        branch_sets[i] = scratch.clear[i]
+    if not _each_keeps_one(MOVER, branch_sets, step, scene, scratch):
         return
     if scene.world.first == 0:
         for i in range(limbs):
             for j in range(i + 1, limbs):
                 if i != step.limb and j != step.limb:
-                    _remove_conflicts(i, j, masks, step, scene, scratch)
-                    if masks[i] == 0:
+                    _remove_conflicts(i, j, branch_sets, step, scene, scratch)
+                    if branch_sets[i] == 0:
                         return
-    _add(step, masks, limbs)
+    _add(step, branch_sets, limbs)
 
 
 @kernel
 def _remove_conflicts(
-    i: int, j: int, masks: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+    i: int, j: int, branch_sets: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
 ) -> None:
     """Remove the branches of two support limbs that are too close to all of the other limb."""
-    alone_i, alone_j = masks[i], masks[j]
+    alone_i, alone_j = branch_sets[i], branch_sets[j]
     for b in range(BRANCHES):
         for c in range(BRANCHES):
-            both = has_branch(masks[i], b) and has_branch(masks[j], c)
+            both = has_branch(branch_sets[i], b) and has_branch(branch_sets[j], c)
             new = has_branch(alone_i, b) or has_branch(alone_j, c)
             if both and new and both_clear(i, b, j, c, step, scene, scratch):
                 alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
-    masks[i], masks[j] = masks[i] & ~alone_i, masks[j] & ~alone_j
+    branch_sets[i], branch_sets[j] = branch_sets[i] & ~alone_i, branch_sets[j] & ~alone_j

@@ -17,11 +17,13 @@ from __future__ import annotations
 from typing import Any
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.against_boxes import set_behind
+from mlivr_gym.collisions.against_boxes import set_grasp_surface
 from mlivr_gym.collisions.placement import axis_of, place
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
+    NO,
+    YES,
     both_flips,
     has,
     has_branch,
@@ -33,7 +35,7 @@ from mlivr_gym.kinematics.base_path import resting
 from mlivr_gym.kinematics.families import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
+from mlivr_gym.transitions.grasp_poses import BEFORE, folded, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (
     compare_with,
     is_clear,
@@ -48,7 +50,7 @@ from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratc
 def release_all(
     start: int, stop: int, todo: IntArray, scene: StepContext, scratch_rows: Any
 ) -> None:
-    """Compute `StanceSet.released` for some limbs at some stances.
+    """Compute `StanceSet.releases` for some limbs at some stances.
 
     Parameters
     ----------
@@ -67,7 +69,7 @@ def release_all(
     stances, world = scene.stances, scene.world
     for k in range(start, stop):
         s, limb = todo[k, 0], todo[k, 1]
-        answer, branches = stances.released[s, limb], stances.mask[s, limb]
+        answer, branches = stances.releases[s, limb], stances.branch_sets[s, limb]
         if world.first > 0:
             branches &= answer.branches
         else:
@@ -85,13 +87,13 @@ def release_all(
 
 @part
 def release(
-    s: int, limb: int, mask: int, scene: StepContext, layer: int, scratch: StepScratch
+    s: int, limb: int, branch_set: int, scene: StepContext, layer: int, scratch: StepScratch
 ) -> None:
     """Compute the branches on which a limb can be released at a stance and then change.
 
     All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
     alone the other is checked only if none with the elbow up can fold. The result is written into
-    `stances.released`; among obstacles only the motions of the present result are checked.
+    `stances.releases`; among obstacles only the motions of the present result are checked.
 
     Parameters
     ----------
@@ -99,7 +101,7 @@ def release(
         Index of the stance.
     limb
         Index of the limb.
-    mask
+    branch set
         Branches and flips to check.
     scene
         The stances, the robot and the world.
@@ -109,24 +111,24 @@ def release(
         Scratch.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    answer, base = stances.released[s, limb], stances.base[s]
+    answer, base = stances.releases[s, limb], stances.base[s]
     arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
     resting(scratch.path, base)
     set_base_motion(scratch.sweep, scratch.path, 0.0, 0.0)
     scratch.sweep.resting.count = 0
-    first = mask
+    first = branch_set
     if layer == 0:
         for other in range(robot.limb_count):
             if other != limb:
                 _add_resting(s, other, scene, scratch)
-        first = _elbow_up(s, limb, mask, scene, scratch)
+        first = _elbow_up(s, limb, branch_set, scene, scratch)
     known_folds, free = answer.folds, EMPTY
     answer.branches = 0
-    for turn in range(2):
-        rest = first if turn == 0 else mask & ~first
+    for attempt in range(2):
+        rest = first if attempt == 0 else branch_set & ~first
         if not rest:
             continue
-        rest = lifted_branches(robot, arm, base, grasp, rest, turn & 0, scratch)
+        rest = lifted_branches(robot, arm, base, grasp, rest, BEFORE, scratch)
         for b in range(BRANCHES):
             if has_branch(rest, b):
                 _depart(limb, b, stances.points[s, limb], scene, layer, scratch)
@@ -150,8 +152,8 @@ def _depart(
     grasp, inside, sweep = scene.world.grasps[point], layer == 0, scratch.sweep
     set_departure(sweep.motion.first, limb, branch, grasp)
     set_departure(sweep.motion.second, limb, branch, grasp)
-    compare_with(sweep, layer >= 0, inside, inside, layer < 0)
-    set_behind(sweep.behind, vector(grasp.point), vector(grasp.normal))
+    compare_with(sweep, YES, inside, inside, NO)
+    set_grasp_surface(sweep.surface, vector(grasp.point), vector(grasp.normal))
 
 
 @kernel
@@ -162,7 +164,7 @@ def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) ->
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     placed, axes = scratch.sweep.first, scratch.axes
     for b in range(BRANCHES):
-        if has_branch(stances.mask[s, limb], b) and branch_frames(
+        if has_branch(stances.branch_sets[s, limb], b) and branch_frames(
             arm.arm, seen, b, axes, placed.frames
         ):
             others.limb[others.count] = limb
@@ -171,18 +173,18 @@ def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) ->
 
 
 @kernel
-def _elbow_up(s: int, limb: int, mask: int, scene: StepContext, scratch: StepScratch) -> int:
-    """Return the branches of a mask with the elbow up.
+def _elbow_up(s: int, limb: int, branch_set: int, scene: StepContext, scratch: StepScratch) -> int:
+    """Return the branches of a branch set with the elbow up.
 
-    Of twins that differ in the elbow alone, and are both in the mask, the one is removed that is
-    closer to the surface. Twins have equal `w_m` and the same hand; to keep one of them halves the
-    work and costs few steps.
+    Of twins that differ in the elbow alone, and are both in the branch set, the one is removed that
+    is closer to the surface. Twins have equal `w_m` and the same hand; to keep one of them halves
+    the work and costs few steps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
     arm, placed = robot.limbs[limb], scratch.sweep.first
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     for b in range(0, BRANCHES, 2):
-        if not (has_branch(mask, b) and has_branch(mask, b + 1)):
+        if not (has_branch(branch_set, b) and has_branch(branch_set, b + 1)):
             continue
         lower = 0.0
         for side in range(2):
@@ -194,8 +196,10 @@ def _elbow_up(s: int, limb: int, mask: int, scene: StepContext, scratch: StepScr
                     height += a[2] + e[2]
             if side == 0:
                 lower = height
-        mask = without_branch(mask, b) if height > lower else without_branch(mask, b + 1)
-    return mask
+        branch_set = (
+            without_branch(branch_set, b) if height > lower else without_branch(branch_set, b + 1)
+        )
+    return branch_set
 
 
 @kernel

@@ -6,7 +6,7 @@ of them keeps those of its branches, and must keep one. A limb that grasps may t
 on which it can be released again. Graphs, tables, searches, environments and experts all call the
 functions below.
 
-Masks are sets of branches and flips, see `compiled.bit_sets`.
+Branch sets are sets of branches and flips, see `compiled.bit_sets`.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from mlivr_gym.compiled.kernels import entry
 
 
 @entry
-def can_release(mask: int, releasable: int) -> bool:
-    """Return whether a limb may move that may be on `mask` and can be released on `releasable`."""
-    return mask & releasable != 0
+def can_release(branch_set: int, releasable: int) -> bool:
+    """Return whether a limb that may be on some branches can be released on one of them."""
+    return branch_set & releasable != 0
 
 
 @entry
-def kept_on_edge(mask: int, edge: int) -> int:
+def kept_on_edge(branch_set: int, edge: int) -> int:
     """Return the branches that a support limb keeps on an edge, 0 if it cannot follow it."""
-    return mask & edge
+    return branch_set & edge

@@ -12,7 +12,7 @@ from mlivr_gym.errors import StanceError, shortened
 
 
 class State(NamedTuple):
-    """A stance with its label: for each limb, the branches and flips that it may be on.
+    """A stance with its label, for each limb the set of branches and flips that it may be on.
 
     A support limb stays on its branch, so every step can only remove branches of support limbs; a
     limb that grasps has all branches on which it can be released, see `transitions.rule`.
@@ -20,8 +20,8 @@ class State(NamedTuple):
 
     stance: tuple[int, ...]
     """Point index of each limb."""
-    masks: tuple[int, ...]
-    """Branch mask of each limb, 16 bits, bit `branch + 8 * flip`."""
+    branch_sets: tuple[int, ...]
+    """Branch set of each limb, 16 bits, bit `branch + 8 * flip`."""
     pose: tuple[float, ...] | None = None
     """Base pose x, y, z [m] and quaternion w, x, y, z that a user gave; None for that of the
     posture."""
@@ -40,8 +40,8 @@ class Successors(NamedTuple):
     """Point that it moves to, shape (k,)."""
     base_in_world: Array
     """Base position after each step [m], shape (k, 3)."""
-    masks: IntArray
-    """Branch masks of all limbs after each step, shape (k, N)."""
+    branch_sets: IntArray
+    """Branch sets of all limbs after each step, shape (k, N)."""
 
     def __bool__(self) -> bool:
         """Return whether any step leaves the state."""
@@ -55,12 +55,12 @@ class Successors(NamedTuple):
     def after(self, before: State, k: int) -> State:
         """Return the state after step `k` from the state `before`, which these steps leave."""
         stance = before.stance_after(int(self.limb[k]), int(self.point[k]))
-        return State(stance, tuple(self.masks[k].tolist()))
+        return State(stance, tuple(self.branch_sets[k].tolist()))
 
     def take(self, kept: IntArray) -> Successors:
         """Return some of the steps, given by index or truth value."""
         return Successors(
-            self.limb[kept], self.point[kept], self.base_in_world[kept], self.masks[kept]
+            self.limb[kept], self.point[kept], self.base_in_world[kept], self.branch_sets[kept]
         )
 
 
@@ -93,4 +93,4 @@ def check_integers(given: Any, count: int, most: int, what: str) -> None:
 def check_state(state: State, limbs: int, points: int) -> None:
     """Check that a state is one of some number of limbs and points, see `check_integers`."""
     check_integers(state.stance, limbs, points - 1, "stance")
-    check_integers(state.masks, limbs, ALL, "masks")
+    check_integers(state.branch_sets, limbs, ALL, "branch sets")

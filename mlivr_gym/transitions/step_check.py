@@ -77,16 +77,21 @@ class StepChecks:
     def stances(self, points: IntArray, postures: Postures) -> StanceSet:
         """Return stances with their postures, whose releases are not known yet."""
         points = np.ascontiguousarray(points, dtype=np.int64)
-        return StanceSet(points, postures.base_rows, postures.mask, self.released(postures.mask))
+        return StanceSet(
+            points,
+            postures.base_rows,
+            postures.branch_sets,
+            self.unknown_releases(postures.branch_sets),
+        )
 
-    def released(self, mask: IntArray) -> Any:
+    def unknown_releases(self, branch_sets: IntArray) -> Any:
         """Return unknown rows of `ReleaseRecord`.
 
         Without collision checks every branch is released.
         """
-        out = ReleaseRecord.rows(*mask.shape)
+        out = ReleaseRecord.rows(*branch_sets.shape)
         if not self.solver.settings.collisions:
-            out["branches"], out["known"] = mask, True
+            out["branches"], out["known"] = branch_sets, True
         return out
 
     def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: StepContext) -> None:
@@ -110,7 +115,7 @@ class StepChecks:
         steps["branches"] = ALL
         return steps
 
-    def hold(self, steps: Any, stances: StanceSet, world: WorldRecord) -> Any:
+    def can_follow(self, steps: Any, stances: StanceSet, world: WorldRecord) -> Any:
         """Return which steps the support limbs can follow on some base path, shape (k,)."""
         self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)

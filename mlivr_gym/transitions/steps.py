@@ -26,12 +26,12 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, comes_first, set_path
 from mlivr_gym.kinematics.holding import hold_mask
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
-from mlivr_gym.transitions.holds import BOTH, MOVER, STANDING, remove_collisions
 from mlivr_gym.transitions.motions import (
     set_base_motion,
     swing_clear,
 )
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
+from mlivr_gym.transitions.supports import BOTH, MOVER, STANDING, remove_collisions
 
 TRIES = 8
 """Pairs of branches that are checked for one base path."""
@@ -52,10 +52,10 @@ def check_supports(
     for k in range(start, stop):
         step, scratch = steps[k], scratch_rows[0]
         clear_step(step, robot, scratch)
-        held = (step.limb + 1) % robot.limb_count
+        support = (step.limb + 1) % robot.limb_count
         for kind in range(2):
             if all_follow(kind, step, scene, scratch):
-                step.kept[held] = ALL
+                step.kept[support] = ALL
 
 
 @entry
@@ -85,37 +85,39 @@ def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> Non
     scratch.sweep.resting.count = 0
     for kind in range(2):
         # A known edge has the branches on which limbs can hold on either path.
-        scratch.holds_known[kind] = step.recheck
+        scratch.can_follow_known[kind] = step.recheck
         for i in range(robot.limb_count):
             on_path = step.on_arc if kind == ARC else ~step.on_arc
-            scratch.holds[kind, i] = step.kept[i] & step.branches[i] & on_path
+            scratch.can_follow[kind, i] = step.kept[i] & step.branches[i] & on_path
     for i in range(robot.limb_count):
         step.kept[i], scratch.selected[i] = 0, ALL
     step.on_arc = 0
     if not step.recheck:
-        step.kind, step.pair = STRAIGHT, -1
+        step.kind, step.line_branches = STRAIGHT, -1
         step.folds[0] = step.folds[1] = -1
 
 
 @kernel
 def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
-    """Return whether all support limbs can follow a path; `scratch.holds` is filled once."""
+    """Return whether all support limbs can follow a path; `scratch.can_follow` is filled once."""
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    if not scratch.holds_known[kind]:
-        scratch.holds_known[kind] = True
+    if not scratch.can_follow_known[kind]:
+        scratch.can_follow_known[kind] = True
         set_step_path(kind, step, scene, scratch)
         floor = world.thresholds[0].floor * robot.characteristic_length**3
         able = True
         for i in range(robot.limb_count):
-            scratch.holds[kind, i] = 0
+            scratch.can_follow[kind, i] = 0
             if i != step.limb and able:
-                mask = step.branches[i]
+                branch_set = step.branches[i]
                 if not step.fixed:
-                    mask &= stances.mask[step.after, i]
+                    branch_set &= stances.branch_sets[step.after, i]
                 flange = world.grasps[stances.points[step.after, i]].flange
                 limb, holding = robot.limbs[i], scratch.holding
-                scratch.holds[kind, i] = hold_mask(limb, flange, scratch.path, floor, mask, holding)
-                able = scratch.holds[kind, i] != 0
+                scratch.can_follow[kind, i] = hold_mask(
+                    limb, flange, scratch.path, floor, branch_set, holding
+                )
+                able = scratch.can_follow[kind, i] != 0
     return _each_follows(kind, step, robot, scratch)
 
 
@@ -123,7 +125,7 @@ def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScr
 def _each_follows(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
     """Return whether every support limb can follow a path on a branch in `scratch.selected`."""
     for i in range(robot.limb_count):
-        if i != step.limb and scratch.holds[kind, i] & scratch.selected[i] == 0:
+        if i != step.limb and scratch.can_follow[kind, i] & scratch.selected[i] == 0:
             return False
     return True
 
@@ -143,7 +145,7 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     If the edge is known already, only its motion is checked, on the branches that it keeps.
     """
     stances, robot, world = scene.stances, scene.robots[0], scene.world
-    on_line = step.recheck and step.pair >= 0
+    on_line = step.recheck and step.line_branches >= 0
     clear_step(step, robot, scratch)
     able = False
     for kind in range(2):
@@ -153,8 +155,8 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     if world.stop == 0:
         _folded(step, scene, EMPTY, scratch)
         return
-    before = stances.released[step.before, step.limb]
-    after = stances.released[step.after, step.limb]
+    before = stances.releases[step.before, step.limb]
+    after = stances.releases[step.after, step.limb]
     if before.branches == 0 or after.branches == 0:
         return
     folds = before.folds & after.folds
@@ -192,8 +194,8 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
     stances, robot = scene.stances, scene.robots[0]
     for i in range(robot.limb_count):
         # A branch that is clear with one flip is clear with the other.
-        first = any_flip(stances.released[step.before, i].branches)
-        second = any_flip(stances.released[step.after, i].branches)
+        first = any_flip(stances.releases[step.before, i].branches)
+        second = any_flip(stances.releases[step.after, i].branches)
         if stage == 0:
             scratch.selected[i] = first & second
         elif stage == 1:
@@ -218,7 +220,7 @@ def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScrat
         if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
+            scratch.clear[i] = scratch.can_follow[kind, i] & scratch.selected[i]
         fold = NONE
         if world.stop > 0:
             set_step_path(kind, step, scene, scratch)
@@ -278,13 +280,15 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
         if not all_follow(kind, step, scene, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.holds[kind, i] & scratch.selected[i]
+            scratch.clear[i] = scratch.can_follow[kind, i] & scratch.selected[i]
         set_step_path(kind, step, scene, scratch)
         set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
         stood = False
         for k in range(count if step.recheck else min(count, TRIES)):
-            pair = scratch.order[k]
-            if (step.recheck and pair != step.pair) or not line_clear(pair, step, scene, scratch):
+            line_branches = scratch.order[k]
+            if (step.recheck and line_branches != step.line_branches) or not line_clear(
+                line_branches, step, scene, scratch
+            ):
                 continue
             if not stood:
                 # Only the comparison with the swing limb depends on the swing.
@@ -296,7 +300,7 @@ def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> Non
             if remove_collisions(MOVER, step, scene, scratch.clear_of_swing, scratch):
                 for i in range(robot.limb_count):
                     scratch.clear[i] = scratch.clear_of_swing[i]
-                step.pair = pair
+                step.line_branches = line_branches
                 _keep(kind, step, robot, scratch)
                 return
 
@@ -309,9 +313,9 @@ def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) 
     for side in range(2):
         s = step.after if side else step.before
         grasp = world.grasps[stances.points[s, step.limb]]
-        mask = stances.released[s, step.limb].branches
+        branch_set = stances.releases[s, step.limb].branches
         base = stances.base[s]
-        scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, mask, side, scratch)
+        scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, branch_set, side, scratch)
     start = world.grasps[stances.points[step.before, step.limb]].point
     end = world.grasps[stances.points[step.after, step.limb]].point
     return pairs_by_travel(comes_first(vector(end), vector(start)), scratch)
@@ -341,10 +345,12 @@ def pairs_by_travel(back: bool, scratch: StepScratch) -> int:
 
 
 @part
-def line_clear(pair: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
+def line_clear(
+    line_branches: int, step: StepRecord, scene: StepContext, scratch: StepScratch
+) -> bool:
     """Return whether the limb can swing along the line of a pair of branches."""
     robot, world = scene.robots[0], scene.world
-    first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
+    first, last = scratch.q[0, line_branches // BRANCHES], scratch.q[1, line_branches % BRANCHES]
     line_end(first, last, scratch.end)
     for joint in range(6):
         scratch.start.q[joint] = first.q[joint]

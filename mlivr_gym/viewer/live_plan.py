@@ -13,12 +13,10 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
-
-UNREACHABLE = ("goal outside the reachable set", "search exhausted")
-"""Reasons for the absence of a plan whose cause is then searched for."""
 
 CAUSE_LIMIT = 300
 """Maximum number of expansions in each search for a cause, which is slow for three limbs."""
@@ -126,7 +124,7 @@ class LivePlan:
 
         The query is planned again without each rule in turn, which takes seconds.
         """
-        if self.reason not in UNREACHABLE:
+        if self.reason not in PROVED_IMPOSSIBLE:
             return ""
         names = ("start", "goal", "goal_tolerance", "goal_face", "start_pose", "start_joints")
         query = {name: getattr(self.query, name) for name in names}

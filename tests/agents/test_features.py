@@ -54,7 +54,7 @@ def test_features_are_positions_seen_from_the_robot(env):
 def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
     """After one step any stance with the point, then any that keeps the point of the other limb."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
-    reach, held = reach_of_points(graph, goal, 0.2), (graph.mask > 0).all(axis=1)
+    reach, held = reach_of_points(graph, goal, 0.2), (graph.branch_sets > 0).all(axis=1)
     distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
@@ -71,7 +71,7 @@ def test_arrivals_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
     """Counted one by one, the limbs moving in turns."""
     graph, tolerance = env.graph, 0.5
     goal = graph.base_in_world[40]
-    held = (graph.mask > 0).all(axis=1)
+    held = (graph.branch_sets > 0).all(axis=1)
     stances = [tuple(pair) for pair in graph.points[held].tolist()]
     near = np.linalg.norm(graph.base_in_world[held] - goal, axis=1) <= tolerance
     arrives = dict(zip(stances, near.tolist(), strict=True))

@@ -39,7 +39,7 @@ def test_labels_are_the_steps_of_optimal_plans(env, short):
     fresh = [
         k
         for k in range(len(samples.cost))
-        if (samples.masks[k] == tables.masks[samples.stances[k]]).all()
+        if (samples.branch_sets[k] == tables.branch_sets[samples.stances[k]]).all()
     ]
     assert len(fresh) >= 10
     for k in fresh[:10]:
@@ -49,7 +49,8 @@ def test_labels_are_the_steps_of_optimal_plans(env, short):
     labels = []
     for k in range(len(samples.cost)):
         state = State(
-            tuple(tables.points[samples.stances[k]].tolist()), tuple(samples.masks[k].tolist())
+            tuple(tables.points[samples.stances[k]].tolist()),
+            tuple(samples.branch_sets[k].tolist()),
         )
         steps = env.graph.successors(state)
         costs = planner.cost_to_go(samples.goals[k].tolist(), "steps").action_values(state, steps)
@@ -111,7 +112,7 @@ def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):
     for k in range(0, len(samples.stances), 3):
         stance = points[samples.stances[k]].tolist()
         world.reset(options={"start": stance, "goal": samples.goals[k]})
-        world._enter_state(world.state._replace(masks=tuple(samples.masks[k].tolist())))
+        world._enter_state(world.state._replace(branch_sets=tuple(samples.branch_sets[k].tolist())))
         for name, rows in env_features(world).items():
             np.testing.assert_allclose(seen[name][k].numpy(), rows[0], atol=1e-5, err_msg=name)
 

@@ -53,7 +53,7 @@ def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map
                 np.testing.assert_array_equal(rows[0], infos[k]["terminal_observation"][name])
             follow(k)
         for k, single in enumerate(singles):
-            assert single.state.masks == tuple(copies.copies.masks[k].tolist())
+            assert single.state.branch_sets == tuple(copies.copies.branch_sets[k].tolist())
     assert ended >= 25
     assert 3 <= arrived < ended
 

@@ -46,7 +46,7 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     code, out, _ = run("build", "--map", part)
     graph = stance_graph(part)
     assert code == 0
-    assert graph.complete
+    assert graph.is_complete
     first, last = out.splitlines()
     assert first.startswith(f"{graph.considered:,} pairs of points: about ")
     assert last == f"stored: {PAIR_TABLES.cached(graph)}"
@@ -71,13 +71,13 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     code, out, _ = run("build", "--map", part, "--out", str(path))
     graph = stance_graph(part)
     assert code == 0
-    assert not graph.complete
+    assert not graph.is_complete
     assert f"table: {path} (name it {PAIR_TABLES.name(graph)} in a cache folder)" in out
     assert np.array_equal(PAIR_TABLES.read(graph, path).points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
     path.rename(tmp_path / "other" / PAIR_TABLES.name(graph))
-    assert stance_graph(part).complete
+    assert stance_graph(part).is_complete
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 FILES = {
     f"pairs-{'a' * 20}.npz": (3_000, 400),
-    f"nodes-{'b' * 20}-mapped.npz": (49_000, 100),
+    f"nodes-{'b' * 20}-unpacked.npz": (49_000, 100),
     f"nodes-{'b' * 20}.npz": (900, 500),
     f"nodes-{'e' * 20}-5.npy": (1_000, 80),
     f"nodes-{'e' * 20}.xz": (100, 550),

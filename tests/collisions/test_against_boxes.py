@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box
 from mlivr_gym.collisions.against_boxes import (
     FLUSH,
-    Behind,
+    GraspSurface,
     compare_with_grid,
     lies_behind,
-    set_behind,
+    set_grasp_surface,
 )
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED
@@ -40,8 +40,8 @@ def surface(rng, boxes):
 
 def at(point, normal):
     """Return the grasp at that surface."""
-    row = Behind.row()
-    called(set_behind)(row, point, normal)
+    row = GraspSurface.row()
+    called(set_grasp_surface)(row, point, normal)
     return row
 
 

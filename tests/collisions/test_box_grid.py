@@ -3,7 +3,7 @@ import pytest
 from compiled import called
 
 from mlivr_gym import Box
-from mlivr_gym.collisions.against_boxes import Behind, compare_with_grid
+from mlivr_gym.collisions.against_boxes import GraspSurface, compare_with_grid
 from mlivr_gym.collisions.box_grid import CELL_EDGE, MOST_CELLS, MOST_ENTRIES, box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED, segment_box_distance
 
@@ -11,7 +11,7 @@ from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, UNDECIDED, segment_b
 def answer(grid, start, end, radius, motion=(0.0, 0.0)):
     """Return the result of comparing a capsule whose ends may move with a grid."""
     axis = tuple(start), tuple(end)
-    return called(compare_with_grid)(axis, radius, motion, grid, Behind.row(), False)
+    return called(compare_with_grid)(axis, radius, motion, grid, GraspSurface.row(), False)
 
 
 def touched(grid, start, end, radius):

@@ -58,12 +58,15 @@ def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, pla
 
 
 def test_free_stances_keep_the_clearance(checked_graph, jem):
-    """All shapes that are compared keep the clearance on random branches of the masks."""
+    """All shapes that are compared keep the clearance on random branches of the branch sets."""
     graph, rng, ruler = checked_graph, np.random.default_rng(3), Ruler(ROBOT, jem.boxes)
     found = []
     for s in rng.choice(len(graph), 500, replace=False):
         stance = tuple(graph.points[s].tolist())
-        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        allowed = (
+            [b for b in range(16) if branch_set >> b & 1]
+            for branch_set in graph.branch_sets[s].tolist()
+        )
         bits = tuple(1 << int(rng.choice(some)) for some in allowed)
         here = graph.configuration(State(stance, bits))
         found += ruler.measured(here, grasps_of(graph, enumerate(stance)), 0.05)

@@ -46,8 +46,8 @@ def test_every_stance_left_out_touches_something(checked_graph, graph):
     assert len(missing) == sum(checked_graph.removed.values())
     for s in rng.choice(missing, 60, replace=False):
         a, b = graph.points[s].tolist()
-        masks = tuple(1 << int(branch) for branch in graph.branch[s])
-        here = graph.configuration(graph.state((a, b))._replace(masks=masks))
+        branch_sets = tuple(1 << int(branch) for branch in graph.branch[s])
+        here = graph.configuration(graph.state((a, b))._replace(branch_sets=branch_sets))
         grasps = grasps_of(graph, enumerate((a, b)))
         assert contacts(graph.robot, graph.grasp_map.boxes, here, 0.02, grasps)
 

@@ -6,7 +6,7 @@ import numpy as np
 from compiled import called
 
 from mlivr_gym import Box, robot_spec
-from mlivr_gym.collisions.against_boxes import Behind, compare_base_with_boxes
+from mlivr_gym.collisions.against_boxes import GraspSurface, compare_base_with_boxes
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_distance
@@ -50,7 +50,7 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
 
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
-        grid, nothing = box_grid((speck,)), Behind.row()
+        grid, nothing = box_grid((speck,)), GraspSurface.row()
         return called(compare_base_with_boxes)(shapes.robot, origin, still, grid, 0.0, nothing)
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half

@@ -87,8 +87,10 @@ def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):
         np.testing.assert_array_equal(ours.limb, theirs.limb)
         np.testing.assert_array_equal(ours.point, theirs.point)
         rows, held = np.arange(len(ours.limb)), 1 - ours.limb
-        np.testing.assert_array_equal(ours.masks[rows, ours.limb], theirs.masks[rows, theirs.limb])
-        mine, whole = ours.masks[rows, held], theirs.masks[rows, held]
+        np.testing.assert_array_equal(
+            ours.branch_sets[rows, ours.limb], theirs.branch_sets[rows, theirs.limb]
+        )
+        mine, whole = ours.branch_sets[rows, held], theirs.branch_sets[rows, held]
         assert (mine > 0).all()
         assert not (mine & ~whole).any()
         same += (mine == whole).tolist()
@@ -100,8 +102,11 @@ def best_postures(graph, stances):
     """Return the configuration of each stance in its best posture, and its grasps."""
     for stance in stances:
         s = graph.find(stance)
-        masks = tuple(1 << int(branch) for branch in graph.branch[s])
-        yield graph.configuration(State(tuple(stance), masks)), grasps_of(graph, enumerate(stance))
+        branch_sets = tuple(1 << int(branch) for branch in graph.branch[s])
+        yield (
+            graph.configuration(State(tuple(stance), branch_sets)),
+            grasps_of(graph, enumerate(stance)),
+        )
 
 
 def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):

@@ -26,10 +26,11 @@ def rod(centre, axes, thickness, length):
 
 
 def configuration(graph, s, rng):
-    """Return a configuration of a stance on random branches of its mask, and these branches."""
-    bits = ([b for b in range(16) if m >> b & 1] for m in graph.mask[s].tolist())
-    mask = tuple(1 << int(rng.choice(some)) for some in bits)
-    return graph.configuration(State(tuple(graph.points[s].tolist()), mask)), mask
+    """Return a configuration of a stance on random branches of its branch set, and these
+    branches."""
+    bits = ([b for b in range(16) if m >> b & 1] for m in graph.branch_sets[s].tolist())
+    branch_sets = tuple(1 << int(rng.choice(some)) for some in bits)
+    return graph.configuration(State(tuple(graph.points[s].tolist()), branch_sets)), branch_sets
 
 
 def test_further_capsules_on_the_base_touch_nothing(small_map):
@@ -56,7 +57,7 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
         robot.mount_positions[0] + robot.mount_rotations[0] @ np.array([2.45, 0.0, 0.05])
     )  # fmt: skip
     with obstacles(graph, rod(tip, np.eye(3), 0.01, 0.01)):
-        assert not graph.mask[0].all()
+        assert not graph.branch_sets[0].all()
     assert np.linalg.norm(tip - here[0]) < robot.extent
 
 
@@ -66,15 +67,15 @@ def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
     graph, rng = small_checked_graph, np.random.default_rng(5)
     ruler = Ruler(ROBOT)
     for s in rng.choice(len(graph), 5, replace=False):
-        here, mask = configuration(graph, s, rng)
+        here, branch_sets = configuration(graph, s, rng)
         for limb in range(2):
             ruler.measured(here)
             name = "body" if link == "body" else f"limb{limb}/{link}/0"
             geom = next(g for g, shape in ruler.shapes.items() if shape == name)
             middle = ruler.data.geom_xpos[geom]
             with obstacles(graph, rod(middle.copy(), np.eye(3), 0.001, 0.001)):
-                now = graph.mask[s].tolist()
-                assert not all(m & n for m, n in zip(mask, now, strict=True))
+                now = graph.branch_sets[s].tolist()
+                assert not all(m & n for m, n in zip(branch_sets, now, strict=True))
 
 
 @pytest.mark.parametrize(("height", "held"), [(0.001, True), (0.004, False)])
@@ -86,16 +87,16 @@ def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_gra
         middle = middle + (height - 0.01) * graph.solver.grasps["normal"][point]
         block = Box("block", "obstacle", tuple(middle), (0.02, 0.02, 0.01), Box.rows(turn))
         here = (graph.points == point).any(axis=1)
-        before = graph.mask[here].copy()
+        before = graph.branch_sets[here].copy()
         with obstacles(graph, block):
-            after = graph.mask[here].copy()
+            after = graph.branch_sets[here].copy()
         assert np.array_equal(before, after) if held else not after.all(axis=1).any()
 
 
 def close_to(graph, s, limb, branch, box, clearance):
     """Return limb, if any, and link of the shapes close to a box, a limb on a given branch."""
     stance = tuple(graph.points[s].tolist())
-    bits = [1 << int(mask).bit_length() - 1 for mask in graph.mask[s]]
+    bits = [1 << int(branch_sets).bit_length() - 1 for branch_sets in graph.branch_sets[s]]
     bits[limb] = 1 << branch
     here = graph.configuration(State(stance, tuple(bits)))
     found = contacts(ROBOT, (box,), here, clearance, grasps_of(graph, enumerate(stance)))
@@ -113,7 +114,7 @@ def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_
     some = all_gone = 0
     for _ in range(100):
         s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
-        (base, *_), before = configuration(graph, s, rng)[0], graph.mask[s].tolist()
+        (base, *_), before = configuration(graph, s, rng)[0], graph.branch_sets[s].tolist()
         reached = graph.grasp_map.positions[graph.points[s, limb]] - base
         place = base + rng.uniform(0.3, 1.0) * reached + rng.normal(size=3) * 0.12
         box = rod(place, Rotation.random(rng=rng).as_matrix(), 0.03, rng.uniform(0.02, 0.2))
@@ -126,7 +127,7 @@ def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_
             more = close_to(graph, s, i, b, box, CLEARANCE + 0.03)
             about |= any(link in ("body", "base") for _, link in more)
         with obstacles(graph, box):
-            after = graph.mask[s].tolist()
+            after = graph.branch_sets[s].tolist()
         assert after == ([0, 0] if whole else expected) or (about and after == [0, 0])
         some += after == expected != before
         all_gone += whole

@@ -190,12 +190,12 @@ def test_a_swing_keeps_clear_and_no_more(compared, kind, rounded):
 
 def holding_on_a_step(graph, rng):
     """Return how limb 0 holds on a random edge: base path, point, branch, and its motion."""
-    mask = 0
-    while not mask:
+    branch_set = 0
+    while not branch_set:
         s0 = int(rng.integers(len(graph)))
         s1 = int(rng.choice(graph.row(0, s0)))
-        mask = int(graph.edge_masks(0, s0, np.array([s1]))[0])
-    bit = int(rng.choice([b for b in range(16) if mask >> b & 1]))
+        branch_set = int(graph.kept_branches(0, s0, np.array([s1]))[0])
+    bit = int(rng.choice([b for b in range(16) if branch_set >> b & 1]))
     before, after = (tuple(graph.points[s].tolist()) for s in (s0, s1))
     postures = join(graph.posture(before), graph.posture(after))
     edge = graph.edge(State(before, (1 << bit, 1 << bit)), after, postures)
@@ -262,7 +262,10 @@ def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
     def make():
         s = int(rng.integers(len(graph)))
         stance = graph.points[s].tolist()
-        allowed = ([b for b in range(16) if mask >> b & 1] for mask in graph.mask[s].tolist())
+        allowed = (
+            [b for b in range(16) if branch_set >> b & 1]
+            for branch_set in graph.branch_sets[s].tolist()
+        )
         bits = [int(rng.choice(some)) for some in allowed]
         here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
         at = graph.base_in_world[s], graph.base_axes_in_world[s]
@@ -278,7 +281,7 @@ def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
         path, lift = path_between(at * 2), departing(0, bits[0] & 7, place, turned)
         scratch = motion(path, (0.0, 0.0), lift, lift, (compared,))
         let_rest(scratch, 1, in_body(1, [here[2][1]]))
-        behind = scratch["behind"]
+        behind = scratch["surface"]
         behind["applies"], behind["point"], behind["normal"] = True, point, normal
         return Case(scratch, moments_of(path, 0.0 * SHARES, joints, here[2][1]), tuple(grasp))
 

@@ -18,9 +18,9 @@ def ours(name, *numbers):
     return called(getattr(bit_sets, name))(*numbers)
 
 
-def members(mask):
+def members(branch_set):
     """Branch and flip of each bit of a set."""
-    return {(bit % 8, bit // 8) for bit in range(16) if mask & 2**bit}
+    return {(bit % 8, bit // 8) for bit in range(16) if branch_set & 2**bit}
 
 
 def of_class(choice):
@@ -43,25 +43,27 @@ def test_items_are_told_apart_as_far_as_there_are_bits(k, other):
 
 @given(MASKS, BRANCH, st.integers(0, 1))
 @settings(deadline=None)
-def test_sets_of_branches_and_flips(mask, branch, flip):
-    found = members(mask)
+def test_sets_of_branches_and_flips(branch_set, branch, flip):
+    found = members(branch_set)
     both = {(branch, 0), (branch, 1)}
     assert members(ours("both_flips", branch)) == both
-    assert ours("has_branch", mask, branch) == bool(found & both)
-    assert members(ours("without_branch", mask, branch)) == found - both
-    assert members(ours("without_flip", mask, branch, flip)) == found - {(branch, flip)}
+    assert ours("has_branch", branch_set, branch) == bool(found & both)
+    assert members(ours("without_branch", branch_set, branch)) == found - both
+    assert members(ours("without_flip", branch_set, branch, flip)) == found - {(branch, flip)}
     branches = {branch for branch, _ in found}
-    assert members(ours("any_flip", mask)) == {(b, flip) for b in branches for flip in (0, 1)}
-    if mask:
-        assert ours("first_branch", mask) == min(branch for branch, _ in found)
+    assert members(ours("any_flip", branch_set)) == {(b, flip) for b in branches for flip in (0, 1)}
+    if branch_set:
+        assert ours("first_branch", branch_set) == min(branch for branch, _ in found)
 
 
 @given(MASKS, CLASS)
 @settings(deadline=None)
-def test_sets_of_classes(mask, choice):
+def test_sets_of_classes(branch_set, choice):
     assert members(ours("whole_class", choice)) == of_class(choice)
-    assert ours("has_class", mask, choice) == bool(members(mask) & of_class(choice))
-    assert members(ours("without_class", mask, choice)) == members(mask) - of_class(choice)
+    assert ours("has_class", branch_set, choice) == bool(members(branch_set) & of_class(choice))
+    assert members(ours("without_class", branch_set, choice)) == members(branch_set) - of_class(
+        choice
+    )
 
 
 @pytest.mark.parametrize("branch", range(BRANCHES))

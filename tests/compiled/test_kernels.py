@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, MlivrError, stance_graph
-from mlivr_gym.compiled import kernels, limb_masks
+from mlivr_gym.compiled import kernels, limb_branch_sets
 from mlivr_gym.compiled.kernels import in_parallel, workers
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners import (
@@ -29,7 +29,7 @@ ENTRIES = (
     label_search._search, label_search.requeue_checked, backward_search._search,
     fewest_steps._expand_level, checked_edges._put, table_values.relax, node_table.find_rows,
     pair_nodes.mark_steps, pair_nodes.fill_lost, pair_steps.pair_successors,
-    limb_masks.clear_bits, release.release_all, steps.check_all,
+    limb_branch_sets.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
 
 

@@ -62,7 +62,7 @@ def walk():
         "cost": plan.cost,
         "joints": plan.motion.joint_positions.tolist(),
         "values": values,
-        "masks": graph.mask.tolist(),
+        "branch_sets": graph.branch_sets.tolist(),
         "bases": graph.base_in_world.tolist(),
     }
 

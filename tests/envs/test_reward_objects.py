@@ -47,11 +47,11 @@ def paired_steps(single, copies, count=8):
         masks = copies.action_masks()
         actions = [int(rng.choice(np.flatnonzero(mask ^ (rng.random() < 0.2)))) for mask in masks]
         starts = copies.tables.points[copies.stances].tolist()
-        branches, goals = copies.masks.copy(), copies.goals.copy()
+        branches, goals = copies.branch_sets.copy(), copies.goals.copy()
         _, rewards, terminated, _, _ = copies.step(actions)
         for k, action in enumerate(actions):
             single.reset(options={"start": starts[k], "goal": goals[k]})
-            single._enter_state(single.state._replace(masks=tuple(branches[k].tolist())))
+            single._enter_state(single.state._replace(branch_sets=tuple(branches[k].tolist())))
             theirs.append(single.step(action)[1])
         ours.extend(rewards)
         if terminated.any():

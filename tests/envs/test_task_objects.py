@@ -65,7 +65,9 @@ def test_the_vector_environment_takes_start_and_goal_of_each_copy(small_map, shu
     assert [tuple(row) for row in copies.tables.points[copies.stances].tolist()] == [
         state.stance for state in shuttle.drawn
     ]
-    assert [tuple(row) for row in copies.masks.tolist()] == [s.masks for s in shuttle.drawn]
+    assert [tuple(row) for row in copies.branch_sets.tolist()] == [
+        s.branch_sets for s in shuttle.drawn
+    ]
     np.testing.assert_array_equal(copies.goals, [shuttle.goal] * 5)
     assert len(set(shuttle.drawn)) > 2
     copies.reset(seed=1)
@@ -155,9 +157,13 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
             StanceError,
             "whole numbers from 0",
         ),
-        (state._replace(masks=(2**70, 1)), StanceError, "whole numbers from 0 to 65535"),
-        (state._replace(masks=(float("nan"), 1)), StanceError, "whole numbers from 0 to 65535"),
-        (state._replace(masks=(1,)), StanceError, "must be 2 whole numbers"),
+        (state._replace(branch_sets=(2**70, 1)), StanceError, "whole numbers from 0 to 65535"),
+        (
+            state._replace(branch_sets=(float("nan"), 1)),
+            StanceError,
+            "whole numbers from 0 to 65535",
+        ),
+        (state._replace(branch_sets=(1,)), StanceError, "must be 2 whole numbers"),
         (state.stance, SettingError, "must be a State"),
     ):
         env.tasks = Fixed(Task(start, np.array(good)))

@@ -43,7 +43,7 @@ def test_tasks_are_drawn_as_the_single_environment_draws_them(small_map, given):
         start = graph.state(starts[k]) if given else None
         state, goal = sample_task(graph, Fed(7 + k), copies.env.goal_tolerance, start)
         assert tuple(observations["stance"][k].tolist()) == state.stance
-        assert tuple(copies.masks[k].tolist()) == state.masks
+        assert tuple(copies.branch_sets[k].tolist()) == state.branch_sets
         np.testing.assert_allclose(copies.goals[k], goal, atol=1e-12)
         away = np.linalg.norm(infos["base_position"][k] - copies.goals[k])
         assert away > copies.env.goal_tolerance
@@ -61,7 +61,7 @@ def test_goals_can_be_reached_from_the_starts_that_are_given(single):
     planner = Planner(graph)
     assert [tuple(row) for row in infos["stance"]] == starts
     for k in range(60):
-        assert tuple(copies.masks[k].tolist()) == graph.state(starts[k]).masks
+        assert tuple(copies.branch_sets[k].tolist()) == graph.state(starts[k]).branch_sets
         assert planner.plan(starts[k], copies.goals[k].tolist(), "steps").plan is not None
     goals = copies.goals[::-1].copy()
     _, infos = copies.reset(options={"goal": goals})

@@ -24,6 +24,6 @@ def test_the_edges_drawn_are_edges(module, checked_graph, monkeypatch):
             for b in t
             for held in range(2)
             if checked_graph.points[a, held] == checked_graph.points[b, held]
-            and checked_graph.edge_masks(held, int(a), np.array([b]))[0]
+            and checked_graph.kept_branches(held, int(a), np.array([b]))[0]
         ]
         assert found

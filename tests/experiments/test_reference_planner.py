@@ -19,7 +19,7 @@ def test_stances_of_the_plain_reference_are_those_of_the_graph(small_map):
     held = [k for k, base in enumerate(found) if base is not None]
     assert len(held) >= 6
     for k in held:
-        tried, _ = graph.solver.poses_tried(rows[k].tolist())
+        tried, _ = graph.solver.candidate_poses(rows[k].tolist())
         assert np.linalg.norm(tried - found[k], axis=1).min() < 1e-9
     same = [np.allclose(found[k], graph.base_in_world[graph.find(tuple(rows[k].tolist()))])
             for k in held]  # fmt: skip

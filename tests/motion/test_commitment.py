@@ -208,7 +208,7 @@ def test_a_hold_is_on_the_branch_whose_least_manipulability_is_the_largest(small
         for limb in range(2):
             for first, last in hold_intervals(points, limb):
                 least = {}
-                for bit in (b for b in range(16) if states[last].masks[limb] >> b & 1):
+                for bit in (b for b in range(16) if states[last].branch_sets[limb] >> b & 1):
                     bits = motion.branches.copy()
                     bits[:, limb] = bit
                     joints = graph.joints(points, postures, bits)[first : last + 1, limb]

@@ -311,13 +311,13 @@ def test_a_step_that_a_limb_cannot_follow_is_refused(small_map):
     rng, told = np.random.default_rng(0), []
     for row in rng.permutation(len(graph)).tolist():
         for other in graph.row(0, row).tolist():
-            shared = int(graph.mask[row, 0] & graph.mask[other, 0])
-            masks = shared & -shared, int(graph.mask[row, 1])
+            shared = int(graph.branch_sets[row, 0] & graph.branch_sets[other, 0])
+            branch_sets = shared & -shared, int(graph.branch_sets[row, 1])
             here, there = (tuple(graph.points[k].tolist()) for k in (row, other))
             both = graph.node_postures(np.array([row, other]))
-            if shared and not graph.edge(State(here, masks), there, both).kept:
-                end = State(there, (masks[0], int(graph.mask[other, 1])))
-                told.append((State(here, masks), end))
+            if shared and not graph.edge(State(here, branch_sets), there, both).kept:
+                end = State(there, (branch_sets[0], int(graph.branch_sets[other, 1])))
+                told.append((State(here, branch_sets), end))
         if len(told) >= 5:
             break
     for states in told:

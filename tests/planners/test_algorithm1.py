@@ -44,8 +44,8 @@ def reachable(graph, start):
     out.add_node(start)
     while rest:
         state = rest.pop()
-        for limb, point, position, masks in zip(*graph.successors(state), strict=True):
-            after = State(stance_after(state, limb, point), tuple(masks.tolist()))
+        for limb, point, position, branch_sets in zip(*graph.successors(state), strict=True):
+            after = State(stance_after(state, limb, point), tuple(branch_sets.tolist()))
             if after not in positions:
                 positions[after] = position
                 rest.append(after)
@@ -101,7 +101,7 @@ def explored_from(request, tiny_map):
     with remembered(graph, "successors"):
         found = []
         for stance in starts[: 4 - limbs]:
-            start = State(tuple(stance), tuple(graph.posture(stance).mask[0].tolist()))
+            start = State(tuple(stance), tuple(graph.posture(stance).branch_sets[0].tolist()))
             found.append((start, *reachable(graph, start)))
         yield graph, found
 

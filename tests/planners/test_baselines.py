@@ -29,7 +29,7 @@ def test_baselines_walk_possible_steps(env, method):
         ):
             steps = env.graph.successors(before)
             k = int(np.flatnonzero((steps.limb == limb) & (steps.point == point))[0])
-            assert tuple(steps.masks[k].tolist()) == after.masks
+            assert tuple(steps.branch_sets[k].tolist()) == after.branch_sets
         last = env.graph.posture(walk.states[-1].stance).base_position[0]
         assert walk.reached == (math.dist(last, env.goal) <= 0.2)
         stuck = not len(env.graph.successors(walk.states[-1]).limb)

@@ -51,7 +51,7 @@ def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
     calls, slow = [], StanceSets.of.__func__
 
     def slowly(cls, *args, **options):
-        if options.get("work_out", True):
+        if options.get("build", True):
             calls.append(1)
             time.sleep(1.5)
         return slow(cls, *args, **options)

@@ -15,7 +15,7 @@ def test_it_holds_what_was_put_in_last(groups):
     for group in groups:
         nodes = np.array([bit % 50 for bit, _ in group], dtype=np.int64)
         bits = np.array([bit for bit, _ in group], dtype=np.int64)
-        kept = np.array([masks for _, masks in group], dtype=np.uint64)
+        kept = np.array([branch_sets for _, branch_sets in group], dtype=np.uint64)
         known = known.with_edges(nodes, bits, kept)
         plain.update(group)
         assert len(known.keys) >= 2 * len(plain)

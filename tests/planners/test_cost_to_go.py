@@ -39,7 +39,7 @@ def test_the_table_is_an_expert(name, start, goal, weight, request):
             )
             stance = list(state.stance)
             stance[steps.limb[k]] = int(steps.point[k])
-            state = State(tuple(stance), tuple(steps.masks[k].tolist()))
+            state = State(tuple(stance), tuple(steps.branch_sets[k].tolist()))
         assert total == pytest.approx(expected, abs=1e-9)
         plan = Planner(graph).plan(start, goal, cost).unwrap()
         assert plan.statistics.cost == pytest.approx(expected, abs=1e-9)
@@ -55,8 +55,8 @@ def test_plans_cost_what_it_says_where_every_step_among_obstacles_is_known(small
         free = Planner(graph).cost_to_go(goal, cost).value(start) if free_first else 0.0
         middle = 0.5 * (graph.posture(start.stance).base_position[0] + goal)
         graph.add_obstacles([Box.between("crate", "obstacle", middle - 0.15, middle + 0.15)])
-        state = State(start.stance, tuple(graph.mask[graph.find(start.stance)].tolist()))
-        if all(state.masks):
+        state = State(start.stance, tuple(graph.branch_sets[graph.find(start.stance)].tolist()))
+        if all(state.branch_sets):
             least = Planner(graph).cost_to_go(goal, cost).value(state)
             plan = Planner(graph).plan(state, goal, cost).plan
             assert (plan.statistics.cost if plan else np.inf) == pytest.approx(least, abs=1e-9)

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from small_tables import COSTS, every_pair, goal_at, small_table
 
-from mlivr_gym.compiled.limb_masks import packed, unpacked
+from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
 from mlivr_gym.planners import backward_search, bucket_queue, label_search
 from mlivr_gym.planners import labels as labels_module
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
@@ -23,10 +23,10 @@ from mlivr_gym.planners.label_search import (
     SearchStatus,
     _add_label,
     _is_dominated,
-    cheapest_walk,
+    cheapest_path,
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
-from mlivr_gym.postures.turns import permuted_limbs
+from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_pairs import (
     EdgeSet,
     Pair,
@@ -46,13 +46,13 @@ def known(request):
 
 def losing_some(table, rng):
     """The table with random branches lost between the pairs that share some."""
-    supports, limbs = len(table.offset) - 1, table.limbs
+    support_sets, limbs = len(table.offset) - 1, table.limbs
     first = Pair.before(table, 0)
-    pairs = np.empty((count_pairs(table, first.copy(), supports), 2), dtype=np.int64)
-    list_pairs(table, first.copy(), supports, pairs)
+    pairs = np.empty((count_pairs(table, first.copy(), support_sets), 2), dtype=np.int64)
+    list_pairs(table, first.copy(), support_sets, pairs)
     (a, i), (b, j) = (np.divmod(table.members[column], limbs) for column in pairs.T)
-    masks = unpacked(table.masks, limbs)
-    shared = permuted_limbs(masks[a], i + 1)[:, :-1] & permuted_limbs(masks[b], j + 1)[:, :-1]
+    branch_sets = unpacked(table.branch_sets, limbs)
+    shared = relabelled(branch_sets[a], i + 1)[:, :-1] & relabelled(branch_sets[b], j + 1)[:, :-1]
     kept = shared & rng.integers(0, 8, shared.shape) | shared & rng.integers(0, 8, shared.shape)
     kept[~kept.all(axis=1)] = 0
     return spread(table, EdgeSet.of(packed(shared), packed(kept)))
@@ -112,9 +112,8 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
 def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, seed, monkeypatch):
     """With some steps known to keep less than their nodes share, or nothing.
 
-    With odd seeds masks are random, so that nodes are come to on many, and so is what steps lose.
-    Lists of the queue span much, so that the first walk taken is not always the cheapest.
-    """
+    With odd seeds branch sets are random, so that nodes are come to on many, and so is what steps
+    lose. Lists of the queue span much, so that the first path taken is not always the cheapest."""
     monkeypatch.setattr(bucket_queue, "BUCKET_WIDTH", 0.5)
     graph, table = known
     rng, limbs, count = np.random.default_rng(seed), table.limbs, len(table.points)
@@ -122,20 +121,22 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
         drawn = rng.integers(1, 8, (count, limbs))
         some = drawn & rng.integers(1, 8, (count, limbs))
         table = table._replace(
-            masks=packed(drawn), released=packed(np.where(some > 0, some, drawn))
+            branch_sets=packed(drawn), releasable=packed(np.where(some > 0, some, drawn))
         )
         table = losing_some(table, rng)
-    pairs, masks = every_pair(table), unpacked(table.masks, limbs)
-    released, kept = unpacked(table.released, limbs), {}
+    pairs, branch_sets = every_pair(table), unpacked(table.branch_sets, limbs)
+    releasable, kept = unpacked(table.releasable, limbs), {}
     for a, i, b, j, bit in pairs.tolist():
         lost = unpacked(np.array([called(branches_lost)(table, bit)], dtype=np.uint64), limbs - 1)[
             0
         ]
-        kept[bit] = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1] & ~lost
+        kept[bit] = (
+            np.roll(branch_sets[a], -i - 1)[:-1] & np.roll(branch_sets[b], -j - 1)[:-1] & ~lost
+        )
     steps = CheckedEdges.empty(count)
     for row in pairs[rng.random(len(pairs)) < 0.3].tolist():
         kept[row[4]] = kept[row[4]] & rng.integers(0, 1 << 16, limbs - 1) * (rng.random() < 0.8)
-        number = sum(int(mask) << 16 * k for k, mask in enumerate(kept[row[4]]))
+        number = sum(int(branch_set) << 16 * k for k, branch_set in enumerate(kept[row[4]]))
         steps = steps.with_edges(
             np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
         )
@@ -144,7 +145,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
         goal = goal_at(graph, table, int(rng.integers(count)), cost)
         goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
         weights, charged = cost_weights(goal.cost), price(table, pairs, goal.cost)
-        states, queue = nx.DiGraph(), [(start, tuple(masks[start].tolist()))]
+        states, queue = nx.DiGraph(), [(start, tuple(branch_sets[start].tolist()))]
         states.add_nodes_from(queue)
         leaving = {s: np.flatnonzero(pairs[:, 0] == s) for s in range(count)}
         while queue:
@@ -152,40 +153,40 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
             for e in leaving[here[0]].tolist():
                 _, i, b, j, bit = pairs[e].tolist()
                 held = np.roll(here[1], -i - 1)[:-1] & kept[bit]
-                if here[1][i] & released[here[0], i] and held.all():
-                    after = np.roll(np.append(held, released[b, j]), j + 1)
+                if here[1][i] & releasable[here[0], i] and held.all():
+                    after = np.roll(np.append(held, releasable[b, j]), j + 1)
                     there = b, tuple(after.tolist())
                     if there not in states:
                         queue.append(there)
                     states.add_edge(here, there, cost=charged[e])
         costs = nx.single_source_dijkstra_path_length(
-            states, (start, tuple(masks[start].tolist())), weight="cost"
+            states, (start, tuple(branch_sets[start].tolist())), weight="cost"
         )
         least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
         h = exact_costs(table, goals, weights, start)
-        origins = NodeOrigins(np.array([start]), table.masks[[start]], np.zeros(1))
+        origins = NodeOrigins(np.array([start]), table.branch_sets[[start]], np.zeros(1))
         search_graph = SearchGraph(table, steps, weights)
-        walk, lower_bound, *_ = cheapest_walk(
+        path, lower_bound, *_ = cheapest_path(
             search_graph, h, origins, Labels.allocate(count), EXACT
         )
         assert lower_bound == pytest.approx(least, abs=1e-9)
         monkeypatch.setattr(label_search, "CLOCK_INTERVAL", 7)
         for cost_limit in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
-            found, bound, *_ = cheapest_walk(
+            found, bound, *_ = cheapest_path(
                 search_graph, h, origins, Labels.allocate(count), EXACT, cost_limit=cost_limit
             )
             assert (found is not None) == (least < cost_limit)
             assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
         ended = time.perf_counter() - 1.0
-        late = cheapest_walk(
+        late = cheapest_path(
             search_graph, h, origins, Labels.allocate(count), EXACT, deadline=ended
         )
         assert late[:2] == (None, 0.0)
-        if walk is not None:
-            assert walk.cost == pytest.approx(least, abs=1e-9)
-            assert goals[walk.nodes[-1]]
+        if path is not None:
+            assert path.cost == pytest.approx(least, abs=1e-9)
+            assert goals[path.nodes[-1]]
             for label in zip(
-                walk.nodes.tolist(), unpacked(walk.masks, limbs).tolist(), strict=True
+                path.nodes.tolist(), unpacked(path.branch_sets, limbs).tolist(), strict=True
             ):
                 assert (label[0], tuple(label[1])) in states
 
@@ -196,21 +197,21 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
     h = exact_costs(table, goals, cost_weights(goal.cost), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
-    origins = NodeOrigins(np.array([far]), table.masks[[far]], np.zeros(1))
+    origins = NodeOrigins(np.array([far]), table.branch_sets[[far]], np.zeros(1))
     search_graph = SearchGraph(table, CheckedEdges.empty(count), cost_weights(goal.cost))
-    _, least, *_ = cheapest_walk(search_graph, h, origins, Labels.allocate(count), EXACT)
+    _, least, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)
     monkeypatch.setattr(labels_module, "CAPACITY", 64)
-    walk, lower_bound, *_ = cheapest_walk(search_graph, h, origins, Labels.allocate(count), EXACT)
-    assert walk is None
+    path, lower_bound, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)
+    assert path is None
     assert h[far] - 1e-9 <= lower_bound <= least
     monkeypatch.undo()
     labels = Labels.allocate(count)
-    cheapest_walk(search_graph, h, origins, labels, EXACT)
+    cheapest_path(search_graph, h, origins, labels, EXACT)
     most = labels.label_count // 2
-    walk, lower_bound, *_ = cheapest_walk(
+    path, lower_bound, *_ = cheapest_path(
         search_graph, h, origins, labels, EXACT._replace(max_labels=most)
     )
-    assert walk is None
+    assert path is None
     assert h[far] - 1e-9 <= lower_bound <= least
     assert 1 <= labels.label_count <= most
 
@@ -224,14 +225,14 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
         labels.last_of_node[0], plain = NO_LABEL, []
         labels.queue.reset(0.0, 1.0)
         for item in range(4):
-            masks, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
+            branch_sets, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
             union = np.bitwise_or.reduce([m for m, c in plain if c <= cost] or [np.uint64(0)])
-            covered = masks & ~union == 0
+            covered = branch_sets & ~union == 0
             expected = covered or len(plain) >= most
-            assert called(_is_dominated)(labels, 0, masks, cost, -1, how) == expected
-            called(_add_label)(labels, 0, masks, cost, -1, -1)
+            assert called(_is_dominated)(labels, 0, branch_sets, cost, -1, how) == expected
+            called(_add_label)(labels, 0, branch_sets, cost, -1, -1)
             called(push)(labels.queue, cost, 0)
-            plain.append((masks, cost))
+            plain.append((branch_sets, cost))
             for k, (m, c) in enumerate(plain):
                 others = [(b, o, j) for j, (b, o) in enumerate(plain) if j != k and o <= c]
                 before = [b for b, o, j in others if o < c or j < k]

@@ -36,7 +36,7 @@ def fresh(known):
 
 
 def away(graph, table, cost, row, tolerance=0.06):
-    return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
+    return Goal.from_arguments(graph, table.base_position[row].astype(float), *cost, tolerance)
 
 
 def lengths(known, goal, taken, ends=None):
@@ -99,9 +99,9 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
         met = np.isfinite(lengths(known, goal, taken, starts))
         assert (found.h[met] <= np.maximum(expected[met], 1e-12) + 1e-9).all()
         assert ((found.h[met] == 0.0) == (expected[met] == 0.0)).all()
-        np.testing.assert_allclose(found.h[found.exact], expected[found.exact], atol=1e-9)
+        np.testing.assert_allclose(found.h[found.is_tight], expected[found.is_tight], atol=1e-9)
         if np.isfinite(expected[starts]).all():
-            assert found.exact[starts].all()
+            assert found.is_tight[starts].all()
             compared += 1
     assert compared
 
@@ -119,7 +119,7 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     assert bounds.cached(goal, start) is first
     assert bounds.cached(away(graph, table, cost, 8), start) is None
     assert bounds.cached(away(graph, table, cost, 7, 0.07), start) is None
-    some = np.flatnonzero(~first.exact)
+    some = np.flatnonzero(~first.is_tight)
     assert not len(some) or bounds.cached(goal, some[:1]) is None
     point = int(np.setdiff1d(table.points, table.points[start])[0])
     graph.occupy([point])
@@ -128,7 +128,7 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     np.testing.assert_array_equal(again.h[~taken], first.h[~taken])
     assert not np.isinf(first.h[taken]).all()
     assert any(
-        bounds.compute(goal, start).exact[start] for _ in taking(graph, table.points[start[0]])
+        bounds.compute(goal, start).is_tight[start] for _ in taking(graph, table.points[start[0]])
     )
     assert bounds.cached(goal, start) is not None
     graph.vacate()
@@ -153,7 +153,7 @@ def stopped(*_args):
 
 @pytest.mark.parametrize("cost", COSTS)
 def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, cost, monkeypatch):
-    """With a point occupied that the first walk grasps."""
+    """With a point occupied that the first path grasps."""
     graph, table = fresh(known), known[1]
     if table.limbs == 2:
         pytest.skip("there are no rounds with two limbs")
@@ -166,26 +166,26 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
         first = searching(bounds, goal, start)
-        every = list(first.walks())
+        every = list(first.paths())
         if not every:
             continue
         with monkeypatch.context() as patched:
             patched.setattr(lower_bounds, "costs_to_goal", stopped)
-            walk = next(searching(LowerBounds(graph), goal, start).walks())
-            assert goal.reached(walk.positions[-1], walk.states[-1].stance)
+            path = next(searching(LowerBounds(graph), goal, start).paths())
+            assert goal.reached(path.positions[-1], path.states[-1].stance)
         with monkeypatch.context() as patched:
             patched.setattr(LowerBounds, "compute", stopped)
             search = searching(bounds, goal, start)
-            assert search.cost(list(search.walks())[-1]) == pytest.approx(first.cost(every[-1]))
+            assert search.cost(list(search.paths())[-1]) == pytest.approx(first.cost(every[-1]))
         grasped = {p for state in every[-1].states for p in state.stance} - set(start.stance)
         graph.occupy(sorted(grasped)[:1])
-        anew = searching(LowerBounds(graph), goal, start).walks()
+        anew = searching(LowerBounds(graph), goal, start).paths()
         if next(anew, None) is None:
             continue
         with monkeypatch.context() as patched:
             patched.setattr(LowerBounds, "compute", stopped)
-            walk = next(searching(bounds, goal, start).walks())
-        assert not {p for state in walk.states for p in state.stance} & graph.occupied
+            path = next(searching(bounds, goal, start).paths())
+        assert not {p for state in path.states for p in state.stance} & graph.occupied
         again += 1
     assert again
 

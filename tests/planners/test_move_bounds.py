@@ -47,7 +47,9 @@ def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps
     graph, rows, steps = stances_and_steps
     base, rng, useful = graph.postures(rows).base_position, np.random.default_rng(0), 0
     for k in rng.integers(0, len(rows), 12):
-        goal = Goal.checked(graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.2)
+        goal = Goal.from_arguments(
+            graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.2
+        )
         bound = bounds(graph, goal).steps(rows)
         goals = set(np.flatnonzero(goal.reached(base, rows)).tolist())
         if not goals:
@@ -67,7 +69,9 @@ def test_bounds_by_sets_are_the_closer_ones(stances_and_steps):
     base = graph.postures(rows).base_position
     more = less = 0
     for k in np.random.default_rng(1).integers(0, len(rows), 8):
-        goal = Goal.checked(graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.1)
+        goal = Goal.from_arguments(
+            graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.1
+        )
         ours, pairs = by_sets(graph, goal).steps(rows), by_pairs(graph, goal).steps(rows)
         assert ours[k] == 0.0
         more, less = more + int((ours > pairs).sum()), less + int((ours < pairs).sum())
@@ -77,7 +81,7 @@ def test_bounds_by_sets_are_the_closer_ones(stances_and_steps):
 def test_a_goal_on_a_face_needs_all_points_there(stances_and_steps):
     graph, rows, _ = stances_and_steps
     target = graph.postures(rows[:1]).base_position[0]
-    goal = Goal.checked(graph, np.clip(target, *graph.grasp_map.cabin), "steps", None, 0.2)
+    goal = Goal.from_arguments(graph, np.clip(target, *graph.grasp_map.cabin), "steps", None, 0.2)
     nowhere = Goal(goal.target, 0.2, goal.cost, "deck", np.zeros(len(graph.grasp_map), np.bool_))
     assert by_sets(graph, goal).steps(rows[:1])[0] == 0.0
     assert np.isinf(by_sets(graph, nowhere).steps(rows)).all()
@@ -119,12 +123,12 @@ def test_fewest_moves_are_those_of_networkx(stances_and_steps):
     over = nx.Graph()
     over.add_nodes_from(range(len(sets)))
     over.add_edges_from(
-        (s, ("support", r)) for s, row in enumerate(sets.supports.tolist()) for r in row
+        (s, ("support", r)) for s, row in enumerate(sets.support_sets.tolist()) for r in row
     )
     for _ in range(5):
         goals = rng.choice(len(sets), 2, replace=False).tolist()
         moves = np.full(len(sets), -1, dtype=np.int16)
         moves[goals] = 0
-        fewest_moves(sets.supports, moves, np.zeros(sets.support_count, dtype=np.bool_))
+        fewest_moves(sets.support_sets, moves, np.zeros(sets.support_set_count, dtype=np.bool_))
         found = nx.multi_source_dijkstra_path_length(over, set(goals), weight=None)
         assert moves.tolist() == [found.get(s, -2) // 2 for s in range(len(sets))]

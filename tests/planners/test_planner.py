@@ -26,22 +26,24 @@ def branch_graph(graph):
     """
     nodes, edges, displacements = {}, [], []
     full = [
-        State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist()))
+        State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
         for s in range(len(graph))
     ]
     for s, state in enumerate(full):
-        for pair in itertools.product(*([b for b in range(16) if m >> b & 1] for m in state.masks)):
+        for pair in itertools.product(
+            *([b for b in range(16) if m >> b & 1] for m in state.branch_sets)
+        ):
             nodes[s, *pair] = len(nodes)
     for s, state in enumerate(full):
         steps = graph.successors(state)
-        for limb, point, position, masks in zip(*steps, strict=True):
+        for limb, point, position, branch_sets in zip(*steps, strict=True):
             stance = list(state.stance)
             stance[limb] = int(point)
             t, held = graph.find(tuple(stance)), 1 - limb
             displacement = float(np.linalg.norm(position - graph.base_in_world[s]))
-            kept = [b for b in range(16) if masks[held] >> b & 1]
-            old = [b for b in range(16) if state.masks[limb] >> b & 1]
-            new = [b for b in range(16) if graph.mask[t, limb] >> b & 1]
+            kept = [b for b in range(16) if branch_sets[held] >> b & 1]
+            old = [b for b in range(16) if state.branch_sets[limb] >> b & 1]
+            new = [b for b in range(16) if graph.branch_sets[t, limb] >> b & 1]
             for b in kept:
                 for first, then in itertools.product(old, new):
                     here = (s, b, first) if held == 0 else (s, first, b)
@@ -172,7 +174,10 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
     for _ in range(60):
         s = int(rng.integers(len(graph)))
         row = graph.row(0, s)
-        none = graph.edge_masks(0, s, row) & graph.mask[s, 0] & graph.mask[row, 0] == 0
+        none = (
+            graph.kept_branches(0, s, row) & graph.branch_sets[s, 0] & graph.branch_sets[row, 0]
+            == 0
+        )
         for t in row[none][:5].tolist():
             keep = np.zeros(len(jem), dtype=bool)
             keep[[*graph.points[s], *graph.points[t]]] = True

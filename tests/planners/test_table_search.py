@@ -13,7 +13,7 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED
-from mlivr_gym.postures.turns import permuted_limbs
+from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances import node_table_file
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_pairs import (
@@ -44,9 +44,9 @@ def again(first, table):
 
 
 def compare(graph, goal, start, search):
-    """Walks over a table against the plain search on another graph; the last walk, if any."""
+    """Paths over a table against the plain search on another graph; the last path, if any."""
     found, last = [], None
-    for last in search.walks():
+    for last in search.paths():
         assert goal.reached(last.positions[-1], last.states[-1].stance)
         found.append(search.cost(last))
         for before, after in itertools.pairwise(last.states):
@@ -79,8 +79,8 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), cost, 0.08)
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
-        walk, sure = compare(graph, goal, start, searching(LowerBounds(graph), goal, start))
-        compared, proved = compared + (walk is not None), proved + sure
+        path, sure = compare(graph, goal, start, searching(LowerBounds(graph), goal, start))
+        compared, proved = compared + (path is not None), proved + sure
     assert compared
     assert proved >= 9
 
@@ -111,10 +111,10 @@ def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known
             state = None
         if state is not None:
             search = searching(bounds, goal, state)
-            walk, _ = compare(graph, goal, state, search)
-            compared += walk is not None
+            path, _ = compare(graph, goal, state, search)
+            compared += path is not None
             if free is not None:
-                dearer += walk is None or search.cost(walk) > search.cost(free) + 1e-9
+                dearer += path is None or search.cost(path) > search.cost(free) + 1e-9
         graph.remove_obstacles()
         graph.vacate()
     assert compared + dearer > 2
@@ -138,7 +138,7 @@ def test_obstacles_add_no_step_to_those_of_the_table(known):
             continue
         found = graph.successors(state)
         moves = candidate_steps(table, row, 0)
-        after = permuted_limbs(table.points[moves.rows].astype(np.int64), moves.turns)
+        after = relabelled(table.points[moves.rows].astype(np.int64), moves.relabellings)
         free = after[np.arange(len(after)), moves.limb]
         some = set(zip(moves.limb.tolist(), free.tolist(), strict=True))
         assert some.issuperset(zip(found.limb.tolist(), found.point.tolist(), strict=True))
@@ -167,7 +167,7 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
             search = searching(LowerBounds(graph), goal, state)
             if (
                 not search.starts_at_goal
-                and not list(search.walks())
+                and not list(search.paths())
                 and search.lower_bound == np.inf
             ):
                 assert optimum(graph, goal, state) == np.inf
@@ -182,19 +182,19 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
     if table.limbs == 2:
         pytest.skip("what an edge of two limbs keeps does not depend on the label")
     graph, rng, found = again(first, table), np.random.default_rng(8), 0
-    bits = every_pair(table)[:, 4]
+    edges = every_pair(table)[:, 4]
     for _ in range(8):
         start = random_state(graph, rng)
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
         if goal.reached(graph.posture_of(start).base_position[0], start.stance):
             continue
         search = searching(LowerBounds(graph), goal, start)
-        nodes = edge_ends(table, bits)[0][0]
-        none = np.zeros(len(bits), dtype=np.uint64)
+        nodes = edge_ends(table, edges)[0][0]
+        none = np.zeros(len(edges), dtype=np.uint64)
         search._lazy_table.checked_edges = search._lazy_table.checked_edges.with_edges(
-            nodes, bits, none
+            nodes, edges, none
         )
-        assert not list(search.walks())
+        assert not list(search.paths())
         least = optimum(graph, goal, start)
         assert search.lower_bound <= least + 1e-9
         found += np.isfinite(least)

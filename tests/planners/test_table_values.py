@@ -20,14 +20,14 @@ def test_table_values_are_the_planners_cost_to_go(env, cost):
         env.reset(seed=seed)
         table = planner.cost_to_go(env.goal.tolist(), cost)
         ours = values_to(env, cost)
-        held = (env.graph.mask > 0).all(axis=1)
+        held = (env.graph.branch_sets > 0).all(axis=1)
         np.testing.assert_allclose(ours.of_stances(0)[held], table.values[held], atol=1e-9)
         rng = np.random.default_rng(seed)
         for _ in range(10):
             steps = env.successors()
             s = np.array([env.moves.stance_at[env.state.stance]], dtype=np.int64)
             got = ours.of_actions(
-                s, np.array([env.state.masks]), np.zeros(1, np.int64), len(env._mask)
+                s, np.array([env.state.branch_sets]), np.zeros(1, np.int64), len(env._mask)
             )[0]
             actions = steps.limb * len(env.graph.grasp_map) + steps.point
             np.testing.assert_allclose(

@@ -38,7 +38,7 @@ def pose(checked_graph):
 
 def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_graph):
     pose = moved_pose(checked_graph, START, (0.0, 0.0, 0.0))
-    assert checked_graph.state(START, pose).masks == checked_graph.state(START).masks
+    assert checked_graph.state(START, pose).branch_sets == checked_graph.state(START).branch_sets
     steps, given = (
         checked_graph.successors(checked_graph.state(START)),
         checked_graph.successors(checked_graph.state(START, pose)),
@@ -138,11 +138,11 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
     graph, plan = checked_graph, from_pose
     motion = step_motion(graph, plan, 0, 12)
     np.testing.assert_allclose(motion.base_positions[0], pose[:3], atol=1e-9)
-    held = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
+    geometry = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
     swinging = motion.phase == 1
     for k in np.flatnonzero(swinging)[::3]:
         rows = graph.solver.grasps
-        grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in held.items()]
+        grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in geometry.items()]
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
     execution = execute(graph, plan, Durations.of_step(25.0))
@@ -229,9 +229,9 @@ def test_the_environment_starts_in_the_given_pose(pose, from_pose):
     assert abs(observation["base_quaternion"] @ np.array(pose[3:])) == pytest.approx(1.0, abs=1e-6)
     plan = from_pose
     steps = env.graph.successors(env.state)
-    mask = np.zeros(env.action_space.n, dtype=bool)
-    mask[steps.limb * len(env.graph.grasp_map) + steps.point] = True
-    np.testing.assert_array_equal(env.action_masks(), mask)
+    branch_set = np.zeros(env.action_space.n, dtype=bool)
+    branch_set[steps.limb * len(env.graph.grasp_map) + steps.point] = True
+    np.testing.assert_array_equal(env.action_masks(), branch_set)
     for limb, point in plan.actions:
         observation, _, _, _, info = env.step(
             limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)

@@ -30,13 +30,13 @@ def closed_w_m(q, robot):
 
 def least_w_m(graph, stance):
     """Return the best `w_m` of the worst limb at each candidate base pose of a stance."""
-    positions, rotations = graph.solver.poses_tried(stance)
+    positions, rotations = graph.solver.candidate_poses(stance)
     bases = Pose.rows(len(positions))
     bases["position"], bases["rotation"] = positions, rotations
-    held = graph.solver.grasps[np.tile(stance, (len(positions), 1))]
-    best, out = np.zeros(held.shape), Angles.rows(*held.shape)
+    geometry = graph.solver.grasps[np.tile(stance, (len(positions), 1))]
+    best, out = np.zeros(geometry.shape), Angles.rows(*geometry.shape)
     for branch in range(8):
-        held_angles(graph.solver.shapes.rows, bases, held, np.full(held.shape, branch), out)
+        held_angles(graph.solver.shapes.rows, bases, geometry, np.full(geometry.shape, branch), out)
         best = np.fmax(best, closed_w_m(out["q"], graph.robot))
     return best.min(axis=1), positions
 
@@ -47,7 +47,7 @@ def random_sets(graph, count, seed):
     while len(sets) < count:
         chosen = [int(rng.integers(len(graph.grasp_map)))]
         while len(chosen) < graph.limbs:
-            able = np.flatnonzero(graph.together[chosen].all(axis=0))
+            able = np.flatnonzero(graph.compatible[chosen].all(axis=0))
             chosen.append(int(rng.choice(able)))
         sets.append(sorted(chosen))
     return np.array(sets)
@@ -61,9 +61,9 @@ def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     nearby = graph.solver.in_reach(sets, target, 1.0)
     some = 0
     for points, anywhere, there in zip(sets, found, nearby, strict=True):
-        tried = [least_w_m(graph, order) for order in permutations(points)]
-        w_m = np.concatenate([one[0] for one in tried])
-        away = np.linalg.norm(np.concatenate([one[1] for one in tried]) - target, axis=1)
+        pose_number = [least_w_m(graph, order) for order in permutations(points)]
+        w_m = np.concatenate([one[0] for one in pose_number])
+        away = np.linalg.norm(np.concatenate([one[1] for one in pose_number]) - target, axis=1)
         inside = np.where(away <= 1.0, w_m, 0.0)
         for least, said in ((w_m.max(), anywhere), (inside.max(), there)):
             if abs(least - asked) > 1e-5:
@@ -83,15 +83,15 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
     sets = []
     while len(sets) < 60:
         points = [*rng.choice(deck, 2, False), *rng.choice(overhead, 2, False)]
-        if all(graph.together[a, b] for a, b in permutations(points, 2)):
+        if all(graph.compatible[a, b] for a, b in permutations(points, 2)):
             sets.append(sorted(points))
     assert (
         np.linalg.norm(graph.grasp_map.normals[np.array(sets)].mean(axis=1), axis=1) < 0.2
     ).all()
     asked, inside = graph.limb_threshold, 0
     for points in sets:
-        tried = [least_w_m(graph, order) for order in permutations(points)]
-        w_m, base = (np.concatenate([one[k] for one in tried]) for k in (0, 1))
+        pose_number = [least_w_m(graph, order) for order in permutations(points)]
+        w_m, base = (np.concatenate([one[k] for one in pose_number]) for k in (0, 1))
         best = int(w_m.argmax())
         if abs(w_m[best] - asked) > 1e-5:
             found = graph.solver.in_reach(np.array([points]), base[best], 1e-3)[0]

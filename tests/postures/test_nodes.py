@@ -13,7 +13,7 @@ def test_nodes_are_those_of_the_postures(small_map, robot, rules):
     graph, again = (stance_graph(small_map, robot, Settings(**rules)) for _ in range(2))
     rng = np.random.default_rng(0)
     rows = np.array([rng.permutation(len(small_map))[: graph.limbs] for _ in range(300)])
-    rows = rows[[graph.together[np.ix_(row, row)].sum() == graph.limbs**2 - graph.limbs
+    rows = rows[[graph.compatible[np.ix_(row, row)].sum() == graph.limbs**2 - graph.limbs
                  for row in rows]]  # fmt: skip
     nodes, postures = graph.nodes(rows), again.postures(rows)
     node = again.is_node(postures)

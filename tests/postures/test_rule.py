@@ -39,9 +39,9 @@ def choices(graph, stance, position, rotation):
             mount.T @ (graph.solver.grasps[point]["flange"]["position"] - origin),
             mount.T @ graph.solver.grasps[point]["flange"]["rotation"],
         )
-        (mask, q), found = solutions(arm_of(robot.limb), p, r), []
+        (branch_sets, q), found = solutions(arm_of(robot.limb), p, r), []
         for b in range(8):
-            if mask >> b & 1:
+            if branch_sets >> b & 1:
                 pose, jacobian = flange(arm, q[b])
                 w_m = limb_manipulability(jacobian, robot.characteristic_length)
                 jacobian = jacobian.copy()
@@ -66,13 +66,13 @@ def candidates(graph, stance):
     for roll, height in product(robot.rolls, robot.heights):
         turn = Rotation.from_rotvec(roll * line).as_matrix()
         position, rotation = centre + height * turn @ out, turn @ frame
-        held = (grasps - position) @ rotation
+        geometry = (grasps - position) @ rotation
         for limbs in product(*choices(graph, stance, position, rotation)):
             w_m = min(limb[2] for limb in limbs) / 0.1
             if w_m < 0.3:
                 continue
             w_b = base_manipulability(
-                np.array([limb[3] for limb in limbs]), held, robot.characteristic_length
+                np.array([limb[3] for limb in limbs]), geometry, robot.characteristic_length
             )
             labels = tuple(limb[0] for limb in limbs)
             order = (round(abs(roll), 9), roll < 0.0, height, labels[::-1])
@@ -135,9 +135,9 @@ def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
     state = next(filter(None, (random_stance(graph, rng) for _ in range(100))))
     found, whole, seen = graph.posture_of(state), Settings().thresholds(6)[1], 0
     ours = min(found.w_m.min() / 0.1, found.w_b[0] / whole)
-    for position, rotation in zip(*graph.solver.poses_tried(state.stance), strict=True):
+    for position, rotation in zip(*graph.solver.candidate_poses(state.stance), strict=True):
         limbs = choices(graph, state.stance, position, rotation)
-        held = (jem.positions[list(state.stance)] - position) @ rotation
+        geometry = (jem.positions[list(state.stance)] - position) @ rotation
         drawn = [[one[rng.integers(len(one))] for one in limbs] for _ in range(60) if all(limbs)]
         chosen = np.abs(position - found.base_position[0]).max() < 1e-6
         if chosen:
@@ -145,7 +145,7 @@ def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
                        for one, b in zip(limbs, found.branch[0], strict=True)]]  # fmt: skip
         for some in drawn:
             jacobians = np.array([one[3] for one in some])
-            w_b = base_manipulability(jacobians, held, robot.characteristic_length)
+            w_b = base_manipulability(jacobians, geometry, robot.characteristic_length)
             margin = min(min(one[2] for one in some) / 0.1, w_b / whole)
             if margin > ours * (1.0 + 1e-6):
                 turn = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
@@ -182,16 +182,16 @@ def departing(graph, s, i, branches):
     path, l_c = BasePath.row(), graph.robot.characteristic_length
     base = pose_row(graph.base_in_world[s], graph.base_axes_in_world[s])
     called(lift_path)(path, base, grasp, graph.robot.lift)
-    limb, mask = graph.solver.shapes.robot["limbs"][i], sum(0x101 << b for b in branches)
+    limb, branch_sets = graph.solver.shapes.robot["limbs"][i], sum(0x101 << b for b in branches)
     floor = float(limits["floor"]) * l_c**3
-    return called(hold_mask)(limb, grasp["flange"], path, floor, mask, Holding.row())
+    return called(hold_mask)(limb, grasp["flange"], path, floor, branch_sets, Holding.row())
 
 
-def masks_by_definition(graph, s):
+def branch_sets_by_definition(graph, s):
     """Return the branches and flips on which limbs may hold: a product set grown from a posture."""
     stance, robot = graph.points[s], graph.robot
     base, axes = graph.base_in_world[s], graph.base_axes_in_world[s]
-    held = (graph.grasp_map.positions[stance] - base) @ axes
+    geometry = (graph.grasp_map.positions[stance] - base) @ axes
     found = [{c[0]: c for c in limb} for limb in choices(graph, stance, base, axes)]
     quaternion = Rotation.from_matrix(axes).as_quat(scalar_first=True)
     clearance, boxes = among(graph)
@@ -213,18 +213,18 @@ def masks_by_definition(graph, s):
     def fits(labels):
         w_b = base_manipulability(
             np.array([limb[b][3] for limb, b in zip(found, labels, strict=True)]),
-            held,
+            geometry,
             robot.characteristic_length,
         )
         both = frozenset(range(len(found)))
         return w_b >= graph.base_threshold and both not in close(labels)
 
     first = graph.posture(tuple(stance.tolist())).branch[0].tolist()
-    masks, allowed = [], []
+    branch_sets, allowed = [], []
     for i, limb in enumerate(found):
         able = [b for b, choice in limb.items() if choice[2] >= graph.limb_threshold]
-        masks.append(departing(graph, s, i, able))
-        free = [b for b in able if masks[i] & 0x101 << b]
+        branch_sets.append(departing(graph, s, i, able))
+        free = [b for b in able if branch_sets[i] & 0x101 << b]
         labels = [[*first[:i], b, *first[i + 1 :]] for b in free]
         mine = ({i}, {i, None})
         alone = [not close(one) & set(map(frozenset, mine)) for one in labels]
@@ -235,7 +235,7 @@ def masks_by_definition(graph, s):
             others = [kept[j] if j != i else {b} for j in range(len(found))]
             if all(fits(labels) for labels in product(*others)):
                 kept[i].add(b)
-    return [masks[i] & sum(0x101 << b for b in kept[i]) for i in range(len(found))]
+    return [branch_sets[i] & sum(0x101 << b for b in kept[i]) for i in range(len(found))]
 
 
 @pytest.mark.parametrize("collisions", [False, True])
@@ -244,14 +244,14 @@ def test_limbs_may_hold_on_the_branches_of_the_definition(graph, ladder, collisi
     here = stance_graph(ladder) if collisions else graph
     rng, less = np.random.default_rng(3), 0
     for s in rng.choice(len(here), 25, replace=False):
-        assert here.mask[s].tolist() == masks_by_definition(here, s)
-        less += (here.mask[s] < 0xFFFF).any()
+        assert here.branch_sets[s].tolist() == branch_sets_by_definition(here, s)
+        less += (here.branch_sets[s] < 0xFFFF).any()
     assert less > 5
 
 
 def best_configuration(graph, s):
-    masks = tuple((1 << graph.branch[s]).tolist())
-    return graph.configuration(State(tuple(graph.points[s].tolist()), masks))
+    branch_sets = tuple((1 << graph.branch[s]).tolist())
+    return graph.configuration(State(tuple(graph.points[s].tolist()), branch_sets))
 
 
 def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_close(
@@ -320,7 +320,7 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
             graph.base_axes_in_world,
             graph.w_m,
             graph.branch,
-            graph.mask,
+            graph.branch_sets,
         ]
         result = Planner(graph).plan(graph.ids(graph.points[0]), (2.4, 0.0, -0.2), "base")
         steps = result.plan and (

@@ -20,11 +20,11 @@ def written(tmp_path, text, name="arm.urdf"):
     return str(path)
 
 
-def place(position, axis, beside=(0.3, 0.4, 0.5)):
+def place(position, axis, after_move=(0.3, 0.4, 0.5)):
     """A frame whose z axis is an axis, and whose x axis is across another one."""
     frame = np.eye(4)
     z = np.array(axis) / np.linalg.norm(axis)
-    x = np.cross(beside, z)
+    x = np.cross(after_move, z)
     x /= np.linalg.norm(x)
     frame[:3, :3], frame[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), position
     return frame

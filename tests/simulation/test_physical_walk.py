@@ -29,7 +29,7 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
         left = graph.successors(walk.state)
         for k in rng.choice(len(left.limb), 15):
             after = left.after(walk.state, int(k))
-            found = walk._committed(State(after.stance, after.masks))
+            found = walk._committed(State(after.stance, after.branch_sets))
             assert found is not None
             path = RegraspPath(graph, found[0])
             parts = [path.departure(shares), path.approach(shares), path._knots[:, 1:]]
@@ -59,5 +59,5 @@ def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
             1j * plan.motion.joint_positions[0]
         )
         assert np.abs(off).max() < 1e-5
-        turned |= {mask >= 1 << 8 for mask in state.masks}
+        turned |= {branch_set >= 1 << 8 for branch_set in state.branch_sets}
     assert turned == {False, True}

@@ -24,12 +24,12 @@ def test_steps_of_several_states_are_those_of_each(small_map, robot):
     mixed = rng.permutation(len(rows))
     before, rows = np.array(before)[mixed], np.array(rows)[mixed]
     here, after = graph.postures_of(states), graph.postures(rows)
-    masks = graph.masks_after(states, here, before, rows, after)
+    branch_sets = graph.branch_sets_after(states, here, before, rows, after)
     possible = 0
-    for k, stance, found in zip(before.tolist(), rows.tolist(), masks.tolist(), strict=True):
+    for k, stance, found in zip(before.tolist(), rows.tolist(), branch_sets.tolist(), strict=True):
         one = again.step_to(states[k], tuple(stance))
         assert (one is None) == (not all(found))
         if one is not None:
-            assert one.masks == tuple(found)
+            assert one.branch_sets == tuple(found)
             possible += 1
     assert 5 < possible < len(rows)

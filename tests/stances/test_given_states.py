@@ -42,13 +42,13 @@ BAD = [-1, -40, 38, 43, 2**31, HUGE, -HUGE, -(2**63), NAN, 0.5, float("inf"), "a
 def test_points_that_are_none_are_named(graph, state, number):
     assert len(graph.grasp_map) == 38
     for stance in (first_replaced(state.stance, number), (*state.stance[:-1], number)):
-        bad = State(stance, state.masks)
+        bad = State(stance, state.branch_sets)
         for ask in (
             lambda bad=bad: graph.successors(bad),
             lambda bad=bad: graph.configuration(bad),
             lambda bad=bad: graph.posture_of(bad),
             lambda bad=bad: graph.postures_of([state, bad]),
-            lambda bad=bad: graph.mask_after_grasp(bad, 0),
+            lambda bad=bad: graph.branch_set_after_grasp(bad, 0),
             lambda stance=stance: graph.posture(stance),
             lambda stance=stance: graph.step_to(state, stance),
             lambda stance=stance: graph.state(stance),
@@ -59,7 +59,7 @@ def test_points_that_are_none_are_named(graph, state, number):
 
 @pytest.mark.parametrize("change", [(), (0,), (0, 1, 2, 3), "01", 7, None], ids=str)
 def test_stances_and_masks_of_another_number_of_limbs_are_named(graph, state, change):
-    for bad in (State(change, state.masks), State(state.stance, change)):
+    for bad in (State(change, state.branch_sets), State(state.stance, change)):
         for ask in (graph.successors, graph.posture_of, graph.configuration):
             with pytest.raises(StanceError, match=f"must be {graph.limbs} whole numbers"):
                 ask(bad)
@@ -67,7 +67,7 @@ def test_stances_and_masks_of_another_number_of_limbs_are_named(graph, state, ch
 
 @pytest.mark.parametrize("number", [-1, 1 << 16, HUGE, NAN, 0.5, "a", None], ids=str)
 def test_masks_that_are_none_are_named(graph, state, number):
-    bad = State(state.stance, first_replaced(state.masks, number))
+    bad = State(state.stance, first_replaced(state.branch_sets, number))
     for ask in (graph.successors, graph.posture_of, graph.configuration):
         with pytest.raises(StanceError, match="whole numbers from 0 to 65535"):
             ask(bad)
@@ -81,13 +81,13 @@ def test_masks_that_are_none_are_named(graph, state, number):
 def test_poses_that_are_none_are_named(graph, state, pose):
     for ask in (graph.successors, graph.posture_of, graph.configuration):
         with pytest.raises(SettingError, match="start_pose"):
-            ask(State(state.stance, state.masks, pose))
+            ask(State(state.stance, state.branch_sets, pose))
 
 
 @pytest.mark.parametrize("limb", [-1, 3, HUGE, NAN, "a"], ids=str)
 def test_limbs_that_are_none_are_named(graph, state, limb):
     with pytest.raises(StanceError, match=r"limb is .* whole number from 0"):
-        graph.mask_after_grasp(state, limb)
+        graph.branch_set_after_grasp(state, limb)
 
 
 def test_rows_of_stances_that_are_none_are_named(graph):
@@ -112,7 +112,7 @@ def test_a_cost_to_go_knows_no_stance_that_cannot_be_held(small_graph):
         with pytest.raises(StanceError, match=r"stance .* whole numbers from 0 to 37"):
             values.value(State(bad, (1, 1)))
     for bad in ((HUGE, 1), (-1, 1), (1,)):
-        with pytest.raises(StanceError, match=r"masks .* whole numbers from 0 to 65535"):
+        with pytest.raises(StanceError, match=r"branch sets .* whole numbers from 0 to 65535"):
             values.value(State(stance, bad))
 
 
@@ -168,7 +168,7 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
 def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):
     """A map with a point for each limb and no more leaves no step."""
     nothing = graph.postures(np.zeros((0, graph.limbs), dtype=int))
-    assert nothing.mask.shape == nothing.w_m.shape == (0, graph.limbs)
+    assert nothing.branch_sets.shape == nothing.w_m.shape == (0, graph.limbs)
     alone = small_map.subset(np.isin(np.arange(len(small_map)), state.stance), "alone")
     few = stance_graph(alone, graph.robot, NO_COLLISIONS)
     assert len(few.successors(few.state(tuple(graph.ids(state.stance)))).limb) == 0

@@ -8,9 +8,9 @@ from compiled import called
 from small_tables import small_table
 
 from mlivr_gym import stance_graph
-from mlivr_gym.compiled.limb_masks import unpacked
-from mlivr_gym.postures.tried_poses import bases_at
-from mlivr_gym.postures.turns import permuted_limbs, same_after_turns
+from mlivr_gym.compiled.limb_branch_sets import unpacked
+from mlivr_gym.postures.candidate_poses import bases_at
+from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_pairs import (
     Pair,
@@ -60,24 +60,29 @@ def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
     limbs = graph.limbs
     every = np.array(list(itertools.permutations(range(len(graph.grasp_map)), limbs)))
     every = every[
-        [all(graph.together[a, b] for a, b in itertools.combinations(s, 2)) for s in every]
+        [all(graph.compatible[a, b] for a, b in itertools.combinations(s, 2)) for s in every]
     ]
     postures = graph.nodes(every)
     nodes = graph.is_node(postures)
-    rows, turns = table.find(every)
+    rows, relabellings = table.find(every)
     np.testing.assert_array_equal(rows >= 0, nodes)
     assert nodes.sum() > 100
-    every, postures, rows, turns = every[nodes], postures.take(nodes), rows[nodes], turns[nodes]
-    np.testing.assert_array_equal(permuted_limbs(every, turns), table.points[rows])
+    every, postures, rows, relabellings = (
+        every[nodes],
+        postures.take(nodes),
+        rows[nodes],
+        relabellings[nodes],
+    )
+    np.testing.assert_array_equal(relabelled(every, relabellings), table.points[rows])
     away = np.linalg.norm(table.base_position[rows] - postures.base_position, axis=1)
     assert away.max() < ROUNDED
     for mine, theirs in (
-        (table.masks, postures.mask),
-        (table.released, graph.all_released(every, postures)["branches"]),
-        (table.folds, graph.all_released(every, postures)["folds"]),
+        (table.branch_sets, postures.branch_sets),
+        (table.releasable, graph.all_releases(every, postures)["branches"]),
+        (table.folds, graph.all_releases(every, postures)["folds"]),
     ):
-        np.testing.assert_array_equal(unpacked(mine[rows], limbs), permuted_limbs(theirs, turns))
-    if same_after_turns(limbs):
+        np.testing.assert_array_equal(unpacked(mine[rows], limbs), relabelled(theirs, relabellings))
+    if is_symmetric_after_relabelling(limbs):
         assert len(set(rows.tolist())) * limbs == len(rows)
 
 
@@ -87,66 +92,70 @@ def test_no_step_of_the_graph_is_ruled_out(graph, table):
     points = table.points.astype(np.int64)
     postures = graph.nodes(points)
     for s in np.random.default_rng(0).choice(len(points), 40).tolist():
-        state = State(tuple(points[s].tolist()), tuple(postures.mask[s].tolist()))
+        state = State(tuple(points[s].tolist()), tuple(postures.branch_sets[s].tolist()))
         found = graph.successors(state)
         after = np.array([found.after(state, k).stance for k in range(len(found.limb))])
-        rows, turns = table.find(after.reshape(-1, limbs))
+        rows, relabellings = table.find(after.reshape(-1, limbs))
         joined = set()
         for limb in range(limbs):
-            support = table.supports[s, limb]
-            begin, end = table.start[support], table.start[support + 1]
+            support_set = table.support_sets[s, limb]
+            begin, end = table.start[support_set], table.start[support_set + 1]
             mine = np.flatnonzero(table.members[begin:end] == s * limbs + limb)
             row = called(row_of)(table, s, limb)
             if not len(mine):
                 assert row == -1
-                assert int(table.released[s]) >> 16 * limb & 0xFFFF == 0
+                assert int(table.releasable[s]) >> 16 * limb & 0xFFFF == 0
                 continue
-            assert row == table.offset[support] + int(mine[0]) * (end - begin)
+            assert row == table.offset[support_set] + int(mine[0]) * (end - begin)
             for k in range(end - begin):
-                if is_set(table.bits, row + k):
+                if is_set(table.joined, row + k):
                     other, moved = divmod(int(table.members[begin + k]), limbs)
                     joined.add((limb, other, moved))
         steps += len(found.limb)
-        for limb, row, turn in zip(found.limb.tolist(), rows.tolist(), turns.tolist(), strict=True):
-            missing += (limb, row, (limb - turn) % limbs) not in joined
+        for limb, row, relabelling in zip(
+            found.limb.tolist(), rows.tolist(), relabellings.tolist(), strict=True
+        ):
+            missing += (limb, row, (limb - relabelling) % limbs) not in joined
         ruled_in += len(joined)
-        assert same_after_turns(limbs) or all(limb == moved for limb, _, moved in joined)
+        assert is_symmetric_after_relabelling(limbs) or all(
+            limb == moved for limb, _, moved in joined
+        )
     assert missing == 0
     assert 50 < steps > 0.6 * ruled_in
 
 
 def test_pairs_are_those_that_share_branches(graph, table):
-    limbs, supports = graph.limbs, len(table.offset) - 1
-    pairs = listed(table, 0, supports)
-    masks, expected = unpacked(table.masks, limbs), []
+    limbs, support_sets = graph.limbs, len(table.offset) - 1
+    pairs = listed(table, 0, support_sets)
+    branch_sets, expected = unpacked(table.branch_sets, limbs), []
     for begin, end in itertools.pairwise(table.start.tolist()):
         for k, m in itertools.combinations(range(begin, end), 2):
             (a, i), (b, j) = (divmod(int(table.members[x]), limbs) for x in (k, m))
-            held = np.roll(masks[a], -i - 1)[:-1] & np.roll(masks[b], -j - 1)[:-1]
+            held = np.roll(branch_sets[a], -i - 1)[:-1] & np.roll(branch_sets[b], -j - 1)[:-1]
             if held.all():
                 expected.append([k, m])
     assert pairs.tolist() == expected
-    some = listed(table, supports // 3, 2 * supports // 3)
-    inside = (table.start[supports // 3], table.start[2 * supports // 3])
+    some = listed(table, support_sets // 3, 2 * support_sets // 3)
+    inside = (table.start[support_sets // 3], table.start[2 * support_sets // 3])
     assert some.tolist() == [one for one in expected if inside[0] <= one[0] < inside[1]]
 
 
 def kept_at_most(graph, table, bits):
     """What limbs may keep on steps there or back, and what both nodes have, each (k, N - 1)."""
-    limbs, masks = graph.limbs, unpacked(table.masks, graph.limbs)
+    limbs, branch_sets = graph.limbs, unpacked(table.branch_sets, graph.limbs)
     points = table.points.astype(np.int64)
     (a, i), (b, j), _ = edge_ends(table, bits)
-    stances = points[a], permuted_limbs(points[b], j - i)
+    stances = points[a], relabelled(points[b], j - i)
     postures = tuple(map(graph.nodes, stances))
-    shared = permuted_limbs(masks[a], i + 1)[:, :-1] & permuted_limbs(masks[b], j + 1)[:, :-1]
+    shared = relabelled(branch_sets[a], i + 1)[:, :-1] & relabelled(branch_sets[b], j + 1)[:, :-1]
     both, count = graph.checks.stances(np.concatenate(stances), join(*postures)), len(bits)
     graph._check_releases(both, np.indices(both.points.shape).reshape(2, -1).T)
     kept = np.zeros((count, limbs - 1), dtype=np.int64)
     rows = np.flatnonzero((a != b) & shared.all(axis=1))
     for one, other in ((0, count), (count, 0)):
-        steps = graph.step_rows(both, rows + one, rows + other, both.mask[rows + one])
+        steps = graph.step_rows(both, rows + one, rows + other, both.branch_sets[rows + one])
         graph.checks.relax(steps, both, graph.checks.world(None))
-        found = permuted_limbs(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
+        found = relabelled(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
         kept[rows] |= found * found.all(axis=1)[:, None]
     return kept, shared
 
@@ -154,7 +163,7 @@ def kept_at_most(graph, table, bits):
 def assert_kept(graph, table, bits):
     """That the table tells the same; how many of the pairs a step may join."""
     kept, shared = kept_at_most(graph, table, bits)
-    joined = np.array([is_set(table.bits, bit) for bit in bits.tolist()])
+    joined = np.array([is_set(table.joined, bit) for bit in bits.tolist()])
     np.testing.assert_array_equal(joined, kept.all(axis=1))
     loses_branches = 0
     for these in (bits, edge_ends(table, bits)[2]):
@@ -180,8 +189,11 @@ def test_steps_are_the_same_with_the_table(graph, table):
     for trial in range(60):
         state = random_state(graph, rng)
         if trial % 3 == 1:
-            masks = tuple(mask & int(rng.integers(1, 1 << 16)) or mask for mask in state.masks)
-            state = state._replace(masks=masks)
+            branch_sets = tuple(
+                branch_set & int(rng.integers(1, 1 << 16)) or branch_set
+                for branch_set in state.branch_sets
+            )
+            state = state._replace(branch_sets=branch_sets)
         occupied = rng.choice(len(graph.grasp_map), 2, replace=False) if trial % 3 == 2 else []
         for one in (graph, known):
             one.occupy(np.array(occupied, dtype=np.int64).tolist())
@@ -205,7 +217,7 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
     for _ in range(12):
         state = random_state(graph, rng)
         free = len(known.successors(state).limb)
-        assert not known._released
+        assert not known._releases
         place = graph.posture_of(state).base_position[0] + rng.uniform(-0.5, 0.5, 3)
         for one in (known, plain):
             one.add_obstacles([Box.between("box", "obstacle", place - 0.1, place + 0.1)])
@@ -214,17 +226,17 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
         fewer += len(theirs) < free
         for one in (known, plain):
             one.remove_obstacles()
-        known._released.clear()
+        known._releases.clear()
     assert fewer > 2
 
 
 def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
-    blank = table._replace(bits=np.zeros_like(table.bits))
+    blank = table._replace(joined=np.zeros_like(table.joined))
     again = spread(blank, gather(table))
-    for name in ("bits", "loses_branches", "ranks", "lost"):
+    for name in ("joined", "loses_branches", "ranks", "lost"):
         np.testing.assert_array_equal(getattr(again, name), getattr(table, name))
         assert getattr(again, name).dtype == getattr(table, name).dtype
-    assert table.bits.any()
+    assert table.joined.any()
     assert table.lost.any()
 
 
@@ -240,14 +252,16 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     assert graph.is_node(postures).all()
     away = np.linalg.norm(table.base_position[rows] - postures.base_position, axis=1)
     assert away.max() < 10.0 * ROUNDED
-    bases = bases_at(graph.grasp_map, graph.robot, stances, table.tried[rows].astype(np.int64))
+    bases = bases_at(
+        graph.grasp_map, graph.robot, stances, table.pose_number[rows].astype(np.int64)
+    )
     np.testing.assert_allclose(bases[0], postures.base_position, atol=1e-12, rtol=0)
     np.testing.assert_allclose(bases[1], postures.base_rotation, atol=1e-12, rtol=0)
-    released = graph.all_released(stances, postures)
+    releases = graph.all_releases(stances, postures)
     for mine, theirs in (
-        (table.masks, postures.mask),
-        (table.released, released["branches"]),
-        (table.folds, released["folds"]),
+        (table.branch_sets, postures.branch_sets),
+        (table.releasable, releases["branches"]),
+        (table.folds, releases["folds"]),
     ):
         np.testing.assert_array_equal(unpacked(mine[rows], limbs), theirs)
     orders = np.array(list(itertools.permutations(range(limbs))))
@@ -257,10 +271,12 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     np.testing.assert_array_equal(there, graph.is_node(graph.nodes(others)))
     assert 0 < there.sum() < len(others)
     steps = 0
-    for stance, masks in zip(stances[:16].tolist(), postures.mask.tolist(), strict=False):
-        state = State(tuple(stance), tuple(masks))
+    for stance, branch_sets in zip(
+        stances[:16].tolist(), postures.branch_sets.tolist(), strict=False
+    ):
+        state = State(tuple(stance), tuple(branch_sets))
         found, told = graph.successors(state), with_table.successors(state)
-        for name in ("limb", "point", "masks"):
+        for name in ("limb", "point", "branch_sets"):
             np.testing.assert_array_equal(getattr(told, name), getattr(found, name))
         np.testing.assert_allclose(told.base_in_world, found.base_in_world, atol=1e-12, rtol=0)
         steps += len(found.limb)

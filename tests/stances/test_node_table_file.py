@@ -86,7 +86,7 @@ def test_a_mapped_array_of_another_shape_is_refused(graph, table, empty_cache):
 def test_a_compressed_file_is_unpacked_once(graph, table, empty_cache, caplog):
     compressed, mapped = empty_cache / NODE_TABLES.name(graph), NODE_TABLES.cached(graph)
     NODE_TABLES.write(graph, table, compressed)
-    np.testing.assert_array_equal(node_table(graph).bits, table.bits)
+    np.testing.assert_array_equal(node_table(graph).joined, table.joined)
     assert mapped.is_file()
     node_table_file._kept.clear()
     mapped.unlink()

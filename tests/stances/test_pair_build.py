@@ -57,10 +57,10 @@ def checked(monkeypatch):
 
 
 def assert_same(graph, whole):
-    assert graph.complete
+    assert graph.is_complete
     for ours, theirs in (
         (graph.steps.edges, whole.steps.edges),
-        (graph.steps.released, whole.steps.released),
+        (graph.steps.releases, whole.steps.releases),
     ):
         for name in theirs.dtype.names:
             np.testing.assert_array_equal(ours[name], theirs[name])
@@ -113,8 +113,8 @@ import json, sys
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.stances.table_build import build_table
 graph = stance_graph(GraspMap.from_dict(json.loads(sys.stdin.read())))
-assert graph.complete is False
-print(build_table(graph), graph.complete)
+assert graph.is_complete is False
+print(build_table(graph), graph.is_complete)
 """
 
 

@@ -5,7 +5,7 @@ import pytest
 from compiled import called
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.compiled.limb_masks import unpacked
+from mlivr_gym.compiled.limb_branch_sets import unpacked
 from mlivr_gym.stances.node_pairs import branches_lost, edge_ends
 from mlivr_gym.stances.pair_nodes import pair_nodes
 
@@ -26,19 +26,19 @@ def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
         some = np.array(steps)[rng.random(len(steps)) < 0.5]
         graph.check_steps(*some.T.copy())
         graph.check_releases(np.argwhere(rng.random(points.shape) < 0.5))
-    table = pair_nodes(graph.steps, graph.tried)
+    table = pair_nodes(graph.steps, graph.pose_number)
     np.testing.assert_array_equal(table.points, points)
-    np.testing.assert_array_equal(unpacked(table.masks, 2), graph.mask)
+    np.testing.assert_array_equal(unpacked(table.branch_sets, 2), graph.branch_sets)
     told = {}
     bits = np.arange(int(table.offset[-1]))
     (before, moving), (after, moved), _ = edge_ends(table, bits)
     np.testing.assert_array_equal(moving, moved)
     for bit, a, b, limb in zip(bits, before, after, moving, strict=True):
-        if a != b and int(table.bits[bit // 64]) >> int(bit % 64) & 1:
+        if a != b and int(table.joined[bit // 64]) >> int(bit % 64) & 1:
             told[1 - int(limb), int(a), int(b)] = int(called(branches_lost)(table, int(bit)))
     expected, loses_branches = {}, 0
     for held, a, b in steps:
-        shared = int(graph.mask[a, held] & graph.mask[b, held])
+        shared = int(graph.branch_sets[a, held] & graph.branch_sets[b, held])
         edge = graph.steps.edges[graph._known.index(held, a, b)] if transitions else None
         kept = shared & int(edge["kept"]) if transitions and edge["known"] else shared
         if kept:
@@ -46,6 +46,8 @@ def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
             loses_branches += kept != shared
     assert told == expected
     assert (loses_branches > 0) == transitions
-    known = graph.steps.released["known"] if transitions else np.zeros(points.shape, dtype=bool)
-    released = np.where(known, graph.releasable, graph.mask) if transitions else graph.mask
-    np.testing.assert_array_equal(unpacked(table.released, 2), released)
+    known = graph.steps.releases["known"] if transitions else np.zeros(points.shape, dtype=bool)
+    releasable = (
+        np.where(known, graph.releasable, graph.branch_sets) if transitions else graph.branch_sets
+    )
+    np.testing.assert_array_equal(unpacked(table.releasable, 2), releasable)

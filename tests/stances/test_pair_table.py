@@ -39,7 +39,7 @@ def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thr
     assert alone.base_in_world.tobytes() == many.base_in_world.tobytes()
     assert alone.w_m.tobytes() == many.w_m.tobytes()
     np.testing.assert_array_equal(alone.steps.edges, many.steps.edges)
-    np.testing.assert_array_equal(alone.steps.released, many.steps.released)
+    np.testing.assert_array_equal(alone.steps.releases, many.steps.releases)
 
 
 def test_a_step_is_the_same_in_both_directions(by_one_thread):
@@ -52,9 +52,9 @@ def test_a_step_is_the_same_in_both_directions(by_one_thread):
             back = known.table.edges[known.index(held, after, before)]
             for name in ("kept", "on_arc", "fold_on_line", "fold_on_arc"):
                 assert np.array_equal(forth[name], back[name])
-            on_line = forth["pair"] >= 0
-            turned = 8 * (forth["pair"] % 8) + forth["pair"] // 8
-            assert np.array_equal(turned[on_line], back["pair"][on_line])
+            on_line = forth["line_branches"] >= 0
+            turned = 8 * (forth["line_branches"] % 8) + forth["line_branches"] // 8
+            assert np.array_equal(turned[on_line], back["line_branches"][on_line])
 
 
 def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
@@ -76,14 +76,17 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
     tables = step_tables(graph)
     lazy = LazyGraph(graph.grasp_map, graph.robot, graph.settings)
     for s in np.random.default_rng(0).integers(0, len(graph), 10):
-        state = State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist()))
-        found = tables.successors(int(s), state.masks)
+        state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
+        found = tables.successors(int(s), state.branch_sets)
         truth = lazy.successors(state)
         ours, theirs = (
-            {(int(i), int(p)): tuple(masks.tolist()) for i, p, masks in zip(*one, strict=True)}
+            {
+                (int(i), int(p)): tuple(branch_sets.tolist())
+                for i, p, branch_sets in zip(*one, strict=True)
+            }
             for one in (
-                (found.limb, found.point, found.masks),
-                (truth.limb, truth.point, truth.masks),
+                (found.limb, found.point, found.branch_sets),
+                (truth.limb, truth.point, truth.branch_sets),
             )
         )
         assert ours == theirs
@@ -93,7 +96,7 @@ def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
     """From either end: each end is asked for in a graph that does not know the step yet."""
     graph, rng, kept, changing = by_one_thread, np.random.default_rng(0), 0, 0
     there, back = (stance_graph(small_map) for _ in range(2))
-    assert not there.complete
+    assert not there.is_complete
     for held in range(2):
         rows = [graph.pairs_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
         for before, after in rng.permutation(np.concatenate(rows, axis=1).T)[:300].tolist():
@@ -101,6 +104,9 @@ def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
                 known = graph._known.table.edges[graph._known.index(held, *ends)]
                 assert fresh._known.step(held, *ends) == known
             kept += int(known["kept"] != 0)
-            changing += int(known["pair"] >= 0 and known["pair"] // 8 != known["pair"] % 8)
+            changing += int(
+                known["line_branches"] >= 0
+                and known["line_branches"] // 8 != known["line_branches"] % 8
+            )
     assert kept > 10
     assert changing > 5

@@ -99,7 +99,7 @@ def test_what_rounding_leaves_decides_no_step(robot):
         every, here = np.zeros(len(limb), dtype=np.int64), graph.posture(state.stance)
         answers = []
         for _ in range(2):
-            found = graph.masks_after([state], here, every, stances, postures)
+            found = graph.branch_sets_after([state], here, every, stances, postures)
             answers.append(found)
             for bases in (here, postures):
                 for array in (bases.base_position, bases.base_rotation):

@@ -29,7 +29,7 @@ def without_tables(monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(TableFiles, "find", lambda *_: None)
             graph = world()
-        assert not graph.complete or not graph.settings.transitions
+        assert not graph.is_complete or not graph.settings.transitions
         return graph
 
     return make
@@ -54,8 +54,8 @@ def assert_same_steps(graph, fresh, chosen):
                 which = fresh._free.index(held, before, after)
                 np.testing.assert_array_equal(graph.steps.edges[which], fresh.steps.edges[which])
     fresh.check_releases(np.array([(s, limb) for s in chosen for limb in range(2)]))
-    for name in fresh.steps.released.dtype.names:
-        ours, theirs = (one.steps.released[name][chosen] for one in (graph, fresh))
+    for name in fresh.steps.releases.dtype.names:
+        ours, theirs = (one.steps.releases[name][chosen] for one in (graph, fresh))
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
 
 
@@ -64,7 +64,7 @@ def test_a_table_ships_for_each_world_of_the_paper_and_no_other():
     for world in WORLDS.values():
         graph = world()
         names.add(PAIR_TABLES.name(graph))
-        assert graph.complete
+        assert graph.is_complete
     assert {path.name for path in Path(asset_path("")).glob("pairs-*")} == names
 
 
@@ -78,7 +78,7 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
 def test_other_settings_are_worked_out():
     graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
     assert not asset_path(PAIR_TABLES.name(graph)).exists()
-    assert not graph.complete
+    assert not graph.is_complete
 
 
 @pytest.mark.slow
@@ -90,4 +90,4 @@ def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, worl
     ours, theirs = graph.kept(), fresh.kept()
     if graph.settings.transitions:
         np.testing.assert_array_equal(ours.edges, theirs.edges)
-        np.testing.assert_array_equal(ours.released, theirs.released)
+        np.testing.assert_array_equal(ours.releases, theirs.releases)

@@ -19,13 +19,13 @@ from mlivr_gym.stances.random_states import random_state
 def steps_of(graph, state):
     found = graph.successors(state)
     return {
-        (int(limb), int(point)): tuple(masks.tolist())
-        for limb, point, masks in zip(found.limb, found.point, found.masks, strict=True)
+        (int(limb), int(point)): tuple(branch_sets.tolist())
+        for limb, point, branch_sets in zip(found.limb, found.point, found.branch_sets, strict=True)
     }
 
 
 def state_of(graph, s):
-    return State(tuple(graph.points[s].tolist()), tuple(graph.mask[s].tolist()))
+    return State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
         for i in range(limbs):
             if i == steps.limb[k]:
                 continue
-            for bit in (b for b in range(16) if steps.masks[k, i] >> b & 1):
+            for bit in (b for b in range(16) if steps.branch_sets[k, i] >> b & 1):
                 assert any(keeps_branch(graph, i, after[i], bit & 7, *path) for path in paths)
 
 

@@ -34,16 +34,16 @@ def empty_cache(tmp_path, monkeypatch):
 def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_cache):
     sets, limbs = graph.sets(), graph.limbs
     every = np.array(list(combinations(range(len(graph.grasp_map)), limbs)))
-    able = [all(graph.together[a, b] for a, b in combinations(row, 2)) for row in every.tolist()]
+    able = [all(graph.compatible[a, b] for a, b in combinations(row, 2)) for row in every.tolist()]
     every = every[able]
     expected = every[graph.solver.in_reach(every)]
     np.testing.assert_array_equal(sets.points, expected)
     assert len(sets) == len(expected) > 10
     held = [set(row) for row in expected.tolist()]
     for a, b in combinations(range(0, len(sets), 3), 2):
-        common = set(sets.supports[a].tolist()) & set(sets.supports[b].tolist())
+        common = set(sets.support_sets[a].tolist()) & set(sets.support_sets[b].tolist())
         assert bool(common) == (len(held[a] & held[b]) == limbs - 1)
-    assert sets.supports.max() + 1 == sets.support_count
+    assert sets.support_sets.max() + 1 == sets.support_set_count
 
 
 def test_sets_of_stances_are_found_in_any_order(graph):
@@ -53,7 +53,7 @@ def test_sets_of_stances_are_found_in_any_order(graph):
     np.testing.assert_array_equal(sets.find(stances), rows)
     none = np.array([[0, 0, 0, 0][: graph.limbs]])
     assert sets.find(none).tolist() == [-1]
-    nothing = StanceSets(sets.points[:0], sets.supports[:0], 0)
+    nothing = StanceSets(sets.points[:0], sets.support_sets[:0], 0)
     assert nothing.find(stances[:2]).tolist() == [-1, -1]
 
 
@@ -84,25 +84,25 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     (file,) = empty_cache.glob("sets-*.npz")
     again = told.copy()
     stance_sets._kept.clear()
-    read = StanceSets.of(graph, told.append, work_out=False)
+    read = StanceSets.of(graph, told.append, build=False)
     assert told == again
     np.testing.assert_array_equal(read.points, first.points)
-    np.testing.assert_array_equal(read.supports, first.supports)
+    np.testing.assert_array_equal(read.support_sets, first.support_sets)
     for content in (b"nothing", file.read_bytes()[:200]):
         stance_sets._kept.clear()
         file.write_bytes(content)
-        assert StanceSets.of(graph, work_out=False) is None
+        assert StanceSets.of(graph, build=False) is None
         assert "is damaged, or not of format" in caplog.text
         np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
     stance_sets._kept.clear()
     arrays = dict(read_arrays(graph, file))
     for wrong in (
         {"points": first.points + np.uint16(len(graph.grasp_map))},
-        {"supports": first.supports + np.int32(1)},
+        {"supports": first.support_sets + np.int32(1)},
         {"support_count": np.array(1)},
     ):
         file.write_bytes(pack_arrays(graph, arrays | wrong, ZIP_STORED))
-        assert StanceSets.of(graph, work_out=False) is None
+        assert StanceSets.of(graph, build=False) is None
         stance_sets._kept.clear()
 
 

@@ -26,7 +26,7 @@ def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
     thinned = without_points(free, occupied)
     graph.occupy(taken.tolist())
     there = step_tables(graph)
-    for name in ("start", "after", "kept", "masks"):
+    for name in ("start", "after", "kept", "branch_sets"):
         np.testing.assert_array_equal(getattr(thinned, name), getattr(there, name))
 
 

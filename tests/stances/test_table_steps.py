@@ -18,7 +18,8 @@ POINTS = 6
 
 
 def random_tables(rng):
-    """Steps between every two stances that share a point, some left out; few bits in the masks."""
+    """Steps between every two stances that share a point, some left out; few bits in the branch
+    sets."""
     points = [(a, b) for a in range(POINTS) for b in range(POINTS) if a != b]
     points = [points[k] for k in sorted(rng.choice(len(points), 18, replace=False))]
     n, start, after, to_point, kept = len(points), [0], [], [], []
@@ -39,14 +40,14 @@ def random_tables(rng):
     )  # fmt: skip
 
 
-def plain_steps(tables, s, masks):
+def plain_steps(tables, s, branch_sets):
     """Limb, index of the step, stance after it, and what the other limb keeps."""
     out = []
     for moving in range(2):
-        if not masks[moving] & tables.releasable[s, moving]:
+        if not branch_sets[moving] & tables.releasable[s, moving]:
             continue
         for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
-            kept = int(masks[1 - moving] & tables.kept[e])
+            kept = int(branch_sets[1 - moving] & tables.kept[e])
             if kept:
                 out.append((moving, e, int(tables.after[e]), kept))
     return out
@@ -57,30 +58,30 @@ def test_steps_that_leave_a_state(seed):
     rng = np.random.default_rng(seed)
     tables = random_tables(rng)
     for s in range(len(tables.points)):
-        masks = tuple(rng.integers(0, 8, 2).tolist())
-        truth = plain_steps(tables, s, masks)
+        branch_sets = tuple(rng.integers(0, 8, 2).tolist())
+        truth = plain_steps(tables, s, branch_sets)
         steps, kept = np.zeros(40, dtype=np.int64), np.zeros(40, dtype=np.int64)
-        first, count = steps_of_state(s, masks, tables, steps, kept)
+        first, count = steps_of_state(s, branch_sets, tables, steps, kept)
         assert first == sum(moving == 0 for moving, *_ in truth)
         assert steps[:count].tolist() == [e for _, e, _, _ in truth]
-        assert kept[:count].tolist() == [mask for *_, mask in truth]
-        assert any_step(s, masks, tables) == bool(truth)
+        assert kept[:count].tolist() == [branch_set for *_, branch_set in truth]
+        assert any_step(s, branch_sets, tables) == bool(truth)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_actions_and_where_they_lead(seed):
     rng = np.random.default_rng(seed)
     tables, k = random_tables(rng), 30
-    stances, masks = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
+    stances, branch_sets = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
     actions = np.zeros((k, 2, POINTS), dtype=np.int8)
-    legal_actions(stances, masks, tables, actions)
+    legal_actions(stances, branch_sets, tables, actions)
     legal, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
     position = np.zeros((k, 2, POINTS, 3))
-    legal_positions(stances, masks, tables, legal, position, again)
+    legal_positions(stances, branch_sets, tables, legal, position, again)
     expected = np.zeros((2, k, 2, POINTS), dtype=np.int8)
     places = np.zeros_like(position)
     for i in range(k):
-        for moving, _, s2, kept in plain_steps(tables, stances[i], masks[i]):
+        for moving, _, s2, kept in plain_steps(tables, stances[i], branch_sets[i]):
             point = tables.points[s2, moving]
             expected[0, i, moving, point] = 1
             expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
@@ -95,15 +96,15 @@ def test_actions_and_where_they_lead(seed):
 def test_where_the_steps_after_an_action_lead(seed):
     rng = np.random.default_rng(seed)
     tables, k, depth = random_tables(rng), 12, 2
-    stances, masks = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
+    stances, branch_sets = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
     goals, free = rng.normal(size=(k, 3)), rng.random((k, POINTS)) < 0.8
     of_points = rng.random((k, 2, POINTS, 2 * depth)) * 3.0
     found = np.zeros((k, 2, POINTS, 2 * depth + 2))
     found[..., : depth + 1] = 2.5
     expected = found.copy()
-    onward_of_actions(stances, masks, tables, Ahead(goals, 1.5, free, of_points), found)
+    onward_of_actions(stances, branch_sets, tables, Ahead(goals, 1.5, free, of_points), found)
     for i in range(k):
-        for moving, _, s2, kept in plain_steps(tables, stances[i], masks[i]):
+        for moving, _, s2, kept in plain_steps(tables, stances[i], branch_sets[i]):
             grasped = int(tables.releasable[s2, moving])
             after = (grasped, kept) if moving == 0 else (kept, grasped)
             out = expected[i, moving, tables.points[s2, moving]]

@@ -135,9 +135,9 @@ class EnvModel:
 
     def _went_back(self, after, limb):
         """The limb that moved is where it was, the others are as after the step."""
-        grasped = self.graph.mask_after_grasp(self.state, limb)
-        each = [grasped if i == limb else mask for i, mask in enumerate(after.masks)]
-        return self.state._replace(masks=tuple(each))
+        grasped = self.graph.branch_set_after_grasp(self.state, limb)
+        each = [grasped if i == limb else mask for i, mask in enumerate(after.branch_sets)]
+        return self.state._replace(branch_sets=tuple(each))
 
     def _base(self, state):
         return self.graph.posture(state.stance).base_position[0]

@@ -2,7 +2,7 @@
 
 What one motion may come close to, on which branches a limb can hold along a path, and which joint
 angles it has on a branch is asked of compiled code that is compared elsewhere, one question at a
-time. The boxes of the map are all there are. Masks are sets of pairs, branch and flip.
+time. The boxes of the map are all there are. Branch sets are sets of pairs, branch and flip.
 """
 
 from typing import NamedTuple
@@ -22,12 +22,12 @@ from mlivr_gym.transitions.grasp_poses import angles_above
 EVERY = {(branch, flip) for branch in range(8) for flip in (0, 1)}
 
 
-def members(mask):
+def members(branch_set):
     """Branch and flip of each bit."""
-    return {(bit % 8, bit // 8) for bit in range(16) if int(mask) >> bit & 1}
+    return {(bit % 8, bit // 8) for bit in range(16) if int(branch_set) >> bit & 1}
 
 
-def mask_of(pairs):
+def branch_set_of(pairs):
     """The same as bits."""
     return sum(1 << branch + 8 * flip for branch, flip in pairs)
 
@@ -83,9 +83,9 @@ class PlainChecks:
         if corner is not None:
             round_corner(scratch, corner[0], corner[1:], corner[1:])
         if grasp is not None:
-            behind = scratch["behind"]
-            behind["applies"], behind["point"] = True, grasp["point"]
-            behind["normal"] = grasp["normal"]
+            surface = scratch["surface"]
+            surface["applies"], surface["point"] = True, grasp["point"]
+            surface["normal"] = grasp["normal"]
         boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
         return called(sweep)(self.robot, boxes, clearance, scratch) == CLEAR
 
@@ -130,13 +130,13 @@ class PlainChecks:
 
     def release(self, s, limb):
         """On which branches a limb can be released, through folds or else along lines."""
-        base, pairs = self.stances.base[s], members(self.stances.mask[s, limb])
+        base, pairs = self.stances.base[s], members(self.stances.branch_sets[s, limb])
         others = [i for i in range(self.spec.limbs) if i != limb]
         at_rest = [
             (i, ends)
             for i in others
             for branch, ends in self.ends(s, i).items()
-            if branch in branches(members(self.stances.mask[s, i]))
+            if branch in branches(members(self.stances.branch_sets[s, i]))
         ]
         first, free, above = self.elbow_up(s, limb, pairs), set(), {}
         grasp = self.grasp(s, limb)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from compiled import called
 from limb_motions import holding, swinging
-from plain_checks import EVERY, branches, line_end, mask_of, members, on
+from plain_checks import EVERY, branch_set_of, branches, line_end, members, on
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
 from mlivr_gym.kinematics.holding import Holding, hold_mask
@@ -19,7 +19,7 @@ class Edge(NamedTuple):
     on_arc: set
     kind: int
     folds: tuple
-    pair: int
+    line_branches: int
 
 
 NO_EDGE = Edge({}, set(), STRAIGHT, (-1, -1), -1)
@@ -52,11 +52,11 @@ class PlainStep:
         """Pairs on which a limb can follow a path."""
         plain = self.plain
         if not self.given:
-            wanted = wanted & members(plain.stances.mask[self.after, i])
+            wanted = wanted & members(plain.stances.branch_sets[self.after, i])
         floor = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
         flange, scratch = plain.grasp(self.after, i)["flange"], Holding.row()
         limb = plain.robot["limbs"][i]
-        return members(called(hold_mask)(limb, flange, path, floor, mask_of(wanted), scratch))
+        return members(called(hold_mask)(limb, flange, path, floor, branch_set_of(wanted), scratch))
 
     def check(self, released=None):
         """The edge, `NO_EDGE` if the step fails.

@@ -44,6 +44,6 @@ def asked(graph, limb, before, after, wanted, given):
         axis=0
     )
     steps["branches"][0, : graph.limbs] = wanted
-    able = checks.hold(steps.copy(), stances, world)
+    able = checks.can_follow(steps.copy(), stances, world)
     checks.check(steps, stances, world)
     return stances, steps[0], bool(able[0])

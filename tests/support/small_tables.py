@@ -36,7 +36,7 @@ def small_table(limbs):
 def searching(bounds, goal, start, **options):
     """A search over the table of a graph that may take a minute."""
     given = {"inflation": 1.0, "time_limit": 60.0} | options
-    search = SearchQuery.checked(bounds.graph, goal, SearchOptions(**given))
+    search = SearchQuery.from_options(bounds.graph, goal, SearchOptions(**given))
     return _TableSearch(bounds, search, start)
 
 
@@ -48,7 +48,7 @@ def every_pair(table):
         for k in range(end - begin):
             for m in range(end - begin):
                 bit = int(table.offset[rest]) + k * (end - begin) + m
-                if int(table.bits[bit // 64]) >> bit % 64 & 1:
+                if int(table.joined[bit // 64]) >> bit % 64 & 1:
                     a, b = (divmod(int(table.members[begin + x]), table.limbs) for x in (k, m))
                     rows.append((*a, *b, bit))
     return np.array(rows)
@@ -56,4 +56,4 @@ def every_pair(table):
 
 def goal_at(graph, table, row, cost, tolerance=0.05):
     """A goal at a node of a table; the cost is one of `COSTS`."""
-    return Goal.checked(graph, table.base_position[row].astype(float), *cost, tolerance)
+    return Goal.from_arguments(graph, table.base_position[row].astype(float), *cost, tolerance)

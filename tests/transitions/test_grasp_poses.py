@@ -85,11 +85,11 @@ def test_angles_above_a_point_put_the_flange_the_lift_off_along_the_normal(i, se
     point = origin + mount @ frame[:3, 3] - (SPEC.tool_length + SPEC.lift) * normal
     grasp = grasp_rows(point[None], normal[None], rail[None], SPEC.tool_length)[0]
     base, to = pose(np.zeros(3), np.eye(3)), Angles.row()
-    mask, _ = solutions(arm_of(SPEC.limb), frame[:3, 3], frame[:3, :3], 0.0)
-    assert mask
+    branch_set, _ = solutions(arm_of(SPEC.limb), frame[:3, 3], frame[:3, :3], 0.0)
+    assert branch_set
     for branch in range(8):
         found = angles_above(ROBOT.rows, i, base, grasp, branch, to)
-        assert found == bool(mask >> branch & 1)
+        assert found == bool(branch_set >> branch & 1)
         if found:
             reached = forward_kinematics(to["q"], SPEC.limb.lengths)[6]
             np.testing.assert_allclose(reached, frame, atol=1e-7)

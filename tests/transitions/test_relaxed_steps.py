@@ -28,12 +28,12 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
             most[name][0] = step[name]
         checks.relax(most, stances, world)
         plain = PlainChecks(graph, stances)
-        released = None
+        releases = None
         if settings is None:
-            released = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
+            releases = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
         of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, every)], False)
         found = {i: members(most["kept"][0, i]) for i in of_step.held}
-        assert found == of_step.most(released)
+        assert found == of_step.most(releases)
         for wanted in (every, *(some_masks(graph, rng) for _ in range(8))):
             _, kept, _ = asked(graph, limb, before, after, wanted, False)
             assert (kept["kept"] & ~most["kept"][0] == 0).all()

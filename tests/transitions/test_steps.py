@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from limb_motions import swinging
-from plain_checks import PlainChecks, mask_of, members
+from plain_checks import PlainChecks, branch_set_of, members
 from plain_steps import NO_EDGE, PlainStep
 from random_steps import NO_COLLISIONS, asked, two_stances
 
@@ -31,7 +31,7 @@ def same_release(ours, truth):
 def same_edge(step, truth, limbs):
     assert {i: members(step["kept"][i]) for i in limbs} == (truth.kept or {i: set() for i in limbs})
     assert members(step["on_arc"]) == truth.on_arc
-    assert int(step["pair"]) == truth.pair
+    assert int(step["line_branches"]) == truth.line_branches
     assert tuple(step["folds"].tolist()) == truth.folds
     if truth.kept:
         assert step["kind"] == truth.kind
@@ -51,18 +51,18 @@ def test_releases_and_steps_are_those_of_the_plain_definition(small, given):
         wanted = some_branches(graph, rng, given)
         stances, step, able = asked(graph, limb, before, after, wanted, given)
         plain = PlainChecks(graph, stances)
-        released = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
+        releases = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
         for s in (0, 1):
             for i in range(graph.limbs):
-                same_release(stances.released[s, i], released[s][i])
+                same_release(stances.releases[s, i], releases[s][i])
         of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, wanted)], given)
         assert able == any(all(on.values()) for on in of_step.on_path)
-        edge = of_step.check(released)
+        edge = of_step.check(releases)
         same_edge(step, edge, of_step.held)
         kinds["none"] += edge == NO_EDGE
-        kinds["line"] += edge.pair >= 0
+        kinds["line"] += edge.line_branches >= 0
         kinds["folded"] += max(edge.folds) >= 0
-        kinds["joined"] += any(one.pairs and not one.folds for both in released for one in both)
+        kinds["joined"] += any(one.pairs and not one.folds for both in releases for one in both)
     assert min(kinds.values()) > 0
 
 
@@ -73,13 +73,13 @@ def test_steps_without_collisions_are_those_of_the_plain_definition(small, given
         limb, before, after = two_stances(graph, rng)
         wanted = some_branches(graph, rng, given)
         stances, step, able = asked(graph, limb, before, after, wanted, given)
-        assert (stances.released["branches"] == stances.mask).all()
+        assert (stances.releases["branches"] == stances.branch_sets).all()
         plain = PlainChecks(graph, stances)
         of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, wanted)], given)
         edge = of_step.check()
         same_edge(step, edge, of_step.held)
         assert able == bool(edge.kept)
-        assert mask_of(edge.on_arc) == int(step["on_arc"])
+        assert branch_set_of(edge.on_arc) == int(step["on_arc"])
 
 
 def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap, robot_spec
-from mlivr_gym.collisions.against_boxes import Behind, compare_with_grid
+from mlivr_gym.collisions.against_boxes import GraspSurface, compare_with_grid
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE
 from mlivr_gym.errors import ShapeError
@@ -65,7 +65,7 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     local = 1.2 * half * np.clip(point, -1.0, 1.0)
     inside = bool((np.abs(local) < half).all())
     place, still = tuple(centre + rotation @ local), (0.0, 0.0)
-    grid, nothing = box_grid((loaded,)), Behind.row()
+    grid, nothing = box_grid((loaded,)), GraspSurface.row()
     answer = called(compare_with_grid)((place, place), 1e-9, still, grid, nothing, False)
     assert answer == (OBSTACLE if inside else CLEAR)
 

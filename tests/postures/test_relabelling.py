@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
-from mlivr_gym.postures.turns import first_limbs, lowest_first, permuted_limbs, turned_frames
+from mlivr_gym.postures.relabelling import first_limbs, lowest_first, relabelled, relabelled_frames
 
 
 def stances_of(graph, count, seed):
@@ -16,7 +16,7 @@ def stances_of(graph, count, seed):
     while len(rows) < count:
         chosen = [int(rng.integers(len(graph.grasp_map)))]
         while len(chosen) < graph.limbs:
-            able = np.flatnonzero(graph.together[chosen].all(axis=0))
+            able = np.flatnonzero(graph.compatible[chosen].all(axis=0))
             if not len(able):
                 break
             chosen.append(int(rng.choice(able)))
@@ -31,18 +31,18 @@ def test_postures_turn_with_the_limbs(jem, limbs, collisions):
     graph = stance_graph(jem, f"mlivr{limbs}", Settings(collisions=collisions))
     stances = stances_of(graph, 1000 if limbs == 3 else 6000, limbs)
     found = graph.nodes(stances)
-    held = graph.is_node(found)
-    assert held.sum() > 40
-    stances, found = stances[held], found.take(held)
-    for turn in range(1, limbs):
-        other = graph.nodes(np.roll(stances, -turn, axis=1))
+    geometry = graph.is_node(found)
+    assert geometry.sum() > 40
+    stances, found = stances[geometry], found.take(geometry)
+    for relabelling in range(1, limbs):
+        other = graph.nodes(np.roll(stances, -relabelling, axis=1))
         assert graph.is_node(other).all()
         np.testing.assert_allclose(other.base_position, found.base_position, atol=1e-12)
-        yaw = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi * turn / limbs]).as_matrix()
+        yaw = Rotation.from_rotvec([0.0, 0.0, 2.0 * np.pi * relabelling / limbs]).as_matrix()
         np.testing.assert_allclose(other.base_rotation, found.base_rotation @ yaw, atol=1e-12)
         np.testing.assert_allclose(other.w_b, found.w_b, rtol=1e-9)
-        for name in ("w_m", "branch", "mask"):
-            ours, theirs = getattr(other, name), np.roll(getattr(found, name), -turn, axis=1)
+        for name in ("w_m", "branch", "branch_sets"):
+            ours, theirs = getattr(other, name), np.roll(getattr(found, name), -relabelling, axis=1)
             np.testing.assert_allclose(ours, theirs, rtol=1e-9)
 
 
@@ -74,8 +74,8 @@ def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
     positions = grasp_map.positions[stances]
     away = np.linalg.norm(positions - positions.mean(axis=1, keepdims=True), axis=2)
     np.testing.assert_allclose(away[np.arange(30), first], away.min(axis=1), atol=1e-6)
-    for turn in range(1, limbs):
-        there = np.roll(stances, -turn, axis=1)
+    for relabelling in range(1, limbs):
+        there = np.roll(stances, -relabelling, axis=1)
         np.testing.assert_array_equal(there[np.arange(30), first_limbs(grasp_map, there)], point)
     order = rng.permutation(12)
     shuffled = map_of([grasp_map.ids[k] for k in order], grasp_map.positions[order])
@@ -99,8 +99,8 @@ def test_of_a_rectangle_the_limb_before_a_short_side_is_the_first():
 def test_turns_put_limbs_in_the_places_of_others():
     values = np.arange(8).reshape(2, 4)
     np.testing.assert_array_equal(
-        permuted_limbs(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]]
+        relabelled(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]]
     )
     np.testing.assert_array_equal(lowest_first(np.array([[5, 2, 9], [1, 7, 3]])), [1, 0])
-    frames = turned_frames(np.eye(3)[None], np.array([1]), 4)
+    frames = relabelled_frames(np.eye(3)[None], np.array([1]), 4)
     np.testing.assert_allclose(frames[0, :, 0], [0.0, 1.0, 0.0], atol=1e-15)

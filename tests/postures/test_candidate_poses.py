@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.postures.tried_poses import bases_at
+from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -19,20 +19,16 @@ def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, 
     graph = stance_graph(replace(small_map, positions=places), robot)
     stances = np.array([random_state(graph, rng).stance for _ in range(30)])
     postures = graph.nodes(stances)
-    assert len(set(postures.tried.tolist())) > 3
-    position, rotation = bases_at(graph.grasp_map, graph.robot, stances, postures.tried)
+    assert len(set(postures.pose_number.tolist())) > 3
+    position, rotation = bases_at(graph.grasp_map, graph.robot, stances, postures.pose_number)
     np.testing.assert_array_equal(position, postures.base_position)
     np.testing.assert_array_equal(rotation, postures.base_rotation)
     for stance, number, base in zip(
-        stances.tolist(), postures.tried.tolist(), postures.base_position, strict=True
+        stances.tolist(), postures.pose_number.tolist(), postures.base_position, strict=True
     ):
-        tried, _ = graph.solver.poses_tried(stance)
-        apart = np.linalg.norm(tried - base, axis=1)
-        # Heights change fastest in the numbers, rolls in the list of the solver.
-        rolls, heights = len(graph.robot.rolls), len(graph.robot.heights)
-        if len(tried) == rolls * heights:
-            assert apart[number % heights * rolls + number // heights] < 1e-6
-        assert apart.min() < 1e-6
+        pose_number, _ = graph.solver.candidate_poses(stance)
+        apart = np.linalg.norm(pose_number - base, axis=1)
+        assert apart[number] < 1e-6
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
@@ -43,5 +39,5 @@ def test_postures_do_not_depend_on_what_they_are_computed_with(small_map, robot)
     whole = graph.solver.solve(stances)
     for k in range(len(stances)):
         alone = others.solve(stances[k : k + 1])
-        for name in ("base_position", "base_rotation", "w_m", "w_b", "mask", "tried"):
+        for name in ("base_position", "base_rotation", "w_m", "w_b", "branch_sets", "pose_number"):
             np.testing.assert_array_equal(getattr(alone, name)[0], getattr(whole, name)[k])

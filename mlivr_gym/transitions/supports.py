@@ -8,6 +8,8 @@ import numpy as np
 
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
+    NO,
+    YES,
     both_flips,
     first_branch,
     has_branch,
@@ -28,7 +30,7 @@ def remove_collisions(
     parts: int,
     step: StepRecord,
     scene: StepContext,
-    masks: Limbs,
+    branch_sets: Limbs,
     scratch: StepScratch,
 ) -> bool:
     """Remove the branches on which support limbs collide with each other or with the swing.
@@ -44,7 +46,7 @@ def remove_collisions(
         The step.
     scene
         The stances, the robot and the world.
-    masks
+    branch sets
         Branches of each support limb, changed in place.
     scratch
         Scratch.
@@ -56,22 +58,27 @@ def remove_collisions(
     """
     robot, world = scene.robots[0], scene.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, masks, scratch):
+        if not each_clear(parts, layer, step, scene, branch_sets, scratch):
             return False
         if layer > 0 or parts == MOVER:
             continue
         for i in range(robot.limb_count):
             for j in range(i + 1, robot.limb_count):
                 if i != step.limb and j != step.limb:
-                    _remove_collisions_between(i, j, step, scene, masks, scratch)
-                    if masks[i] == 0 or masks[j] == 0:
+                    _remove_collisions_between(i, j, step, scene, branch_sets, scratch)
+                    if branch_sets[i] == 0 or branch_sets[j] == 0:
                         return False
     return True
 
 
 @kernel
 def each_clear(
-    parts: int, layer: int, step: StepRecord, scene: StepContext, masks: Limbs, scratch: StepScratch
+    parts: int,
+    layer: int,
+    step: StepRecord,
+    scene: StepContext,
+    branch_sets: Limbs,
+    scratch: StepScratch,
 ) -> bool:
     """Remove branches as `remove_collisions` does, in one layer, without pairs of support limbs."""
     robot = scene.robots[0]
@@ -79,11 +86,11 @@ def each_clear(
         if i == step.limb:
             continue
         for b in range(BRANCHES):
-            if has_branch(masks[i], b) and not _support_clear(
+            if has_branch(branch_sets[i], b) and not _support_clear(
                 parts, i, b, layer, step, scene, scratch
             ):
-                masks[i] = without_branch(masks[i], b)
-        if masks[i] == 0:
+                branch_sets[i] = without_branch(branch_sets[i], b)
+        if branch_sets[i] == 0:
             return False
     return True
 
@@ -104,7 +111,7 @@ def _support_clear(
     set_support(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
     set_swing(sweep.motion.second, step.limb, scratch.start, scratch.end)
     standing, mover = parts != MOVER, parts != STANDING
-    compare_with(sweep, standing, standing and inside, parts < STANDING, mover and inside)
+    compare_with(sweep, standing, standing and inside, NO, mover and inside)
     return is_clear(robot, world, layer, sweep)
 
 
@@ -120,7 +127,7 @@ def both_clear(
     sweep, points = scratch.sweep, stances.points
     set_support(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
     set_support(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
-    compare_with(sweep, i < 0, i < 0, i < 0, i >= 0)
+    compare_with(sweep, NO, NO, NO, YES)
     return is_clear(robot, world, world.first, sweep)
 
 
@@ -130,7 +137,7 @@ def _remove_collisions_between(
     j: int,
     step: StepRecord,
     scene: StepContext,
-    masks: Limbs,
+    branch_sets: Limbs,
     scratch: StepScratch,
 ) -> None:
     """Remove branches until all that two support limbs keep are clear of each other.
@@ -139,17 +146,17 @@ def _remove_collisions_between(
     second would keep none, it keeps its first branch, and those of the first limb that are too
     close to this one are removed.
     """
-    kept = masks[j]
+    kept = branch_sets[j]
     for c in range(BRANCHES):
         for b in range(BRANCHES):
-            present = has_branch(kept, c) and has_branch(masks[i], b)
+            present = has_branch(kept, c) and has_branch(branch_sets[i], b)
             if present and not both_clear(i, b, j, c, step, scene, scratch):
                 kept = without_branch(kept, c)
     if kept:
-        masks[j] = kept
+        branch_sets[j] = kept
         return
-    chosen = first_branch(masks[j])
-    masks[j] &= both_flips(chosen)
+    chosen = first_branch(branch_sets[j])
+    branch_sets[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(masks[i], b) and not both_clear(i, b, j, chosen, step, scene, scratch):
-            masks[i] = without_branch(masks[i], b)
+        if has_branch(branch_sets[i], b) and not both_clear(i, b, j, chosen, step, scene, scratch):
+            branch_sets[i] = without_branch(branch_sets[i], b)

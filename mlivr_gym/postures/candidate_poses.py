@@ -14,14 +14,14 @@ from mlivr_gym.kinematics.batches import mean_of_limbs, rotate
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.geometries import (
-    Grasps,
-    grasps_of_geometries,
+    RelativeGeometries,
+    geometries_of_rows,
     in_world,
     relative_geometries,
 )
-from mlivr_gym.postures.records import HeldStance, PostureRule, set_candidates
+from mlivr_gym.postures.records import PostureRule, StanceGeometry, set_candidates
+from mlivr_gym.postures.relabelling import first_limbs, relabelled, relabelled_frames
 from mlivr_gym.postures.selection import set_poses
-from mlivr_gym.postures.turns import first_limbs, permuted_limbs, turned_frames
 from mlivr_gym.robot.specification import RobotSpec, geometric_order
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -47,14 +47,14 @@ class Candidates(NamedTuple):
     """Rolls between opposite walls [rad]."""
 
     @classmethod
-    def of(cls, robot: RobotSpec, held: Grasps) -> Candidates:
+    def of(cls, robot: RobotSpec, geometry: RelativeGeometries) -> Candidates:
         """Return a robot's candidates for given grasps."""
         opposed_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
         return cls(
             base_frames(
-                held.grasps,
-                held.normals,
-                np.ascontiguousarray(held.rails[:, 0]),
+                geometry.positions,
+                geometry.normals,
+                np.ascontiguousarray(geometry.rails[:, 0]),
                 robot.mount_directions if robot.mounts else None,
             ),
             np.array(robot.heights),
@@ -64,7 +64,7 @@ class Candidates(NamedTuple):
         )
 
     def write(self, stances: Any, rules: Any) -> None:
-        """Write the candidates into records of `HeldStance` and a record of `PostureRule`."""
+        """Write the candidates into records of `StanceGeometry` and a record of `PostureRule`."""
         for name, array in zip(("frame", "out", "line", "opposed"), self.frames, strict=True):
             stances[name] = array
         set_candidates(rules[0], self[1:])
@@ -75,27 +75,31 @@ class Candidates(NamedTuple):
         They are records of `Pose`, shape (k,).
         """
         count, rules = len(numbers), PostureRule.rows(1)
-        stances, out = HeldStance.rows(count), Pose.rows(count)
+        stances, out = StanceGeometry.rows(count), Pose.rows(count)
         self.write(stances, rules)
         set_poses(stances, rules, numbers, out)
         return out
 
 
-def held_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
+def geometries_in_world(grasp_map: GraspMap, stances: IntArray) -> RelativeGeometries:
     """Return the grasps of stances relative to their centroids, in the axes of the world."""
-    points, rotations = grasp_map.positions[stances], grasp_map.rotations[stances]
-    centres = mean_of_limbs(points)
-    return Grasps(points - centres[:, None], rotations[..., 2], rotations[..., 0], centres)
+    positions, rotations = grasp_map.positions[stances], grasp_map.rotations[stances]
+    centres = mean_of_limbs(positions)
+    return RelativeGeometries(
+        positions - centres[:, None], rotations[..., 2], rotations[..., 0], centres
+    )
 
 
-def rounded_in_world(grasp_map: GraspMap, stances: IntArray) -> Grasps:
-    """Return grasps like `held_in_world`, from the rounded coordinates of the relative geometry."""
+def rounded_geometries_in_world(grasp_map: GraspMap, stances: IntArray) -> RelativeGeometries:
+    """Return what `geometries_in_world` does, from the rounded relative geometry."""
     rows, inverse = relative_geometries(grasp_map, stances)
-    held, centroids = grasps_of_geometries(rows[inverse], stances.shape[1])
+    geometry, centroids = geometries_of_rows(rows[inverse], stances.shape[1])
     first = stances[:, 0]
     frames = grasp_map.rotations[first]
-    grasps, normals, rails = (rotate(frames[:, None], part) for part in held[:3])
-    return Grasps(grasps, normals, rails, grasp_map.positions[first] + rotate(frames, centroids))
+    positions, normals, rails = (rotate(frames[:, None], part) for part in geometry[:3])
+    return RelativeGeometries(
+        positions, normals, rails, grasp_map.positions[first] + rotate(frames, centroids)
+    )
 
 
 def bases_of_ordered(
@@ -106,8 +110,8 @@ def bases_of_ordered(
     See `bases_at`.
     """
     rows, inverse = relative_geometries(grasp_map, stances)
-    held, centroids = grasps_of_geometries(rows[inverse], robot.limbs)
-    found = Candidates.of(robot, held).poses(numbers)
+    geometry, centroids = geometries_of_rows(rows[inverse], robot.limbs)
+    found = Candidates.of(robot, geometry).poses(numbers)
     local = found["position"] + centroids
     return in_world(grasp_map, stances[:, 0], local, found["rotation"])
 
@@ -135,8 +139,8 @@ def bases_at(
     tuple[Array, Array]
         Positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
     """
-    turns = first_limbs(grasp_map, stances, robot.is_symmetric)
+    relabellings = first_limbs(grasp_map, stances, robot.is_symmetric)
     positions, rotations = bases_of_ordered(
-        grasp_map, robot, permuted_limbs(stances, turns), numbers
+        grasp_map, robot, relabelled(stances, relabellings), numbers
     )
-    return positions, turned_frames(rotations, -turns, robot.limbs)
+    return positions, relabelled_frames(rotations, -relabellings, robot.limbs)

@@ -4,8 +4,8 @@ The limbs are alike and mounted at equal angles, so a stance whose points are ex
 among the limbs is the same stance of a robot that has turned. With more than two limbs its posture
 is the same too: the rule of postures starts with a limb that the grasps determine, not with limb 0,
 see `first_limbs`. Its steps are the same if the body, a cube, also looks the same, which holds for
-four limbs, see `same_after_turns`; with three limbs a few steps differ. A relabelling `t` puts limb
-`(t + i) % N` in the place of limb `i`.
+four limbs, see `is_symmetric_after_relabelling`; with three limbs a few steps differ. A relabelling
+`t` puts limb `(t + i) % N` in the place of limb `i`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mlivr_gym.postures.geometries import RESOLUTION
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def same_after_turns(limbs: int) -> bool:
+def is_symmetric_after_relabelling(limbs: int) -> bool:
     """Return whether the robot, its cubic body included, is unchanged by cyclic relabellings.
 
     With two limbs it is not, since the rule of postures starts with limb 0.
@@ -29,15 +29,15 @@ def same_after_turns(limbs: int) -> bool:
     return limbs == 4
 
 
-def permuted_limbs(values: NDArray[Any], turns: NDArray[Any]) -> NDArray[Any]:
+def relabelled(values: NDArray[Any], relabellings: NDArray[Any]) -> NDArray[Any]:
     """Return values of the limbs after relabellings, shape (k, N, ...) and (k,) -> (k, N, ...)."""
     limbs = np.arange(values.shape[1])
-    places = (limbs + turns[:, None]) % len(limbs)
+    places = (limbs + relabellings[:, None]) % len(limbs)
     taken: NDArray[Any] = values[np.arange(len(values))[:, None], places]
     return taken
 
 
-def turned_frames(rotations: Array, turns: IntArray, limbs: int) -> Array:
+def relabelled_frames(rotations: Array, relabellings: IntArray, limbs: int) -> Array:
     """Return base rotations after relabellings, shape (k, 3, 3) and (k,) -> (k, 3, 3).
 
     The x axis of the base points to the mount of limb 0.
@@ -47,13 +47,13 @@ def turned_frames(rotations: Array, turns: IntArray, limbs: int) -> Array:
     yaw[:, 0, 0] = yaw[:, 1, 1] = np.cos(angles)
     yaw[:, 1, 0], yaw[:, 0, 1] = np.sin(angles), -np.sin(angles)
     yaw[:, 2, 2] = 1.0
-    return chain(rotations, yaw[turns % limbs])
+    return chain(rotations, yaw[relabellings % limbs])
 
 
 def lowest_first(stances: IntArray) -> IntArray:
     """Return the relabellings after which limb 0 holds the lowest point index, (k, N) -> (k,)."""
-    turns: IntArray = stances.argmin(axis=1)
-    return turns
+    relabellings: IntArray = stances.argmin(axis=1)
+    return relabellings
 
 
 def first_limbs(grasp_map: GraspMap, stances: IntArray, is_symmetric: bool = True) -> IntArray:
@@ -95,5 +95,5 @@ def _smallest_relabelling(*values: Array) -> IntArray:
         for i in range(limbs):
             here = np.where(alive, np.roll(one, -i, axis=1), np.inf)
             alive &= here == here.min(axis=1, keepdims=True)
-    turns: IntArray = alive.argmax(axis=1)
-    return turns
+    relabellings: IntArray = alive.argmax(axis=1)
+    return relabellings
