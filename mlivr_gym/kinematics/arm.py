@@ -45,14 +45,26 @@ class Arm(Record):
     links: float
     """Product of the lengths of upper arm and forearm [m^2]: `|det J|` divided by the sines of
     elbow and wrist and by the distance `u` of the wrist from joint 1's axis."""
+    b2: float
+    """Distance of the elbow axis from the line along the upper arm [m]."""
+    upper: float
+    """Distance of the elbow axis from the shoulder [m], and the next one: for a spherical wrist."""
     forearm: float
-    """Distance of the wrist point from the elbow axis of a spherical wrist [m]."""
+    """Distance of the wrist point from the elbow axis [m]."""
+    c_fold: float
+    """Cosine of the angle between the upper arm and the line from the shoulder to the elbow."""
+    s_fold: float
+    """Its sine."""
     c_bend: float
-    """Cosine of the angle between the forearm and that line."""
+    """Cosine of joint 3 where shoulder, elbow and wrist point lie in a line."""
     s_bend: float
     """Its sine."""
+    c_twist: float
+    """Cosine of the angle between axes 1 and 2."""
+    s_twist: float
+    """Its sine."""
     c_held: float
-    """Cosine of the angle at which the roll of the upper arm is held."""
+    """Cosine of the angle between axes 2 and 3."""
     s_held: float
     """Its sine."""
     window: Annotated[Array, (6, 2)]
@@ -97,6 +109,13 @@ def in_window(angle: float, low: float) -> float:
     return winding
 
 
+def _cosine_and_sine(angle: float) -> tuple[float, float]:
+    """Return cosine and sine of an angle [rad], 0 where a quarter turn leaves a rounding error."""
+    pair = np.cos(angle), np.sin(angle)
+    cosine, sine = (0.0 if abs(part) < 1e-15 else float(part) for part in pair)
+    return cosine, sine
+
+
 def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     """Fill `arm`.
 
@@ -117,13 +136,17 @@ def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
         arm["links"] = abs(arm["a2"] * arm["a3"])
         arm["c_held"], arm["s_held"] = 1.0, 0.0
     else:
-        for name, length in zip(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), lengths, strict=False):
+        names = ("d1", "a1", "d2", "a2", "b2", "a3", "d4", "d6")
+        for name, length in zip(names, lengths[:8], strict=True):
             arm[name] = length
-        forearm = np.hypot(arm["a3"], arm["d4"])
-        arm["forearm"], arm["links"] = forearm, arm["a2"] * forearm
-        arm["c_bend"], arm["s_bend"] = arm["d4"] / forearm, arm["a3"] / forearm
-        held = lengths[7]
-        arm["c_held"], arm["s_held"] = (np.cos(held), np.sin(held)) if held else (1.0, 0.0)
+        arm["c_twist"], arm["s_twist"] = _cosine_and_sine(lengths[8])
+        arm["c_held"], arm["s_held"] = _cosine_and_sine(lengths[9])
+        upper, forearm = np.hypot(arm["a2"], arm["b2"]), np.hypot(arm["a3"], arm["d4"])
+        fold, bend = np.arctan2(arm["b2"], arm["a2"]), np.arctan2(arm["a3"], arm["d4"])
+        arm["c_fold"], arm["s_fold"] = _cosine_and_sine(fold)
+        arm["c_bend"], arm["s_bend"] = _cosine_and_sine(bend - fold)
+        arm["upper"], arm["forearm"] = upper, forearm
+        arm["links"] = upper * forearm * abs(arm["s_twist"])
     low, high = windows.T
     arm["window"][:, 0] = low
     arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)

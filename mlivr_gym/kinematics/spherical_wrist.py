@@ -1,27 +1,31 @@
 """Closed-form kinematics of arms with a spherical wrist (compiled).
 
-Axes 4, 5 and 6 meet in the wrist point W, axis 2 is at right angles to axis 1. Two kinds of arms
-have this form: six-joint arms whose axis 3 is parallel to axis 2 (most industrial robots), and
-seven-joint arms with a spherical shoulder whose third joint, the roll of the upper arm, is held at
-an angle `t` (KUKA iiwa and others); for them the elbow axis leans by `t` to axis 2.
+Axes 4, 5 and 6 meet in the wrist point W. Two kinds of arms have this form: six-joint arms whose
+axis 2 is at right angles to axis 1 and parallel to axis 3 (most industrial robots), and seven-joint
+arms with a spherical shoulder (KUKA iiwa and others) of which one of the first three joints is
+held. For them axis 2 is turned by the twist `r` from axis 1, and the elbow axis 3 by `t` from axis
+2: `r` is a right angle and `t` the held angle if the third joint is held, the roll of the upper
+arm; `t` is a right angle if another one is, and `r` the held angle of the second.
 
 Frames: z of each link is its joint axis, y of the links 2, 3 and 5 points along the arm. At zero
 angles the arm stands upright along z of the limb base. The link frames follow from each other by
 
-    Rz(q1), z by d1 | x by a1, Rx(90), Rz(q2) | (0, a2, d2), Ry(t), Rz(q3) | (a3, d4, 0), Rx(-90),
-    Rz(q4) | Rx(90), Rz(q5) | y by d6, Rx(-90), Rz(q6)
+    Rz(q1), z by d1 | x by a1, Rx(r), Rz(q2) | (0, a2, d2), Ry(t), x by b2, Rz(q3) | (a3, d4, 0),
+    Rx(-90), Rz(q4) | Rx(90), Rz(q5) | y by d6, Rx(-90), Rz(q6)
 
-With `L^2 = a3^2 + d4^2`, the elbow angle `f = q3 - atan2(a3, d4)` and W seen from the height of
-the shoulder at `(x, y, h)`, the distance of W from the shoulder gives `cos f`, as in a triangle.
-Along axis 2 the point W lies off axis 1 by `k = d2 + sin(t) L sin f`; in the plane across axis 2
-it lies off axis 1 by `u`, with `u^2 + k^2 = x^2 + y^2`. The offsets `a1` and `d2` must be zero if
-`t` is not: then the shoulder is one point, and the elbow follows before `u`. Otherwise `k = d2`,
+With `U^2 = a2^2 + b2^2`, `L^2 = a3^2 + d4^2`, the angles `p = atan2(b2, a2)` and
+`g = q3 - atan2(a3, d4)` and W seen from the height of the shoulder at `(x, y, h)`, the distance of
+W from the shoulder gives the cosine of the elbow angle `f = g + p`, as in a triangle of sides U and
+L. Along axis 2 the point W lies at `k = d2 - sin(t) (b2 - L sin g)`, across axis 1 towards axis 2
+therefore at `o = (k - cos(r) h) / sin(r)`; at right angles to both axes it lies off axis 1 by `u`,
+with `u^2 + o^2 = x^2 + y^2`. The offsets `a1` and `d2` must be zero if `t` is not: then the
+shoulder is one point, and the elbow follows before `u`. Otherwise `r` is a right angle, `k = d2`,
 and `u` comes first. The eight solutions are labelled by
 
     branch = 4 * shoulder + 2 * elbow + wrist
 
 where `shoulder` is 1 if `u < 0`, `elbow` is 1 if `sin f < 0`, `wrist` is 1 if `s5 < 0`. Labels
-change only where `|det J| = a2 L |sin f  s5  u|` is zero (Pieper 1968; Siciliano et al. 2009,
+change only where `|det J| = U L |sin(r) sin f  s5  u|` is zero (Pieper 1968; Siciliano et al. 2009,
 section 3.3): the positions of W and the directions of the flange separate. A half turn of the tool
 about its axis is a half turn of joint 6 and changes nothing else.
 """
@@ -35,6 +39,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES, class_of
 from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.kinematics.elbow_plane import along_axis_2, in_elbow_plane
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm, FlangeAxis
@@ -53,9 +58,9 @@ class Elbow(NamedTuple):
     u2: float
     """Squared distance `u^2` [m^2]; below zero out of reach."""
     u: float
-    """Distance of W from joint 1's axis in the plane across axis 2, signed [m]."""
+    """Distance of W from joint 1's axis at right angles to axis 2, signed [m]."""
     offset: float
-    """Distance of W from joint 1's axis along axis 2, signed [m]."""
+    """Distance of W from joint 1's axis towards axis 2, signed [m]."""
     cosine: float
     """Cosine of the elbow angle; beyond -1 or 1 out of reach."""
     sine: float
@@ -88,7 +93,7 @@ def wrist_seen(arm: Arm, flange: FlangeAxis) -> Triple:
 def elbow_at(arm: Arm, wrist: Triple, choice: int) -> Elbow:
     """Return shoulder and elbow of a class of branches at a wrist point."""
     x, y, h = wrist
-    square, k2 = x * x + y * y, arm.a2 * arm.a2 + arm.forearm * arm.forearm
+    square, k2 = x * x + y * y, arm.upper * arm.upper + arm.forearm * arm.forearm
     offset, u2, u = arm.d2, 0.0, 0.0
     if arm.s_held == 0.0:
         u2 = square - offset * offset
@@ -96,12 +101,12 @@ def elbow_at(arm: Arm, wrist: Triple, choice: int) -> Elbow:
         if choice & 2:
             u = -u
         square = (u - arm.a1) * (u - arm.a1)
-    cosine = (square + h * h - k2) / (2.0 * arm.links)
+    cosine = (square + h * h - k2) / (2.0 * arm.upper * arm.forearm)
     sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
     if choice & 1:
         sine = -sine
     if arm.s_held != 0.0:
-        offset = arm.s_held * arm.forearm * sine
+        offset = (along_axis_2(arm, cosine, sine) - arm.c_twist * h) / arm.s_twist
         u2 = square - offset * offset
         u = np.sqrt(max(u2, 0.0))
         if choice & 2:
@@ -124,10 +129,10 @@ def _arm_at(arm: Arm, wrist: Triple, elbow: Elbow) -> Bend:
     x, y, h = wrist
     c1, s1 = _unit(elbow.u * x - elbow.offset * y, elbow.u * y + elbow.offset * x)
     # W in the plane across axis 2, seen from there: before joint 2 turns, and after.
-    before_x = -arm.c_held * arm.forearm * elbow.sine
-    before_y = arm.a2 + arm.forearm * elbow.cosine
-    after_x = elbow.u - arm.a1
-    c2, s2 = _unit(after_x * before_x + h * before_y, h * before_x - after_x * before_y)
+    before_x, before_y = in_elbow_plane(arm, elbow.cosine, elbow.sine)
+    before_x = arm.c_held * before_x
+    after_x, after_y = elbow.u - arm.a1, arm.s_twist * h - arm.c_twist * elbow.offset
+    c2, s2 = _unit(after_x * before_x + after_y * before_y, after_y * before_x - after_x * before_y)
     cosine, sine = _unit(elbow.cosine, elbow.sine)
     c3 = cosine * arm.c_bend - sine * arm.s_bend
     s3 = sine * arm.c_bend + cosine * arm.s_bend
@@ -137,8 +142,10 @@ def _arm_at(arm: Arm, wrist: Triple, elbow: Elbow) -> Bend:
 @kernel
 def seen_from_forearm(arm: Arm, bend: Bend, v: Triple) -> Triple:
     """Return a direction in the axes of link 3, given in those of the limb base."""
-    radial, across = bend.c1 * v[0] + bend.s1 * v[1], bend.s1 * v[0] - bend.c1 * v[1]
-    x, y = bend.c2 * radial + bend.s2 * v[2], bend.c2 * v[2] - bend.s2 * radial
+    radial, side = bend.c1 * v[0] + bend.s1 * v[1], bend.s1 * v[0] - bend.c1 * v[1]
+    up = arm.s_twist * v[2] - arm.c_twist * side
+    across = arm.s_twist * side + arm.c_twist * v[2]
+    x, y = bend.c2 * radial + bend.s2 * up, bend.c2 * up - bend.s2 * radial
     rolled, z = arm.c_held * x - arm.s_held * across, arm.s_held * x + arm.c_held * across
     return bend.c3 * rolled + bend.s3 * y, bend.c3 * y - bend.s3 * rolled, z
 
@@ -183,23 +190,23 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
     if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
         return False
     c1, s1, axis, point = bend.c1, bend.s1, out.axis, out.point
-    # Axes x and y of link 2, and x of link 3 before its joint turns.
-    x2, y2 = (bend.c2 * c1, bend.c2 * s1, bend.s2), (-bend.s2 * c1, -bend.s2 * s1, bend.c2)
-    z2 = (s1, -c1, 0.0)
+    c_twist, s_twist = arm.c_twist, arm.s_twist
+    x1, up = (c1, s1, 0.0), (-c_twist * s1, c_twist * c1, s_twist)
+    z2 = (s_twist * s1, -s_twist * c1, c_twist)
     for k in range(3):
+        x2, y2 = bend.c2 * x1[k] + bend.s2 * up[k], bend.c2 * up[k] - bend.s2 * x1[k]
         axis[0, k], point[0, k] = 0.0, 0.0
         axis[1, k] = z2[k]
-        rolled = arm.c_held * x2[k] - arm.s_held * z2[k]
-        axis[2, k] = arm.s_held * x2[k] + arm.c_held * z2[k]
-        axis[3, k] = bend.c3 * y2[k] - bend.s3 * rolled
-        x3 = bend.c3 * rolled + bend.s3 * y2[k]
+        rolled = arm.c_held * x2 - arm.s_held * z2[k]
+        axis[2, k] = arm.s_held * x2 + arm.c_held * z2[k]
+        axis[3, k] = bend.c3 * y2 - bend.s3 * rolled
+        x3 = bend.c3 * rolled + bend.s3 * y2
         axis[4, k] = bend.s4 * x3 + bend.c4 * axis[2, k]
         axis[5, k] = flange.z[k]
-    axis[0, 2] = 1.0
-    point[1, 0], point[1, 1], point[1, 2] = arm.a1 * c1, arm.a1 * s1, arm.d1
-    for k in range(3):
-        point[2, k] = point[1, k] + arm.a2 * y2[k] + arm.d2 * z2[k]
+        point[1, k] = arm.a1 * x1[k] + (arm.d1 if k == 2 else 0.0)
+        point[2, k] = point[1, k] + arm.a2 * y2 + arm.d2 * z2[k] + arm.b2 * rolled
         point[3, k] = point[4, k] = point[5, k] = flange.p[k] - arm.d6 * flange.z[k]
+    axis[0, 2] = 1.0
     return True
 
 
@@ -258,13 +265,14 @@ def _set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
     frames[1, 1, 0], frames[1, 1, 1] = c1, s1
     frames[1, 2, 0], frames[1, 2, 1] = -s1, c1
     for k in range(3):
-        x1, up, z2 = frames[1, 1, k], frames[1, 3, k], -frames[1, 2, k]
+        x1, y1, z1 = frames[1, 1, k], frames[1, 2, k], frames[1, 3, k]
+        up, z2 = arm.c_twist * y1 + arm.s_twist * z1, arm.c_twist * z1 - arm.s_twist * y1
         x2, y2 = c2 * x1 + s2 * up, c2 * up - s2 * x1
         frames[2, 0, k] = frames[1, 0, k] + arm.a1 * x1
         frames[2, 1, k], frames[2, 2, k], frames[2, 3, k] = x2, y2, z2
         rolled, z3 = arm.c_held * x2 - arm.s_held * z2, arm.s_held * x2 + arm.c_held * z2
         x3, y3 = c3 * rolled + s3 * y2, c3 * y2 - s3 * rolled
-        frames[3, 0, k] = frames[2, 0, k] + arm.a2 * y2 + arm.d2 * z2
+        frames[3, 0, k] = frames[2, 0, k] + arm.a2 * y2 + arm.d2 * z2 + arm.b2 * rolled
         frames[3, 1, k], frames[3, 2, k], frames[3, 3, k] = x3, y3, z3
         x4, y4 = c4 * x3 - s4 * z3, -s4 * x3 - c4 * z3
         frames[4, 0, k] = frames[5, 0, k] = frames[3, 0, k] + arm.a3 * x3 + arm.d4 * y3
@@ -283,21 +291,23 @@ def forward_kinematics(q: Array, lengths: Array) -> Array:
     q
         Joint angles [rad], shape (6,).
     lengths
-        d1, a1, d2, a2, a3, d4, d6 [m] and the held angle t [rad], shape (8,).
+        d1, a1, d2, a2, b2, a3, d4, d6 [m], twist r and angle t [rad], shape (10,).
 
     Returns
     -------
     Array
         Homogeneous transforms, shape (7, 4, 4); frame 6 is the flange.
     """
-    d1, a1, d2, a2, a3, d4, d6, held = lengths
+    d1, a1, d2, a2, b2, a3, d4, d6, twist, held = lengths
+    cosine, sine = np.cos(twist), np.sin(twist)
+    lean = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
     cosine, sine = np.cos(held), np.sin(held)
     roll = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     forth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     offsets = np.zeros((6, 3))
-    offsets[0, 2], offsets[1, 0], offsets[2, 1:], offsets[3, :2] = d1, a1, (a2, d2), (a3, d4)
-    offsets[5, 1] = d6
-    turns = np.eye(3), forth, roll, forth.T, forth, forth.T
+    offsets[0, 2], offsets[1, 0], offsets[3, :2], offsets[5, 1] = d1, a1, (a3, d4), d6
+    offsets[2] = (0.0, a2, d2) + roll[:, 0] * b2
+    turns = np.eye(3), lean, roll, forth.T, forth, forth.T
     frames = np.tile(np.eye(4), (7, 1, 1))
     for k, (offset, turn) in enumerate(zip(offsets, turns, strict=True)):
         c, s = np.cos(q[k]), np.sin(q[k])

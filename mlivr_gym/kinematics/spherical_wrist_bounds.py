@@ -2,32 +2,38 @@
 
 For the notation see `spherical_wrist`. On an interval let the wrist point W travel at most `d` in
 the limb base frame from the middle to either end, the flange axis turn at most `a` and the flange
-at most `w`. Let `D` be the distance of W from the shoulder, across axis 2 if the upper arm is not
-held at an angle, and let least and largest values be those on the interval. Velocities are taken
-per unit of the path of W, `e` is the travel of W that moves the triangle of shoulder, elbow and W.
+at most `w`. Let `D` be the distance of W from the shoulder, across axis 2 if `t = 0`, and let least
+and largest values be those on the interval. Velocities are taken per unit of the path of W, `e` is
+the travel of W that moves the triangle of shoulder, elbow and W.
 
-    u      u^2 >= (rho - d)^2 - k_max^2,  rho^2 = x^2 + y^2
+    u      u^2 >= (rho - d)^2 - o_max^2,  rho^2 = x^2 + y^2, o as in `spherical_wrist`
     e      d sqrt(1 + (d2 / u)^2)  for t = 0: the part across axis 2 is
            (v_x - (d2 / u) v_y, v_z) of a velocity v;  d  for a spherical shoulder
     cos f  from D - e and D + e by the triangle; it bounds sin f and cos f
-    q3     D dD = -a2 L sin f df:  at most e D / (a2 L |sin f|), or the two next ones together
+    q3     D dD = -U L sin f df:  at most e D / (U L |sin f|), or the two next ones together
     plane  the triangle is a planar arm of two links, which turn in its plane at most
-           e / (a2 |sin f|)  (upper arm)  and  e / (L |sin f|)  (forearm)
-    q1     y1 . v = u q1' - k', k' = sin(t) L cos f f':  at most (d + sin(t) L |cos f| q3) / u
-    q2     the upper arm turns in the plane by q2' cos(t) + q1' z.z3, |z.z3| <= |sin t|:
-           at most (e / (a2 |sin f|) + |sin t| q1) / |cos t|; and, as the velocity that is left
-           without q3 is at most d D / (a2 |sin f|), at most that + q1 k over sqrt(D^2 - k^2)
-    link 3 turns along its axis z3 by at most e / (L |sin f|), across it by q1 + |sin t| q2:
-           b3, the root of the sum of the squares
+           e / (U |sin f|)  (upper arm)  and  e / (L |sin f|)  (forearm)
+    k      |k'| <= m q3, m = |sin t| L (|cos p cos f| + |sin p sin f|)
+    o      at most as far as k if r is a right angle, else (m q3 + |cos r| d) / |sin r| from o
+    q1     z2 . v = k' - sin(r) u q1':  at most (d + m q3) / (|sin r| u), and if t is not 0 at most
+           d D / (U |sin f|), the velocity that is left without q3, over |sin r| u
+    q2     the upper arm turns in the plane by q2' cos(t) + q1' z.z3, |z.z3| <= n:
+           n = |sin t sin r| + |cos t cos r|, at most (e / (U |sin f|) + n q1) / |cos t|; and, by
+           the velocity that is left without q3, at most that
+           velocity + |sin r| q1 k over sqrt(D^2 - k^2), + |cos r| q1
+    link 3 turns along its axis z3 by at most e / (L |sin f|), across it by the parts of axes 1 and
+           2 across z3, whose product is cos(r) - z.z3 cos(t): with c the smaller one of
+           |cos r| + n |cos t| and |sin t|, by the root of q1^2 + (sin(t) q2)^2 + 2 c q1 q2; b3 is
+           the root of the sum of the squares of both
     s5     |s5| >= |s5| - (a + b3), since it is the sine of the angle between axes 4 and 6
     q5     a + b3
     q4     (a + b3) / |s5|: axis 6 seen from link 3 goes round axis 4
     q6     w + (a + b3) / |s5|: axis 4 goes round axis 6, which fixes axis 5
 
-The bounds of `cos(t) q2 + q3` are those of link 3 in the plane plus `|sin t| q1`. As scalars that
-are linear in the joint angles they come back, see `turns`. Between any two postures link 3 turns
-at most as far as on the line in joint space between them: along z3 by that scalar and
-`|sin t| q1`, across it by `q1 + |sin t| q2`; link 4 by q4 more across it.
+The bounds of `cos(t) q2 + q3` are those of link 3 in the plane plus `n q1`. As scalars that are
+linear in the joint angles they come back, see `turns`. Between any two postures link 3 turns at
+most as far as on the line in joint space between them: along z3 by that scalar and `n q1`, across
+it as above; link 4 by q4 more across it.
 """
 
 from __future__ import annotations
@@ -40,6 +46,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.arm import Arm
+from mlivr_gym.kinematics.elbow_plane import along_axis_2, in_elbow_plane
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 
 
@@ -65,7 +72,23 @@ class ArmMotion(NamedTuple):
 
 
 @kernel
-def _arm_motion(arm: Arm, u2: float, cosine: float, d: float) -> ArmMotion:
+def _lean(arm: Arm) -> float:
+    """Return the largest cosine of the angle between axes 1 and 3."""
+    largest: float = abs(arm.s_held * arm.s_twist) + abs(arm.c_held * arm.c_twist)
+    return largest
+
+
+@kernel
+def _across(arm: Arm, q1: float, q2: float) -> float:
+    """Return how far link 3 turns across its joint axis by turns of joints 1 and 2 [rad]."""
+    held = abs(arm.s_held)
+    between = min(abs(arm.c_twist) + _lean(arm) * abs(arm.c_held), held)
+    turn: float = np.sqrt(q1 * q1 + held * held * q2 * q2 + 2.0 * between * q1 * q2)
+    return turn
+
+
+@kernel
+def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> ArmMotion:
     """Bound the motion of the first three joints by the travel of the wrist point.
 
     Parameters
@@ -74,48 +97,58 @@ def _arm_motion(arm: Arm, u2: float, cosine: float, d: float) -> ArmMotion:
         The arm.
     u2
         Squared `u` in the middle [m^2].
+    offset
+        Size of `o` in the middle, or more [m].
     cosine
         Cosine of the elbow angle in the middle.
     d
         Travel of the wrist point [m].
     """
-    held, upper, fore = abs(arm.s_held), arm.a2, arm.forearm
+    held, upper, fore = abs(arm.s_held), arm.upper, arm.forearm
     none = ArmMotion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    k2 = upper * upper + fore * fore
-    offset = arm.d2 if held == 0.0 else held * fore * np.sqrt(max(1.0 - cosine * cosine, 0.0))
+    k2, links = upper * upper + fore * fore, upper * fore
     rho = np.sqrt(u2 + offset * offset) - d
-    if rho <= 0.0:
+    if rho <= 0.0 or (arm.c_twist != 0.0 and u2 <= d * d):
         return none
     e, u2_min = d, rho * rho - offset * offset
     if held == 0.0:
         if u2_min <= 0.0:
             return none
         e = d * np.sqrt(1.0 + offset * offset / u2_min)
-    distance = np.sqrt(max(k2 + 2.0 * arm.links * cosine, 0.0))
+    distance = np.sqrt(max(k2 + 2.0 * links * cosine, 0.0))
     farthest, closest = distance + e, max(distance - e, 0.0)
-    low = (closest * closest - k2) / (2.0 * arm.links)
-    high = (farthest * farthest - k2) / (2.0 * arm.links)
+    low = (closest * closest - k2) / (2.0 * links)
+    high = (farthest * farthest - k2) / (2.0 * links)
     most = max(abs(low), abs(high))
     if most >= 1.0:
         return none
     sine = np.sqrt(1.0 - most * most)
+    in_upper, plane = e / (upper * sine), e / (fore * sine)
+    q3 = min(in_upper * farthest / fore, in_upper + plane)
+    least = 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
+    widest = np.sqrt(1.0 - least * least)
+    k_change = held * fore * (abs(arm.c_fold) * most + abs(arm.s_fold) * widest) * q3
+    k_most = offset
     if held != 0.0:
-        least = 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
-        offset = held * fore * np.sqrt(1.0 - least * least)
-        u2_min = rho * rho - offset * offset
+        folded = max(abs(upper + fore * low), abs(upper + fore * high))
+        k_most = abs(arm.c_fold) * fore * widest + abs(arm.s_fold) * folded
+        k_most, o_most = held * k_most, held * k_most
+        if arm.c_twist != 0.0:
+            o_most = offset + (k_change + abs(arm.c_twist) * d) / abs(arm.s_twist)
+        u2_min = rho * rho - o_most * o_most
         if u2_min <= 0.0:
             return none
     u = np.sqrt(u2_min)
-    in_upper, plane = e / (upper * sine), e / (fore * sine)
-    q3 = min(in_upper * farthest / fore, in_upper + plane)
-    q1 = (d + held * fore * most * q3) / u
+    q1 = (d + k_change) / (abs(arm.s_twist) * u)
     q2 = in_upper
     if held != 0.0:
-        across = max(u2_min, closest * closest - offset * offset)
-        q2 = (in_upper * farthest + q1 * offset) / np.sqrt(across)
+        q1 = min(q1, in_upper * farthest / (abs(arm.s_twist) * u))
+        across = max(u2_min, closest * closest - k_most * k_most)
+        q2 = (in_upper * farthest + abs(arm.s_twist) * q1 * k_most) / np.sqrt(across)
+        q2 += abs(arm.c_twist) * q1
         if arm.c_held != 0.0:
-            q2 = min(q2, (in_upper + held * q1) / abs(arm.c_held))
-    return ArmMotion(True, u, sine, q1, q2, q3, plane, np.hypot(plane, q1 + held * q2))
+            q2 = min(q2, (in_upper + _lean(arm) * q1) / abs(arm.c_held))
+    return ArmMotion(True, u, sine, q1, q2, q3, plane, np.hypot(plane, _across(arm, q1, q2)))
 
 
 @kernel
@@ -124,7 +157,15 @@ def stays_above(
 ) -> bool:
     """Return whether the bounds keep a class of branches above the floor on an interval."""
     d, a = change
-    moved = _arm_motion(arm, terms[choice, 0], terms[choice, 2], d)
+    u2, cosine = terms[choice, 0], terms[choice, 2]
+    sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
+    k = along_axis_2(arm, cosine, -sine if choice & 1 else sine)
+    offset = abs(k)
+    if arm.c_twist != 0.0:
+        square = arm.upper * arm.upper + arm.forearm * arm.forearm
+        square += 2.0 * arm.upper * arm.forearm * cosine - u2 - k * k
+        offset = abs(arm.s_twist * k) + abs(arm.c_twist) * np.sqrt(max(square, 0.0))
+    moved = _arm_motion(arm, u2, offset, cosine, d)
     s5 = np.sqrt(terms[choice, 1]) - (a + moved.spin)
     least = moved.u * moved.sine * s5
     return bool(moved.proved and s5 > 0.0 and least * least >= square_floor)
@@ -136,14 +177,16 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     d, a, w = flange
     c3, s3 = np.cos(q[2]), np.sin(q[2])
     cosine, sine = c3 * arm.c_bend + s3 * arm.s_bend, s3 * arm.c_bend - c3 * arm.s_bend
-    x, y = -arm.c_held * arm.forearm * sine, arm.a2 + arm.forearm * cosine
-    u = arm.a1 + np.cos(q[1]) * x - np.sin(q[1]) * y
-    moved = _arm_motion(arm, u * u, cosine, d)
+    x, y = in_elbow_plane(arm, cosine, sine)
+    c2, s2, k = np.cos(q[1]), np.sin(q[1]), arm.d2 - arm.s_held * x
+    u = arm.a1 + c2 * arm.c_held * x - s2 * y
+    offset = arm.s_twist * k - arm.c_twist * (s2 * arm.c_held * x + c2 * y)
+    moved = _arm_motion(arm, u * u, abs(offset), cosine, d)
     s5 = abs(np.sin(q[4])) - (a + moved.spin)
     if not moved.proved or s5 <= 0.0:
         return False
     turns.q1, turns.q2, turns.q3 = moved.q1, moved.q2, moved.q3
-    turns.q23 = moved.plane + abs(arm.s_held) * moved.q1
+    turns.q23 = min(moved.plane + _lean(arm) * moved.q1, abs(arm.c_held) * moved.q2 + moved.q3)
     turns.q5, turns.q4 = a + moved.spin, (a + moved.spin) / s5
     turns.q6 = w + turns.q4
     return bool(max(turns.q1, turns.q2, turns.q3, turns.q5, turns.q6) < np.pi)
@@ -152,14 +195,16 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
 @kernel
 def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
     """Bound how far links turn and anchors move, seen from the links 0 to 4."""
-    held, upper = abs(arm.s_held), np.hypot(arm.a2, arm.d2)
+    upper, lean = np.hypot(arm.upper, arm.d2), _lean(arm)
     for row in range(5):
         for link in range(7):
             spin[row, link] = 0.0
     for row in range(2):
         first = turns.q1 if row == 0 else 0.0
-        along, across = turns.q23 + held * first, first + held * turns.q2
-        spin[row, 1], spin[row, 2] = first, np.hypot(first, turns.q2)
+        along, across = turns.q23 + lean * first, _across(arm, first, turns.q2)
+        both = first * first + turns.q2 * turns.q2
+        spin[row, 1] = first
+        spin[row, 2] = np.sqrt(both + 2.0 * abs(arm.c_twist) * first * turns.q2)
         spin[row, 3], spin[row, 4] = np.hypot(along, across), np.hypot(along, across + turns.q4)
     spin[2, 3], spin[2, 4], spin[3, 4] = turns.q3, np.hypot(turns.q3, turns.q4), turns.q4
     for row in range(5):

@@ -14,7 +14,7 @@ def check_build(robot: DerivedFigures) -> None:
     half = 0.5 * robot.body_edges
     limbs, places, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
     shoulders = [
-        p + limb.d1 * turn[:, 2] for limb, p, turn in zip(limbs, places, turns, strict=True)
+        p + limb.lengths[0] * turn[:, 2] for limb, p, turn in zip(limbs, places, turns, strict=True)
     ]
     for i, shoulder in enumerate(shoulders):
         inside = float((half - np.abs(shoulder)).min())

@@ -39,7 +39,8 @@ class DerivedFigures:
     def mounted(self) -> tuple[Mount, ...]:
         """Each limb with its place, its kinematics and its capsules, N of them.
 
-        `Mount.dynamics` is None where it follows from the lengths, see `dynamics_of`.
+        `Mount.dynamics` is None where it follows from the lengths, see `dynamics_of`. Where the
+        first joint of a limb is held, its place is that of the first joint that moves.
         """
         if self.mounts is None:
             turns, limb = even_rotations(self.limbs), self.limb
@@ -95,7 +96,7 @@ class DerivedFigures:
 
         What is below a nanometre counts as 0: rounding must not choose a direction.
         """
-        lengths = np.array([limb.d1 for limb in self.every_limb])
+        lengths = np.array([limb.lengths[0] for limb in self.every_limb])
         shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
         across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
         return np.where(np.abs(across) < MIN_SIZE, 0.0, across)

@@ -120,6 +120,10 @@ class FileLimb:
         turn = np.eye(4)
         turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
         (low, high), *others = self.limb.joint_limits
+        fields: dict[str, Any] = {"joint_limits": ((low - angle, high - angle), *others)}
+        if self.limb.held_joint == 1:
+            fields["held_angle"] = self.limb.held_angle - angle
+            return replace(self, limb=replace(self.limb, **fields), mount=self.mount @ turn)
         offsets = self.offsets.copy()
         offsets[0] -= angle
 
@@ -143,7 +147,7 @@ class FileLimb:
             )
         return replace(
             self,
-            limb=replace(self.limb, joint_limits=((low - angle, high - angle), *others)),
+            limb=replace(self.limb, **fields),
             offsets=offsets, mount=self.mount @ turn, capsules=capsules, dynamics=dynamics,
         )  # fmt: skip
 
@@ -177,7 +181,8 @@ def limb_of(
     limb = found.limb(_limits(file, arm, found))
     if WINDOWS in file.fields:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
-    frames = found.mount @ link_frames(limb, found.offsets)
+    found = found._replace(offsets=found.offsets + limb.joint_shifts)
+    frames = _base_of(limb, found) @ link_frames(limb, found.offsets)
     notes = []
     if arm.held is not None:
         joint, held = arm.held
@@ -333,7 +338,8 @@ def _position_error(
     data.qpos[:] = file.data.qpos
     local = inverse(body_frame(file.data, arm.links[5])) @ flange
     probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    tool = inverse(found.mount @ link_frames(limb, found.offsets)[6]) @ flange
+    base = _base_of(limb, found)
+    tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ flange
     addresses = file.model.jnt_qposadr[list(arm.joints)]
     worst = 0.0
     for _ in range(POSTURES):
@@ -341,7 +347,7 @@ def _position_error(
         data.qpos[addresses] = angles
         mujoco.mj_kinematics(file.model, data)
         theirs = body_frame(data, arm.links[5]) @ local @ probes
-        ours = found.mount @ link_frames(limb, found.signs * angles + found.offsets)[6]
+        ours = base @ link_frames(limb, found.signs * angles + found.offsets)[6]
         ours = ours @ _only_turned(tool) @ probes
         worst = max(worst, float(np.linalg.norm((theirs - ours)[:3], axis=0).max()))
     if worst > LARGEST_ERROR:
@@ -350,6 +356,15 @@ def _position_error(
             f"from where exact axes would bring it; it must be at most {LARGEST_ERROR:g} m"
         )
     return worst
+
+
+def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
+    """Return the base frame of the joints that move, see `LimbBase.base_in_mount`."""
+    frame = np.eye(4)
+    if limb.base_in_mount is not None:
+        frame[:3, :3], frame[:3, 3] = limb.base_in_mount
+    base: Array = found.mount @ frame
+    return base
 
 
 def _only_turned(frame: Array) -> Array:

@@ -69,7 +69,7 @@ class RecognisedArm(NamedTuple):
     """Its lengths [m], and the joint that is held."""
     signs: Array
     """1 or -1 for each joint that moves: an angle of the family is `sign * angle of the file +
-    offset`."""
+    offset`, plus the limb's `joint_shifts`."""
     offsets: Array
     """The offsets [rad], shape (6,)."""
     mount: Array

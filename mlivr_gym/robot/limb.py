@@ -93,13 +93,38 @@ class LimbBase(ABC):
     @property
     def limits(self) -> Array:
         """Limits of the joints that move [rad], shape (6, 2)."""
-        rows = np.array(self.joint_limits)
-        return rows if self.held_joint is None else np.delete(rows, self.held_joint - 1, axis=0)
+        return self.moving_angles(np.array(self.joint_limits).T).T
 
     @property
     def base_in_mount(self) -> tuple[Array, Array] | None:
         """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
         return None
+
+    @property
+    def joint_shifts(self) -> Array:
+        """By how much angles of the joints that move exceed those of the arm [rad], shape (6,)."""
+        return np.zeros(6)
+
+    def moving_angles(self, angles: Array) -> Array:
+        """Return angles of the joints that move from those of all joints of the arm [rad].
+
+        Parameters
+        ----------
+        angles
+            Shape (..., 7), or (..., 6) of an arm of six joints.
+        """
+        rows = np.asarray(angles, dtype=np.float64)
+        if self.held_joint is not None:
+            rows = np.delete(rows, self.held_joint - 1, axis=-1)
+        moving: Array = rows + self.joint_shifts
+        return moving
+
+    def all_angles(self, moving: Array) -> Array:
+        """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
+        rows: Array = np.asarray(moving, dtype=np.float64) - self.joint_shifts
+        if self.held_joint is None:
+            return rows
+        return np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
 
     def check_joints(self, place: FieldPath) -> None:
         """Refuse limits in the wrong order or number, and a held angle outside them.

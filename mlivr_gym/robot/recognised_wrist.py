@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,8 +47,9 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     file; a file whose zero angles are those of the family keeps its signs.
     """
     elbow = len(chain.names) - 4
-    if chain.held is not None and chain.held.place != HELD_JOINT - 1:
-        return f"joint {chain.names[chain.held.place]!r} is held, not {chain.names[2]!r}"
+    if chain.held is not None and chain.held.place >= HELD_JOINT:
+        names = ", ".join(repr(name) for name in chain.names[:HELD_JOINT])
+        return f"joint {chain.names[chain.held.place]!r} is held, which is none of {names}"
     reason = _wrist_fault(chain, elbow) or _shoulder_fault(chain, elbow)
     if reason:
         return reason
@@ -56,11 +57,12 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     reason = flange_fault(chain, points.wrist) or _elbow_fault(chain, points, elbow)
     if reason:
         return reason
-    literal = _in_family(chain, points, np.ones(len(chain.names)))
-    lengths = literal.fields
-    if not np.abs(literal.offsets).max() and min(lengths["a2"], lengths["d4"], lengths["d6"]) > 0:
-        return literal
-    return _in_family(chain, points, _signs(chain, points, elbow))
+    plus = np.ones(len(chain.names))
+    literal = _posture(chain, points, plus)
+    lengths = literal.lengths
+    if literal.zeros(chain, plus).any() or min(lengths[name] for name in ("a2", "d4", "d6")) < 0.0:
+        return _in_family(chain, points, _signs(chain, points, elbow))
+    return _in_family(chain, points, plus)
 
 
 def _wrist_fault(chain: JointChain, elbow: int) -> str:
@@ -86,8 +88,7 @@ def _shoulder_fault(chain: JointChain, elbow: int) -> str:
     if fault:
         return fault
     if elbow == 2:
-        tilted = float(np.linalg.norm(np.cross(chain.axes[1], chain.axes[2]))) > ALIGNED
-        return crossing_fault(chain, 0, 1) if tilted else ""
+        return crossing_fault(chain, 0, 1) if _is_tilted(chain) else ""
     fault = crossing_fault(chain, 0, 1) or crossing_fault(chain, 1, 2)
     apart = foot(chain, 1, 0) - foot(chain, 1, 2)
     if not fault and np.linalg.norm(apart) > MEETING:
@@ -113,17 +114,15 @@ def _elbow_fault(chain: JointChain, points: Points, elbow: int) -> str:
     if np.linalg.norm(points.wrist - points.elbow) <= MEETING:
         return f"the wrist point lies on the axis of joint {name!r}"
     upper = points.elbow - points.shoulder
-    tilted = float(np.linalg.norm(np.cross(chain.axes[1], axis))) > ALIGNED
-    if elbow == 2 and not tilted:
+    if elbow == 2 and not _is_tilted(chain):
         if np.linalg.norm(np.cross(upper, axis)) <= MEETING:
             return f"the axes of joints {chain.names[1]!r} and {name!r} are one line"
         return ""
-    roll = chain.axes[2] if elbow == 3 else np.cross(chain.axes[1], axis)
-    off = float(np.linalg.norm(np.cross(upper, roll / np.linalg.norm(roll))))
+    off = abs(float(upper @ axis))
     if off > MEETING:
         return (
-            f"the elbow, on the axis of joint {name!r}, lies {off:.3g} m beside the line along the "
-            "upper arm"
+            f"the shoulder lies {off:.3g} m beside the plane in which the wrist point turns about "
+            f"joint {name!r}"
         )
     if np.linalg.norm(upper) <= MEETING:
         return f"the axis of joint {name!r} passes through the shoulder"
@@ -149,76 +148,109 @@ def _signs(chain: JointChain, points: Points, elbow: int) -> Array:
         signs[2] = sign_of(float(upper @ axes[2]), 1.0)
     else:
         signs[2] = sign_of(float(axes[2] @ (signs[1] * axes[1])), 1.0)
-    # The elbow axis of seven joints and axis 5 of six may point either way.
-    for k in (elbow, elbow + 2):
-        if k == 2:
-            continue
-        found = _in_family(chain, points, signs)
-        offset = found.offsets[3]
-        if k == elbow:
-            held = chain.held
-            offset = found.fields["held_angle"]
-            if held is not None and held.place == 2:
-                offset -= signs[2] * held.angle
-        if abs(np.arctan2(np.sin(offset), np.cos(offset))) > 0.5 * np.pi + EXACT:
+    # The elbow axis of seven joints and the axis behind that of the forearm may point either way.
+    turned = [(elbow + 2, elbow + 1)] if elbow == 2 else [(elbow, 2), (elbow + 2, elbow + 1)]
+    for k, before in turned:
+        zero = _posture(chain, points, signs).zeros(chain, signs)[before]
+        if abs(np.arctan2(np.sin(zero), np.cos(zero))) > 0.5 * np.pi + EXACT:
             signs[k] = -1.0
     return signs
 
 
-def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm:
-    """Return the arm for signs of the axes, shape (n,)."""
-    axes = signs[:, None] * chain.axes
+class ArmInFamily(NamedTuple):
+    """What an arm looks like in its family at the posture of the chain."""
+
+    angles: Array
+    """Angles of all joints [rad], shape (n,)."""
+    held: float
+    """Angle from axis 2 to the elbow axis about the upper arm [rad]."""
+    lengths: dict[str, float]
+    """Lengths by the fields of the limb [m]."""
+    mount: Array
+    """Base frame of the arm, shape (4, 4)."""
+
+    def zeros(self, chain: JointChain, signs: Array) -> Array:
+        """Return the angles where those of the file are 0 [rad]."""
+        zeros = self.angles.copy()
+        if chain.held is not None:
+            zeros[chain.held.place] -= signs[chain.held.place] * chain.held.angle
+        return zeros
+
+
+def _posture(chain: JointChain, points: Points, signs: Array) -> ArmInFamily:
+    """Return the posture of the chain in the family for signs of the axes, shape (n,)."""
+    axes, seven = signs[:, None] * chain.axes, len(signs) == 7
     up, second, lean = axes[0], axes[1], axes[len(axes) - 4]
     wrist_1, wrist_2, out = axes[-3:]
     first = _unit(np.cross(up, second))
-    upper = points.elbow - points.shoulder
-    tilted = float(np.linalg.norm(np.cross(second, lean))) > ALIGNED
-    if len(axes) == 7:
+    upper, fore = points.elbow - points.shoulder, points.wrist - points.elbow
+    tilted = seven or _is_tilted(chain)
+    if seven:
         along = axes[2]
     elif tilted:
         along = _unit(np.cross(second, lean))
         along = along * (-1.0 if upper @ along < 0.0 else 1.0)
     else:
         along = _unit(upper - (upper @ second) * second)
-    x2 = np.cross(along, second)
-    held = np.arctan2(lean @ x2, lean @ second) if tilted or len(axes) == 7 else 0.0
-    rolled, x3 = np.cross(along, lean), np.cross(wrist_1, lean)
-    x4 = np.cross(wrist_1, wrist_2)
-    x5 = np.cross(out, wrist_2)
-    tool = tool_x(chain.flange, out)
-    angles = np.array([
+    x2, x3, x4 = np.cross(along, second), np.cross(wrist_1, lean), np.cross(wrist_1, wrist_2)
+    held = float(np.arctan2(lean @ x2, lean @ second)) if tilted else 0.0
+    rolled, x5, tool = np.cross(along, lean), np.cross(out, wrist_2), tool_x(chain.flange, out)
+    angles = [
         0.0,
         np.arctan2(x2 @ up, x2 @ first),
+        *([held] if seven else []),
         np.arctan2(x3 @ along, x3 @ rolled),
         np.arctan2(wrist_2 @ x3, wrist_2 @ lean),
         np.arctan2(-out @ x4, out @ wrist_1),
         np.arctan2(-tool @ wrist_2, tool @ x5),
-    ])  # fmt: skip
-    angles[np.abs(angles) < EXACT] = 0.0
+    ]
     mount = np.eye(4)
     mount[:3, :3] = np.stack([first, np.cross(up, first), up], axis=1)
     base = chain.base[:3, 3] - chain.anchors[0]
     mount[:3, 3] = chain.anchors[0] + (base @ up) * up
-    fore = points.wrist - points.elbow
     lengths = {
-        "d1": (points.shoulder - mount[:3, 3]) @ up, "a1": (points.shoulder - points.foot) @ first,
-        "d2": upper @ second, "a2": upper @ along, "a3": fore @ x3, "d4": fore @ wrist_1,
-        "d6": (chain.flange[:3, 3] - points.wrist) @ out,
+        "d1": (points.shoulder - mount[:3, 3]) @ up, "a2": upper @ along, "a3": fore @ x3,
+        "d4": fore @ wrist_1, "d6": (chain.flange[:3, 3] - points.wrist) @ out,
     }  # fmt: skip
-    fields: dict[str, object] = {name: rounded(length) for name, length in lengths.items()}
-    fields["held_joint"], limits = None, None
-    if tilted or len(axes) == 7:
-        fields |= {"held_joint": HELD_JOINT, "held_angle": rounded(held), "a1": 0.0, "d2": 0.0}
+    if tilted:
+        lengths["b2"] = upper @ rolled
+    else:
+        lengths |= {"a1": (points.shoulder - points.foot) @ first, "d2": upper @ second}
+    if chain.held is not None and chain.held.place == 0:
+        # The axes of the mount are those where joint 1 is at 0.
+        angles[0] = signs[0] * chain.held.angle
+        c, s = np.cos(angles[0]), np.sin(angles[0])
+        mount[:3, :3] = mount[:3, :3] @ [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
+    rounded_off = np.array(angles)
+    rounded_off[np.abs(rounded_off) < EXACT] = 0.0
+    return ArmInFamily(rounded_off, held, {k: rounded(v) for k, v in lengths.items()}, mount)
+
+
+def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm:
+    """Return the arm for signs of the axes, shape (n,)."""
+    seen = _posture(chain, points, signs)
+    fields: dict[str, Any] = {**seen.lengths, "held_joint": None}
+    if chain.held is None:
+        if not _is_tilted(chain):
+            return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount)
+        # The roll of an upper arm that no joint of the file moves may be held anywhere.
+        fields |= {"held_joint": HELD_JOINT, "held_angle": rounded(seen.held)}
         limits = (-np.pi, np.pi)
-    moving, joint = signs, chain.held
-    if joint is not None:
-        zero = held - signs[joint.place] * joint.angle
-        low, high = sorted(signs[joint.place] * end + zero for end in joint.limits)
-        turns = 2.0 * np.pi * np.round(0.5 * (low + high) / (2.0 * np.pi))
-        limits = (float(low - turns), float(high - turns))
-        fields["held_angle"] = rounded(held - turns)
-        moving = np.delete(signs, joint.place)
-    return RecognisedArm(SphericalWristLimb, fields, moving, angles, mount, limits)
+        return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount, limits)
+    k = chain.held.place
+    zero = seen.zeros(chain, signs)[k]
+    low, high = sorted(float(signs[k] * end + zero) for end in chain.held.limits)
+    turns = float(2.0 * np.pi * np.round(0.5 * (low + high) / (2.0 * np.pi)))
+    fields |= {"held_joint": k + 1, "held_angle": rounded(seen.angles[k] - turns)}
+    moving, angles = np.delete(signs, k), np.delete(seen.angles, k)
+    limits = (low - turns, high - turns)
+    return RecognisedArm(SphericalWristLimb, fields, moving, angles, seen.mount, limits)
+
+
+def _is_tilted(chain: JointChain) -> bool:
+    """Return whether the elbow axis of an arm is not parallel to axis 2."""
+    lean = chain.axes[len(chain.axes) - 4]
+    return float(np.linalg.norm(np.cross(chain.axes[1], lean))) > ALIGNED
 
 
 def _unit(vector: Array) -> Array:

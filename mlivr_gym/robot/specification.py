@@ -25,6 +25,7 @@ from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.export import as_mjcf, as_urdf
+from mlivr_gym.robot.failed_joints import mounts_with_failed_joint
 from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.folds import geometric_order as geometric_order
 from mlivr_gym.robot.from_file import robot_of_file
@@ -246,6 +247,29 @@ class RobotSpec(DerivedFigures):
     def from_mjcf(cls, path: str | Path, **options: Any) -> RobotSpec:
         """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
         return robot_of_file(path, cls.from_dict, options)
+
+    def with_failed_joint(self, limb: int, joint: int, angle: float) -> RobotSpec:
+        """Return the robot with a joint of a seven-joint limb locked at an angle.
+
+        The limb holds that joint in place of the one that it held. Where these differ its links are
+        others, so its collision shapes are the default ones and its masses are not known.
+
+        Parameters
+        ----------
+        limb
+            Number of the limb, from 0.
+        joint
+            Number of the joint of the arm, from 1.
+        angle
+            Angle at which it is locked, in the terms of the limb's `joint_limits` [rad].
+
+        Raises
+        ------
+        RobotError
+            If the limb cannot move without that joint; a limb of six joints never can.
+        """
+        mounts = mounts_with_failed_joint(self, limb, joint, angle)
+        return replace(self, name=f"{self.name}-limb{limb}-joint{joint}", mounts=mounts)
 
     def save(self, path: str | Path) -> None:
         """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.

@@ -22,12 +22,20 @@ from mlivr_gym.robot.limb import (
     LinkOffset,
 )
 from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
-from mlivr_gym.values import MIN_SIZE
+from mlivr_gym.values import MIN_SIZE, Triple
 
 HELD_JOINT = 3
-"""The joint of a seven-joint arm that can be held: the roll of the upper arm.
+"""The joint of a seven-joint arm that is held by default: the roll of the upper arm."""
 
-Without it the six other joints have a closed form, see `kinematics.spherical_wrist`.
+QUARTER = 0.5 * np.pi
+"""A quarter turn [rad]."""
+
+SHIFTS = {None: (0.0,) * 6, 1: (0.0, QUARTER, QUARTER, 0.0, 0.0, 0.0),
+          2: (-QUARTER, 0.0, QUARTER, 0.0, 0.0, 0.0), 3: (0.0,) * 6}  # fmt: skip
+"""By how much angles of the joints that move exceed those of the arm, by the held joint [rad].
+
+Without joint 1, 2 or 3 the six other joints have a closed form, see `kinematics.spherical_wrist`,
+whose zero angles these are.
 """
 
 DEGREES = (170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0)
@@ -40,10 +48,10 @@ WINDOW_STARTS = (-np.pi,) * 6
 """Where the windows of the joints that move begin [rad], see `LimbBase.windows`."""
 
 FOLDS = (
-    (0.0, -0.6, 2.0, 0.0, 0.6),
-    (0.0, 0.9, -2.0, 0.0, 0.6),
+    (0.0, -0.6, 0.0, 2.0, 0.0, 0.6, 0.0),
+    (0.0, 0.9, 0.0, -2.0, 0.0, 0.6, 0.0),
 )
-"""Joints 1 to 5 of a limb folded back over itself, away from the surface and towards it [rad]."""
+"""Joints of an arm folded back over itself, away from the surface and towards it [rad]."""
 
 THICKNESS = 0.08
 """Radius of the default collision shapes as a share of the length of upper arm and forearm."""
@@ -51,16 +59,17 @@ THICKNESS = 0.08
 
 @dataclass(frozen=True)
 class SphericalWristLimb(LimbBase):
-    """An arm whose last three axes meet, of six joints, or of seven with joint 3 held at an angle.
+    """An arm whose last three axes meet, of six joints, or of seven of which one is held.
 
-    At joint angles of 0 the arm stands upright along z of its base; joints 2, 3 and 5 of the six
-    that move turn about -y, joints 1, 4 and 6 about z, see `kinematics.spherical_wrist`. The
-    defaults are the published lengths and limits of a KUKA LBR iiwa 14 R820, whose joint 3 is held;
-    its joints 2 and 6 turn in the other sense there.
+    At joint angles of 0 the arm stands upright along z of its base. The joints of a seven-joint arm
+    turn about z, -y, z, -y, z, -y, z; an arm of six has no joint 3. The defaults are the published
+    lengths and limits of a KUKA LBR iiwa 14 R820, whose joint 3 is held; its joints 2 and 6 turn in
+    the other sense there.
 
-    A joint that is held does not move while the limb holds or swings. Manipulability is that of the
-    six joints that move, a lower bound of that of all seven: `det(J J^T)` is the sum of the squares
-    of the determinants of all choices of six columns (Cauchy-Binet).
+    One of joints 1, 2 and 3 can be held. Angles of the six others are those of the arm plus
+    `SHIFTS`. A joint that is held does not move while the limb holds or swings. Manipulability is
+    that of the six joints that move, a lower bound of that of all seven: `det(J J^T)` is the sum of
+    the squares of the determinants of all choices of six columns (Cauchy-Binet).
 
     Attributes
     ----------
@@ -74,6 +83,8 @@ class SphericalWristLimb(LimbBase):
         Offset of the arm along axis 2 [m]; 0 of an arm of seven joints.
     a2
         Upper arm, from axis 2 to the elbow axis [m].
+    b2
+        Distance of the elbow axis from the line along the upper arm [m]; 0 of an arm of six joints.
     a3
         Distance of the forearm's axis from the elbow axis [m].
     d4
@@ -81,7 +92,7 @@ class SphericalWristLimb(LimbBase):
     d6
         From the wrist point to the flange [m].
     held_joint
-        Number of the joint of a seven-joint arm that is held, 3; None of six joints.
+        Number of the joint of a seven-joint arm that is held, 1, 2 or 3; None of six joints.
     held_angle
         Angle at which it is held [rad].
     joint_limits
@@ -103,34 +114,65 @@ class SphericalWristLimb(LimbBase):
     held_angle: float = 0.0
     joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
     window_starts: tuple[float, ...] = WINDOW_STARTS
+    b2: float = 0.0
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
         place = FieldPath("limb", RobotError)
         SPHERICAL_WRIST_LIMB.check(self, place)
-        if self.a2 < MIN_SIZE:
+        if self.a2 < 0.0 or np.hypot(self.a2, self.b2) < MIN_SIZE:
             raise place.field("a2").fault(f"is {self.a2:g}; the upper arm must have a length")
         if np.hypot(self.a3, self.d4) < MIN_SIZE:
             raise place.field("d4").fault(f"is {self.d4:g}; the forearm must have a length")
         self.check_joints(place)
-        if self.held_joint is None:
-            if self.held_angle != 0.0:
-                raise place.field("held_angle").fault(
-                    f"is {self.held_angle:g}, but no joint is held; set held_joint to {HELD_JOINT}"
-                )
-            return
-        for name in ("a1", "d2"):
+        if self.held_joint is None and self.held_angle != 0.0:
+            raise place.field("held_angle").fault(
+                f"is {self.held_angle:g}, but no joint is held; set held_joint to {HELD_JOINT}"
+            )
+        for name in ("b2",) if self.held_joint is None else ("a1", "d2"):
             if getattr(self, name) != 0.0:
-                raise place.field(name).fault(
-                    f"is {getattr(self, name):g}; it must be 0 where joint {HELD_JOINT} is held, "
-                    "the shoulder of a seven-joint arm being spherical"
-                )
+                of = "of an arm of six joints"
+                if self.held_joint is not None:
+                    of = (
+                        f"where joint {self.held_joint} is held, the shoulder of a seven-joint arm "
+                        "being spherical"
+                    )
+                raise place.field(name).fault(f"is {getattr(self, name):g}; it must be 0 {of}")
+        if self.held_joint == 2 and abs(np.sin(self.held_angle)) < MIN_SIZE:
+            raise place.field("held_angle").fault(
+                f"is {self.held_angle:g} rad; with joint 2 held there joints 1 and 3 are in line"
+            )
 
     @property
     def lengths(self) -> Array:
-        """Lengths d1, a1, d2, a2, a3, d4, d6 [m] and the held angle [rad], shape (8,)."""
-        named = (self.d1, self.a1, self.d2, self.a2, self.a3, self.d4, self.d6, self.held_angle)
-        return np.array(named, dtype=np.float64)
+        """Lengths d1, a1, d2, a2, b2, a3, d4, d6 [m] and two angles [rad], shape (10,).
+
+        They are those of the form of the six joints that move, see `kinematics.spherical_wrist`.
+        """
+        shoulder = (self.d1, self.a1, self.d2, self.a2, self.b2)
+        twist, held = QUARTER, self.held_angle
+        if self.held_joint in (1, 2):
+            shoulder = (0.0 if self.held_joint == 1 else self.d1, 0.0, 0.0, self.b2, -self.a2)
+            twist, held = (QUARTER if self.held_joint == 1 else self.held_angle), QUARTER
+        return np.array((*shoulder, self.a3, self.d4, self.d6, twist, held), dtype=np.float64)
+
+    @property
+    def base_in_mount(self) -> tuple[Array, Array] | None:
+        """Axes (3, 3) and origin [m] of the base of the joints that move in the limb's mount.
+
+        If joint 1 is held the base is at the shoulder, its z axis that of joint 2 and its y axis
+        that of joint 1, turned back; else the mount is the base, None.
+        """
+        if self.held_joint != 1:
+            return None
+        c, s = np.cos(self.held_angle), np.sin(self.held_angle)
+        axes = np.array([[-c, 0.0, s], [-s, 0.0, -c], [0.0, -1.0, 0.0]])
+        return axes, np.array([0.0, 0.0, self.d1])
+
+    @property
+    def joint_shifts(self) -> Array:
+        """By how much angles of the joints that move exceed those of the arm [rad], `SHIFTS`."""
+        return np.array(SHIFTS[self.held_joint])
 
     @property
     def reach(self) -> float:
@@ -140,7 +182,7 @@ class SphericalWristLimb(LimbBase):
     @property
     def arm_length(self) -> float:
         """Length of upper arm and forearm together [m]."""
-        return self.a2 + float(np.hypot(self.a3, self.d4))
+        return float(np.hypot(self.a2, self.b2) + np.hypot(self.a3, self.d4))
 
     @property
     def family_code(self) -> int:
@@ -150,7 +192,10 @@ class SphericalWristLimb(LimbBase):
     @property
     def default_folds(self) -> tuple[tuple[float, ...], ...]:
         """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-        return FOLDS
+        folds = np.array(FOLDS)
+        if self.held_joint is None:
+            folds = np.delete(folds, HELD_JOINT - 1, axis=1)
+        return tuple(map(tuple, self.moving_angles(folds)[:, :5].tolist()))
 
     @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
@@ -158,25 +203,33 @@ class SphericalWristLimb(LimbBase):
 
         Joints turn about the z axes; the last frame is the flange's.
         """
-        half = 0.5 * self.held_angle
-        rolled = (float(np.cos(half)), 0.0, float(np.sin(half)), 0.0)
+        d1, twist, held = self.lengths[[0, 8, 9]].tolist()
+        lean = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)), 0.0, 0.0)
+        rolled = (float(np.cos(0.5 * held)), 0.0, float(np.sin(0.5 * held)), 0.0)
         return (
-            ((0.0, 0.0, self.d1), STRAIGHT),
-            ((self.a1, 0.0, 0.0), FORTH),
-            ((0.0, self.a2, self.d2), rolled),
+            ((0.0, 0.0, d1), STRAIGHT),
+            ((self.a1, 0.0, 0.0), FORTH if twist == QUARTER else lean),
+            (self._elbow, rolled),
             ((self.a3, self.d4, 0.0), BACK),
             ((0.0, 0.0, 0.0), FORTH),
             ((0.0, self.d6, 0.0), BACK),
         )
 
     @property
+    def _elbow(self) -> Triple:
+        """Origin of link 3 in link 2 [m]."""
+        _, _, d2, a2, b2, _, _, _, _, held = self.lengths.tolist()
+        c, s = (np.cos(held), np.sin(held)) if b2 else (1.0, 0.0)
+        return float(b2 * c), a2, float(d2 - b2 * s)
+
+    @property
     def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
-        shoulder, elbow = abs(self.d1) + abs(self.a1), float(np.hypot(self.a2, self.d2))
+        """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
+        d1, elbow = abs(self.d1), float(np.linalg.norm(self._elbow))
+        shoulder = d1 + abs(self.a1)
         wrist = shoulder + elbow + float(np.hypot(self.a3, self.d4))
-        return (
-            0.0, abs(self.d1), shoulder, shoulder + elbow, wrist, wrist, wrist + abs(self.d6),
-        )  # fmt: skip
+        base, flange = d1 if self.held_joint == 1 else 0.0, wrist + abs(self.d6)
+        return base, d1, shoulder, shoulder + elbow, wrist, wrist, flange
 
     @property
     def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
@@ -184,7 +237,7 @@ class SphericalWristLimb(LimbBase):
         here = (0.0, 0.0, 0.0)
         return {
             1: ((0, here),),
-            2: ((0, here), (1, (0.0, self.a2, self.d2))),
+            2: ((0, here), (1, self._elbow)),
             3: ((1, here), (3, (self.a3, self.d4, 0.0))),
             4: ((3, here),),
             5: ((3, here),),
@@ -199,14 +252,23 @@ class SphericalWristLimb(LimbBase):
     @property
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper."""
-        d1, d4, d6 = self.d1, self.d4, self.d6
-        radius = THICKNESS * (self.a2 + float(np.hypot(self.a3, d4)))
+        d4, d6 = self.d4, self.d6
+        radius = THICKNESS * self.arm_length
         flange = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
         here, tip = (0.0, 0.0, 0.0), -float(np.copysign(flange, d6))
+        stands = (
+            Capsule("base", here, (0.0, 0.0, 0.25 * self.d1), radius),
+            Capsule("shoulder", (0.0, 0.0, -0.45 * self.d1), here, radius),
+        )
+        if self.held_joint == 1:
+            # The mount is at d1 along y of the base, which ends where the upper arm is clear of it.
+            stands = (
+                Capsule("base", (0.0, self.d1, 0.0), (0.0, 2.5 * radius, 0.0), radius),
+                Capsule("shoulder", here, here, radius),
+            )
         return (
-            Capsule("base", here, (0.0, 0.0, 0.25 * d1), radius),
-            Capsule("shoulder", (0.0, 0.0, -0.45 * d1), here, radius),
-            Capsule("upper_arm", (0.0, 0.0, self.d2), (0.0, self.a2, self.d2), radius),
+            *stands,
+            Capsule("upper_arm", (0.0, 0.0, self.d2), self._elbow, radius),
             Capsule("forearm", here, (self.a3, 0.35 * d4, 0.0), radius),
             Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, -0.35 * d4), radius),
             Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
@@ -216,17 +278,18 @@ class SphericalWristLimb(LimbBase):
     def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
         """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
 
-        `w_m` asks for `|sin f u| >= w_m l_c^3 / (a2 L)`, and `|u| <= |a1| + D` with `D` the
+        `w_m` asks for `|sin f u| >= w_m l_c^3 / (U L |sin r|)`, and `|u| <= |a1| + D` with `D` the
         distance of the wrist point from axis 2. The largest bound is taken over cells of the elbow
         angle, in each with the best ends.
         """
-        upper, fore = self.a2, float(np.hypot(self.a3, self.d4))
+        upper, fore = float(np.hypot(self.a2, self.b2)), float(np.hypot(self.a3, self.d4))
         angle = np.linspace(0.0, np.pi, CELLS + 1)
         square = upper**2 + fore**2 + 2.0 * upper * fore * np.cos(angle[:-1])
         distance = np.sqrt(np.maximum(square, 0.0))
         middle = (angle[:-1] <= 0.5 * np.pi) & (angle[1:] >= 0.5 * np.pi)
         sine = np.where(middle, 1.0, np.maximum(np.sin(angle[:-1]), np.sin(angle[1:])))
-        needed = w_m * characteristic_length**3 / (upper * fore * sine)
+        upper_fore = upper * fore * abs(float(np.sin(self.lengths[8])))
+        needed = w_m * characteristic_length**3 / (upper_fore * sine)
         possible = needed <= abs(self.a1) + distance
         if not possible.any():
             return 0.0
@@ -238,8 +301,8 @@ SPHERICAL_WRIST_LIMB = Struct(
     SphericalWristLimb,
     {
         "family": Choice(FAMILIES[1:]),
-        **dict.fromkeys(("d1", "a1", "d2", "a2", "a3", "d4", "d6"), LENGTH),
-        "held_joint": OrNone(Integer(HELD_JOINT, HELD_JOINT)),
+        **dict.fromkeys(("d1", "a1", "d2", "a2", "b2", "a3", "d4", "d6"), LENGTH),
+        "held_joint": OrNone(Integer(1, HELD_JOINT)),
         "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
         "joint_limits": Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
         "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),

@@ -1,4 +1,4 @@
-"""A robot with two iiwa, joint 3 held: its stances, its plans, and a walk in MuJoCo."""
+"""Two iiwa from a URDF of one, joint 3 held: their stances, plans, and a walk in MuJoCo."""
 
 import mujoco
 import numpy as np
@@ -6,7 +6,7 @@ import pinocchio as pin
 import pytest
 from coal_ruler import Ruler, grasps_of
 from scipy.spatial.transform import Rotation
-from wrist_arms import flange_of, iiwa_robot, pinocchio_wrist_arm
+from wrist_arms import flange_of, iiwa_from_file, pinocchio_wrist_arm
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
@@ -18,7 +18,7 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
 CLEARANCE = 0.02
-ROBOT = iiwa_robot(0.8)
+ROBOT = iiwa_from_file(0.8)
 MODEL = pinocchio_wrist_arm(ROBOT.limb)
 
 

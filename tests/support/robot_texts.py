@@ -62,6 +62,16 @@ By the maker's data sheet (0.36 m, 0.42 m, 0.4 m, 0.126 m), and by `lbr_iiwa_14_
 package kuka_lbr_iiwa_support of ROS-Industrial (Apache-2.0) but for 0.44 mm.
 """
 
+IIWA14_FIGURES = tuple(
+    (float(np.deg2rad(limit)), torque, mass)
+    for limit, torque, mass in zip(
+        (170, 120, 170, 120, 170, 120, 175), (320, 320, 176, 176, 110, 40, 40),
+        (5.76, 6.35, 3.5, 3.5, 3.5, 1.8, 1.2), strict=True,
+    )
+)  # fmt: skip
+"""Limit [rad], largest torque [N m] and mass of the link [kg] of each joint: limits and torques by
+the data sheet, masses by `kuka_iiwa_14/iiwa14.xml` of MuJoCo Menagerie (BSD-3-Clause)."""
+
 KR16 = frames_along((
     ((0.0, 0.0, 0.0), "x", 180.0), ((0.26, 0.0, -0.675), "x", -90.0), ((0.68, 0.0, 0.0), "x", 0.0),
     ((0.0, -0.035, 0.0), "y", -90.0), ((0.0, 0.0, -0.67), "y", 90.0), ((0.0, 0.0, 0.0), "y", -90.0),
@@ -79,10 +89,11 @@ PUMA560 = frames_along((
 model parameters reported for the PUMA 560 robot", ICRA 1994; the base height is Unimation's."""
 
 
-def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True):
+def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True, figures=None):
     """An arm as URDF text; with a seed the frames, signs and zero angles are drawn at random.
 
-    `frames` are those of the joints, about whose z axes they turn, and the flange's.
+    `frames` are those of the joints, about whose z axes they turn, and the flange's; `figures` are
+    limit, torque and mass of each joint.
     Drawn ones have joint axes along any unit vector, turned either way.
     """
     rng = None if seed is None else np.random.default_rng(seed)
@@ -116,11 +127,15 @@ def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True):
     for k in range(count):
         step = np.linalg.inv(mine[k]) @ mine[k + 1]
         low, high = (-3.1, 3.0) if k == 2 else (-6.0, 6.1)
-        more = LIMITS.format(axis=told(axes[k]), low=low, high=high, torque=100 + k)
+        torque, mass = 100 + k, 1.0 + k
+        if figures is not None:
+            high, torque, mass = figures[k]
+            low = -high
+        more = LIMITS.format(axis=told(axes[k]), low=low, high=high, torque=torque)
         parent = root if k == 0 else f"{prefix}link{k}"
         parts.append(joint_of(f"{prefix}joint{k + 1}", "revolute", parent, f"{prefix}link{k + 1}",
                               step, more))  # fmt: skip
-        inertial = INERTIAL.format(mass=1.0 + k)
+        inertial = INERTIAL.format(mass=mass)
         parts.append(f'<link name="{prefix}link{k + 1}">{inertial}{SHAPE if links else ""}</link>')
     step, last = np.linalg.inv(mine[-1]) @ frames[-1], f"{prefix}link{count}"
     parts.append(joint_of(f"{prefix}fixed", "fixed", last, f"{prefix}tool0", step, ""))

@@ -1,13 +1,17 @@
 """Arms with a spherical wrist, and Pinocchio models of them built from their axes."""
 
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
+from mlivr_gym import RobotSpec
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
 from mlivr_gym.robot.specification import MLIVR2
-from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
+from mlivr_gym.robot.spherical_wrist_limb import SHIFTS, SphericalWristLimb
 
 WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
 IIWA = SphericalWristLimb()
@@ -21,6 +25,12 @@ PUMA = SphericalWristLimb(
     d1=0.66, a1=0.0, d2=0.149, a2=0.432, a3=-0.02, d4=0.432, d6=0.056, held_joint=None,
     joint_limits=WIDE,
 )  # fmt: skip
+WAM = SphericalWristLimb(
+    d1=0.0, a2=0.55, b2=0.045, a3=-0.045, d4=0.3, d6=0.06,
+    joint_limits=((-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.8, 1.3), (-1.6, 1.6),
+                  (-2.2, 2.2)),
+)  # fmt: skip
+"""Lengths of a Barrett WAM, whose elbow axis lies beside upper arm and forearm."""
 LIMBS = {
     "iiwa": IIWA,
     "iiwa-rolled": replace(IIWA, held_angle=0.7),
@@ -29,22 +39,30 @@ LIMBS = {
     "puma": PUMA,
 }
 """Limbs by name; of three joint 3 is held."""
+OTHERS = {
+    "iiwa-first": replace(IIWA, held_joint=1, held_angle=0.6),
+    "iiwa-second": replace(IIWA, held_joint=2, held_angle=-1.7),
+    "wam": replace(WAM, held_angle=0.5),
+}
+"""Limbs that hold another joint than the third, or whose elbow lies beside the upper arm."""
 
 
 def moved_by(limb, q):
     """Angles of all joints of the model by those of the joints that move."""
-    return np.asarray(q) if limb.held_joint is None else np.insert(q, 2, limb.held_angle)
+    q = np.asarray(q) - SHIFTS[limb.held_joint]
+    return q if limb.held_joint is None else np.insert(q, limb.held_joint - 1, limb.held_angle)
 
 
 def columns(limb):
     """Columns of the model's Jacobian that belong to the joints that move."""
-    return list(range(6)) if limb.held_joint is None else [0, 1, 3, 4, 5, 6]
+    joints = range(6 if limb.held_joint is None else 7)
+    return [joint for joint in joints if joint + 1 != limb.held_joint]
 
 
 def pinocchio_wrist_arm(limb):
     """Model of one arm; frame "flange" has the axes of the base at zero angles."""
     shoulder, elbow = np.array([limb.a1, 0, limb.d1]), np.array([limb.a1, -limb.d2, limb.d1])
-    elbow[2] += limb.a2
+    elbow += [limb.b2, 0.0, limb.a2]
     wrist = elbow + np.array([limb.a3, 0.0, limb.d4])
     up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
     joints = [(np.zeros(3), up), (shoulder, across), (elbow, across), (wrist, up)]
@@ -62,12 +80,21 @@ def pinocchio_wrist_arm(limb):
 
 
 def flange_of(model, limb, q):
-    """Flange pose and its Jacobian to the joints that move, linear rows first."""
+    """Flange pose and its Jacobian to the joints that move, linear rows first.
+
+    Seen from where the first joint that moves turns about z.
+    """
     data, frame = model.createData(), model.getFrameId("flange")
     pin.computeJointJacobians(model, data, moved_by(limb, q))
     pin.updateFramePlacements(model, data)
     jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-    return data.oMf[frame].homogeneous, jacobian[:, columns(limb)], jacobian
+    pose = data.oMf[frame].homogeneous
+    if limb.base_in_mount is not None:
+        axes, origin = limb.base_in_mount
+        pose[:3, 3] -= origin
+        pose[:3] = axes.T @ pose[:3]
+        jacobian = np.kron(np.eye(2), axes.T) @ jacobian
+    return pose, jacobian[:, columns(limb)], jacobian
 
 
 def iiwa_dynamics():
@@ -90,6 +117,14 @@ def iiwa_dynamics():
         speed_limits=tuple(np.deg2rad([85.0, 85.0, 75.0, 130.0, 135.0, 135.0]).tolist()),
         rotor_inertias=(0.1,) * 6,
     )  # fmt: skip
+
+
+def iiwa_from_file(held_angle):
+    """Two iiwa on opposite faces of a cube, from a URDF of one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "iiwa14.urdf")
+        path.write_text(one_arm(frames=IIWA14, figures=IIWA14_FIGURES))
+        return RobotSpec.from_urdf(path, held_angle=held_angle, capsules="ur5e")
 
 
 def iiwa_robot(held_angle=0.0, **changes):

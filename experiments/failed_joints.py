@@ -1,0 +1,153 @@
+"""What a robot of two limbs still reaches when a joint of one limb has failed.
+
+    python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8]
+
+A joint of limb 0 is locked at its present angle, in drawn states of a robot on the JEM, collisions
+checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
+are the stances of the robot that results and the drawn goals to which it has a plan from the state
+in which it is. Two UR5e have no such choice: counted are the stances that limb 0 can hold where it
+is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and
+`failed_joints.md`.
+"""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from reports import NOTHING, command_line, publish, table
+
+from mlivr_gym import Settings, robot_spec, stance_graph
+from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.planners import Planner
+from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.transitions.state import State
+
+NAMES = ("mlivr2", "mlivr2-iiwa")
+"""Robots that are compared."""
+
+SETTINGS = Settings(limb_threshold=0.05)
+"""Half the default threshold of w_m, which no stance of an iiwa with joint 1 or 2 held meets.
+
+The wrist point then lies off the plane of the first two axes by at most the forearm L, so that w_m
+is at most U L^2 / l_c^3 = 0.102.
+"""
+
+TOLERANCE = 0.2
+"""Radius of a goal [m]."""
+
+SAME_ANGLE = 1e-3
+"""A joint within this of its angle counts as at it [rad]."""
+
+
+def whole(text: str) -> int:
+    """Return a whole number above 0."""
+    if not text.isdigit() or not int(text):
+        raise ArgumentTypeError(f"{text!r} is no whole number above 0")
+    return int(text)
+
+
+def joint_angles(graph: PairGraph, state: State) -> np.ndarray:
+    """Return the angles of all joints of limb 0 [rad]."""
+    angles: np.ndarray = graph.robot.every_limb[0].all_angles(graph.configuration(state)[2][0])
+    return angles
+
+
+def reached_on_the_spot(
+    graph: PairGraph, state: State, joint: int, goals: np.ndarray
+) -> tuple[int, int]:
+    """Return the stances that limb 0 holds from where it is, and the goals at which they are."""
+    angle = joint_angles(graph, state)[joint - 1]
+    sharing = np.flatnonzero(graph.points[:, 0] == state.stance[0])
+    bases = []
+    for k in sharing.tolist():
+        stance = graph.points[k]
+        postures = graph.postures(stance[None])
+        for branch in range(8):
+            bits = np.array([[branch, int(postures.mask[0, 1]).bit_length() - 1]])
+            there = graph.joints(stance[None], postures, bits)[0, 0, joint - 1]
+            if abs(np.angle(np.exp(1j * (there - angle)))) < SAME_ANGLE:
+                bases.append(postures.base_position[0])
+                break
+    apart = np.linalg.norm(np.array(bases)[:, None] - goals[None], axis=2)
+    return len(bases), int((apart <= TOLERANCE).any(axis=0).sum())
+
+
+def reached_with_the_joint_held(
+    graph: PairGraph, state: State, joint: int, goals: np.ndarray
+) -> tuple[int, int]:
+    """Return the stances of the robot that holds the joint, and the goals that it can reach."""
+    every = joint_angles(graph, state)
+    failed = stance_graph(
+        robot=graph.robot.with_failed_joint(0, joint, every[joint - 1]), settings=SETTINGS
+    )
+    position, quaternion, joints = graph.configuration(state)
+    joints[0] = failed.robot.every_limb[0].moving_angles(every)
+    try:
+        start = failed.state(graph.ids(state.stance), (*position, *quaternion), joints)
+    except StanceError:
+        return len(failed), 0
+    planner = Planner(failed)
+    return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
+
+
+def row_of(graph: PairGraph, states: Sequence[State], joint: int, goals: np.ndarray) -> Any:
+    """Return the shares of stances and goals that are left for one joint."""
+    held = graph.robot.every_limb[0].held_joint
+    count = reached_on_the_spot if held is None else reached_with_the_joint_held
+    try:
+        counts = np.array([count(graph, state, joint, goals) for state in states])
+    except RobotError as fault:
+        return {"stances": None, "goals": None, "reason": str(fault)}
+    stances, reached = counts.sum(axis=0) / (len(states) * np.array([len(graph), len(goals)]))
+    return {"stances": float(stances), "goals": float(reached)}
+
+
+def measured(name: str, starts: int, goals: int) -> dict[str, Any]:
+    """Return what is left of a robot for each joint of limb 0."""
+    graph, rng = stance_graph(robot=robot_spec(name), settings=SETTINGS), np.random.default_rng(0)
+    states = [random_state(graph, rng) for _ in range(starts)]
+    rows = graph.points[rng.integers(len(graph), size=goals)]
+    places = graph.postures(rows).base_position
+    joints = range(1, len(graph.robot.limb.joint_limits) + 1)
+    return {
+        "stances": len(graph),
+        "joints": {str(joint): row_of(graph, states, joint, places) for joint in joints},
+    }
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
+    rows = [
+        (name, joint, *(NOTHING if row[key] is None else f"{100 * row[key]:.3g} %"
+                        for key in ("stances", "goals")))
+        for name in NAMES
+        for joint, row in data[name]["joints"].items()
+    ]  # fmt: skip
+    head = "robot | failed joint of limb 0 | stances left | goals reached"
+    return (
+        f"# Failed joints\n\nMeans over {data['starts']} drawn states and {data['goals']} drawn "
+        "goals each, made by `experiments/failed_joints.py`; collisions checked, w_m >= "
+        f"{SETTINGS.limb_threshold:g}. A dash: the other "
+        "six joints have no closed form here, so that the limb cannot move.\n\n" + table(head, rows)
+    )
+
+
+def main() -> None:
+    """Measure and write the results."""
+    parser = command_line(__doc__)
+    parser.add_argument("--starts", type=whole, default=3, help="states (default: %(default)s)")
+    parser.add_argument("--goals", type=whole, default=8, help="goals (default: %(default)s)")
+    given = parser.parse_args()
+    data: dict[str, Any] = {"starts": given.starts, "goals": given.goals}
+    for name in NAMES:
+        data[name] = measured(name, given.starts, given.goals)
+    publish(given.out, "failed_joints", data, markdown)
+    print(markdown(data))
+
+
+if __name__ == "__main__":
+    main()

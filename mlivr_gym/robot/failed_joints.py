@@ -1,0 +1,75 @@
+"""Robots of which a joint has failed and is locked at an angle.
+
+A limb of seven joints of which one is held has another choice: the failed joint is held, and the
+one that was held moves. Its plans are those of the robot that results. A limb of six joints has no
+choice: it can hold its point, but neither step nor follow the body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.mounts import Mount, even_rotations
+
+
+def mounts_with_failed_joint(
+    robot: DerivedFigures, limb: int, joint: int, angle: float
+) -> tuple[Mount, ...]:
+    """Return the mounts of a robot of which a joint has failed.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    limb
+        Number of the limb, from 0.
+    joint
+        Number of the joint of the arm, from 1.
+    angle
+        Angle at which it is locked, in the terms of `joint_limits` of the limb [rad].
+
+    Raises
+    ------
+    RobotError
+        If the limb cannot move without that joint.
+    """
+    if limb not in range(robot.limbs):
+        raise RobotError(f"limb is {limb!r}; it must be a whole number from 0 to {robot.limbs - 1}")
+    mounts = robot.mounts or _even_mounts(robot)
+    whole = mounts[limb].limb or robot.limb
+    joints = len(whole.joint_limits)
+    if joint not in range(1, joints + 1):
+        raise RobotError(f"joint is {joint!r}; it must be a whole number from 1 to {joints}")
+    if whole.held_joint is None:
+        raise RobotError(
+            f"limb {limb} has {joints} joints: with joint {joint} failed it can hold its point, "
+            "but neither step nor follow the body, so no plan moves this robot; only a limb of "
+            "seven joints plans on"
+        )
+    held: dict[str, Any] = {"held_joint": joint, "held_angle": float(angle)}
+    try:
+        failed = replace(whole, **held)
+    except RobotError as fault:
+        raise RobotError(f"limb {limb} cannot move with joint {joint} failed: {fault}") from None
+    place = mounts[limb]
+    mount = Mount(place.position, place.rotation, failed)
+    if joint == whole.held_joint:
+        shared = place.limb is None
+        mount = replace(
+            mount,
+            capsules=place.capsules or (robot.capsules if shared else None),
+            dynamics=place.dynamics or (robot.dynamics if shared else None),
+        )
+    return (*mounts[:limb], mount, *mounts[limb + 1 :])
+
+
+def _even_mounts(robot: DerivedFigures) -> tuple[Mount, ...]:
+    """Return the mounts of equal limbs at equal angles."""
+    turns = even_rotations(robot.limbs)
+    places = np.round(robot.mount_radius * turns[:, :, 2], 15)
+    return tuple(Mount(*place) for place in zip(places.tolist(), turns.tolist(), strict=True))

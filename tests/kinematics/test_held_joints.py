@@ -1,0 +1,56 @@
+"""Arms of seven joints of which joint 1, 2 or 3 is held, against Pinocchio and EAIK."""
+
+import numpy as np
+import pytest
+from branches import arm_of, solutions
+from wrist_arms import LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
+
+from mlivr_gym.kinematics.families import forward_kinematics
+
+HELD = {name: limb for name, limb in (LIMBS | OTHERS).items() if limb.held_joint is not None}
+
+
+def turned(a, b):
+    """Largest difference of joint angles, whole turns aside."""
+    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max()
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_every_solution_reaches_the_pose_that_pinocchio_has(name):
+    limb, rng = HELD[name], np.random.default_rng(1)
+    model = pinocchio_wrist_arm(limb)
+    for q in rng.uniform(-np.pi, np.pi, (30, 6)):
+        pose = flange_of(model, limb, q)[0]
+        found = forward_kinematics(q, limb.lengths, limb.family_code)[-1]
+        np.testing.assert_allclose(found, pose, atol=1e-12)
+        mask, out = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
+        assert min(turned(out[b], q) for b in range(8) if mask >> b & 1) < 1e-6
+        for b in range(8):
+            if mask >> b & 1:
+                np.testing.assert_allclose(flange_of(model, limb, out[b])[0], pose, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_eaik_finds_the_same_solutions(name):
+    """EAIK knows the arm by its seven axes and the joint that is held."""
+    hp = pytest.importorskip("eaik.IK_HP")
+    limb, rng = HELD[name], np.random.default_rng(0)
+    model = pinocchio_wrist_arm(limb)
+    axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]] * 3 + [[0.0, 0.0, 1.0]])
+    between = np.zeros((8, 3))
+    between[[1, 7], 2] = limb.d1, limb.d6
+    between[3], between[4] = (limb.b2, 0.0, limb.a2), (limb.a3, 0.0, limb.d4)
+    arm = hp.HPRobot(axes, between, [(limb.held_joint - 1, limb.held_angle)])
+    to_base = np.eye(4)
+    if limb.base_in_mount is not None:
+        to_base[:3, :3], to_base[:3, 3] = limb.base_in_mount
+    for q in rng.uniform(-np.pi, np.pi, (30, 6)):
+        pose = flange_of(model, limb, q)[0]
+        mask, out = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
+        found = arm.IK(to_base @ pose)
+        exact = [
+            limb.moving_angles(a) for a, fit in zip(found.Q, found.is_LS, strict=True) if not fit
+        ]
+        assert len(exact) == mask.bit_count()
+        for one in exact:
+            assert min(turned(out[b], one) for b in range(8) if mask >> b & 1) < 1e-6

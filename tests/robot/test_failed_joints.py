@@ -1,0 +1,67 @@
+"""Robots of which a joint has failed: the limb is the same arm with another joint held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from wrist_arms import IIWA, flange_of, pinocchio_wrist_arm
+
+from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.families import forward_kinematics
+
+ROBOT = replace(robot_spec("mlivr2"), name="pair", limb=replace(IIWA, held_angle=0.8),
+                folds=IIWA.default_folds)  # fmt: skip
+ANGLES = np.array([0.3, -0.9, 0.8, 1.2, -0.4, 0.7, 0.1])
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3])
+def test_the_flange_stays_where_it_is_when_a_joint_fails(joint):
+    """By Pinocchio's model of all seven joints, seen from the body, in the same angles."""
+    robot = ROBOT.with_failed_joint(0, joint, ANGLES[joint - 1])
+    model, seen = pinocchio_wrist_arm(IIWA), []
+    for spec in (ROBOT, robot):
+        limb = spec.every_limb[0]
+        moving = limb.moving_angles(ANGLES)
+        np.testing.assert_allclose(limb.all_angles(moving), ANGLES)
+        flange = forward_kinematics(moving, limb.lengths, limb.family_code)[-1]
+        mount = pin.SE3(spec.mount_rotations[0], spec.mount_positions[0]).homogeneous
+        seen.append(mount @ flange)
+    pose = flange_of(model, ROBOT.limb, ROBOT.limb.moving_angles(ANGLES))[0]
+    mount = pin.SE3(ROBOT.mount_rotations[0], ROBOT.mount_positions[0]).homogeneous
+    np.testing.assert_allclose(seen, [mount @ pose] * 2, atol=1e-12)
+    assert robot.limb == ROBOT.limb
+    assert robot.every_limb[1] == ROBOT.limb
+    np.testing.assert_allclose(robot.mount_positions[1], ROBOT.mount_positions[1], atol=1e-12)
+    assert RobotSpec.from_dict(robot.to_dict()) == robot
+
+
+def test_masses_stay_known_where_the_held_joint_itself_fails():
+    robot = robot_spec("mlivr2-iiwa")
+    again = robot.with_failed_joint(1, 3, 0.5)
+    assert again.dynamics_of(1) == robot.limb_dynamics
+    assert again.mounted[1].capsules == robot.shapes
+    other = robot.with_failed_joint(1, 1, 0.5)
+    assert other.dynamics_of(0) == robot.limb_dynamics
+    assert other.mounted[1].dynamics is None
+    with pytest.raises(RobotError, match="cannot be simulated"):
+        other.dynamics_of(1)
+
+
+@pytest.mark.parametrize(
+    ("robot", "given", "words"),
+    [
+        ("mlivr2", (0, 3, 0.1), "limb 0 has 6 joints: with joint 3 failed it can hold its point, "
+         "but neither step nor follow the body"),
+        ("mlivr2", (2, 3, 0.1), "limb is 2; it must be a whole number from 0 to 1"),
+        ("mlivr2-iiwa", (0, 8, 0.1), "joint is 8; it must be a whole number from 1 to 7"),
+        ("mlivr2-iiwa", (0, 5, 0.1), "limb 0 cannot move with joint 5 failed: limb"),
+        ("mlivr2-iiwa", (0, 1, 3.1), "held_angle is 3.1 rad; joint 1 turns from"),
+        ("mlivr2-iiwa", (0, 2, 0.0), "with joint 2 held there joints 1 and 3 are in line"),
+    ],
+)  # fmt: skip
+def test_what_cannot_move_is_refused_in_one_line(robot, given, words):
+    with pytest.raises(RobotError, match=words) as caught:
+        robot_spec(robot).with_failed_joint(*given)
+    assert "\n" not in str(caught.value)
