@@ -92,7 +92,7 @@ def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known
     rng, compared, dearer = np.random.default_rng(9), 0, 0
     graph = again(first, table)
     bounds = LowerBounds(graph)
-    for trial in range(6 if table.limbs == 3 else 14):  # of three limbs each takes seconds
+    for trial in range(6 if table.limbs == 3 else 10):  # of three limbs each takes seconds
         start = random_state(graph, rng)
         goal = goal_at(graph, table, int(rng.integers(len(table.points))), cost, 0.08)
         here = graph.posture_of(start).base_position[0]
