@@ -134,3 +134,14 @@ def test_the_command_writes_the_refined_plan(tmp_path, capsys):
     said = capsys.readouterr().out
     told = float(said.split("refined: ")[1].split(" m")[0])
     assert Plan.load(file).base_translation == pytest.approx(told, abs=5e-4)
+
+
+def test_a_posture_reached_on_other_branches_is_not_passed_over():
+    closed = {}
+    nodes = [(0b0011, 0b0100), (0b0001, 0b0100), (0b0011, 0b1100), (0b0111, 0b0100)]
+    passed = [
+        refinement._is_dominated(refinement._PoseNode(1, 7, masks, 0.0, None), closed)
+        for masks in nodes
+    ]
+    assert passed == [False, True, False, False]
+    assert not refinement._is_dominated(refinement._PoseNode(1, 8, nodes[0], 0.0, None), closed)
