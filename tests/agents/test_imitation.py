@@ -126,3 +126,20 @@ def test_walks_of_the_expert_go_one_step_nearer_each_time(env, short):
     assert arrived == 1.0
     assert len(counts) > 2
     assert (np.diff(counts) <= 0).all()
+
+
+@pytest.mark.parametrize("dagger", [True, False])
+def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypatch, short):
+    settings = ImitationSettings(**(short | {"rounds": 3, "updates": 1, "dagger": dagger}))
+    imitation, walks, rounds = (
+        Imitation(env, make_policy(env, "mlp", {}), True, settings, 0),
+        [],
+        [],
+    )
+    chosen, learn = imitation._policy_actions, imitation._learn
+    monkeypatch.setattr(
+        imitation, "_policy_actions", lambda samples: walks.append(len(rounds)) or chosen(samples)
+    )
+    monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
+    imitation.run()
+    assert set(walks) == ({1, 2} if dagger else set())
