@@ -16,6 +16,7 @@ from mlivr_gym.agents.features import (
     reach_of_points,
 )
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.stances.moves import GraphMoves
 
 
 def test_point_observation_is_an_environment(env):
@@ -131,3 +132,24 @@ def test_features_tell_points_that_are_taken_and_their_risk(small_map):
     assert np.flatnonzero(points[:, 6] == 0.0).tolist() == [3, 8]
     assert (np.delete(points[:, 6], [3, 8]) == 1.0).all()
     np.testing.assert_allclose(points[:, 7], risk, atol=1e-6)
+
+
+def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
+    """From states of walks among racks, where some limbs that hold cannot depart."""
+    env = MlivrEnv(map=small_map, precompute=True)
+    rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
+    for seed in range(10):
+        env.reset(seed=seed)
+        for _ in range(6):
+            steps = env.moves.successors(env.state)
+            ours = env.table_moves().releasable_after(env.state, steps)
+            np.testing.assert_array_equal(ours, graph_moves.releasable_after(env.state, steps))
+            for k, (limb, point) in enumerate(
+                zip(steps.limb.tolist(), steps.point.tolist(), strict=True)
+            ):
+                after = env.moves.take(env.state, limb * len(env.graph.grasp_map) + point)
+                lets_go = env.graph.successors(after).limb != limb
+                assert ours[k] or not lets_go.any()
+            differ += not ours.all()
+            env.step(int(rng.choice(np.flatnonzero(env.action_masks()))))
+    assert differ > 0

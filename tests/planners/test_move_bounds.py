@@ -11,7 +11,7 @@ from paper import NO_COLLISIONS
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.move_bounds import MoveBounds
+from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
 
@@ -132,3 +132,12 @@ def test_fewest_moves_are_those_of_networkx(stances_and_steps):
         fewest_moves(sets.support_sets, moves, np.zeros(sets.support_set_count, dtype=np.bool_))
         found = nx.multi_source_dijkstra_path_length(over, set(goals), weight=None)
         assert moves.tolist() == [found.get(s, -2) // 2 for s in range(len(sets))]
+
+
+def test_partitions_are_all_there_are_into_pairs():
+    for count, number in ((2, 1), (3, 3), (4, 3), (5, 15), (6, 15)):
+        found = list(partitions(tuple(range(count))))
+        assert len({frozenset(map(frozenset, one)) for one in found}) == len(found) == number
+        for one in found:
+            assert sorted(itertools.chain(*one)) == list(range(count))
+            assert sorted(map(len, one)) == [1] * (count % 2) + [2] * (count // 2)

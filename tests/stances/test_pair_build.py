@@ -190,3 +190,15 @@ def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
     build_pairs(late)
     build_pairs(early)
     assert_same(early, whole)
+
+
+def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
+    fewer, whole, monkeypatch, tmp_path, caplog
+):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    graph = stance_graph(fewer)
+    with caplog.at_level(logging.WARNING):
+        assert build_pairs(graph) is None
+    assert_same(graph, whole)
+    assert "the table is not stored" in caplog.text
