@@ -12,6 +12,7 @@ from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.joint_chain import HeldJoint, JointChain
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
+from mlivr_gym.schema import NAME, FieldPath, ListOf, Tuples
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
@@ -119,8 +120,13 @@ def with_held_joints(
     """
     import mujoco
 
-    named = names if names is None or not isinstance(names, str) else [names] * len(arms)
-    given = [float(angle) for angle in np.ravel(angles)]
+    joint, turn = (FieldPath(name, RobotError) for name in ("held_joint", "held_angle"))
+    if names is None or isinstance(names, str):
+        named = None if names is None else (names,) * len(arms)
+    else:
+        named = ListOf(NAME).read(names, joint)
+    single = isinstance(angles, (int, float))
+    given = (Tuples().read(angles, turn),) if single else ListOf(Tuples()).read(angles, turn)
     for field, count in (("held_joint", len(arms if named is None else named)),
                          ("held_angle", len(arms) if len(given) == 1 else len(given))):  # fmt: skip
         if count != len(arms):

@@ -137,6 +137,9 @@ def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
     for options, words in (
         ({"held_joint": "joint9"}, "held_joint is 'joint9'; the limb's joints are joint1, joint2"),
         ({"held_angle": 4.0}, "held_angle is 4 rad; joint 'joint3' turns from -3.1 to 3 rad"),
+        ({"held_joint": 1}, "held_joint is 1"),
+        ({"held_angle": "wide"}, "held_angle is 'wide'"),
+        ({"held_angle": [float("nan")]}, "held_angle"),
         ({"held_joint": ["joint3", "joint3"]}, "held_joint has 2 entries; the file has 1 limbs"),
         (
             {"held_joint": "joint5"},
