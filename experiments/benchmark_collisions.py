@@ -17,7 +17,7 @@ from time_shares import medians, time_shares
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import (
-    Behind,
+    GraspSurface,
     compare_base_with_boxes,
     compare_limb_with_boxes,
 )
@@ -52,7 +52,7 @@ def check_all(
 
     `bases` holds records of `Pose`, shape (k,); `joints` has shape (k, 2, 6) [rad]; `robots` is a
     record of `Robot`, shape (1,). `scratch_rows` holds zeroed records of `Placed`, shape (2,), and
-    of `Behind`, shape (1,). Grippers are compared with all boxes; distances below `clearance` [m]
+    of `GraspSurface`, shape (1,). Grippers are compared with all boxes; distances below `clearance` [m]
     count as contact.
     """
     robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
@@ -98,7 +98,7 @@ def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver
     out = np.empty(count, dtype=np.int64)
-    clearance, scratch_rows = graph.settings.clearance, (Placed.rows(2), Behind.rows(1))
+    clearance, scratch_rows = graph.settings.clearance, (Placed.rows(2), GraspSurface.rows(1))
     bases, robots = poses(positions, rotations), solver.shapes.rows
     given = (bases, joints, robots, solver.boxes, clearance, scratch_rows, out)
     check_all(*given)

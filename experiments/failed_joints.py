@@ -67,7 +67,7 @@ def reached_on_the_spot(
         stance = graph.points[k]
         postures = graph.postures(stance[None])
         for branch in range(8):
-            bits = np.array([[branch, int(postures.mask[0, 1]).bit_length() - 1]])
+            bits = np.array([[branch, int(postures.branch_sets[0, 1]).bit_length() - 1]])
             there = graph.joints(stance[None], postures, bits)[0, 0, joint - 1]
             if abs(np.angle(np.exp(1j * (there - angle)))) < SAME_ANGLE:
                 bases.append(postures.base_position[0])

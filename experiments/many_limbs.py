@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from many_limbs_methods import METHODS, NO_PLAN, section, walk_of
+from many_limbs_methods import METHODS, section, walk_of
 from matplotlib.figure import Figure
 from reports import Processes, command_line, publish, table
 
@@ -28,6 +28,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.lazy_graph import LazyGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_stance, random_state
@@ -193,7 +194,7 @@ def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
 def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
     """Return the row of a robot and a cost in the table of tasks."""
     plans = [one for one in found if one["improvements"]]
-    none = sum(one["reason"] in NO_PLAN for one in found)
+    none = sum(one["reason"] in PROVED_IMPOSSIBLE for one in found)
     counts = [f"`{robot}`", cost, len(found), len(plans), none, len(found) - len(plans) - none]
     if not plans:
         return counts + ["-"] * 10
@@ -226,7 +227,7 @@ def curves(data: dict[str, Any], path: Path) -> None:
                 share = np.arange(1, len(values) + 1) / len(found)
                 axis.step([0.0, *values, end], [0.0, *share, share[-1] if values else 0.0],
                           where="post", color=colour, label=f"cost {cost}")  # fmt: skip
-            none = sum(one["reason"] in NO_PLAN for one in found) / len(found)
+            none = sum(one["reason"] in PROVED_IMPOSSIBLE for one in found) / len(found)
         for axis in (above, below):
             axis.axhspan(1.0 - none, 1.0, color="#dddddd", linewidth=0.0, label="have no plan")
         above.set_title(robot)

@@ -128,7 +128,7 @@ def quick(monkeypatch, tmp_path):
     if importlib.util.find_spec("viser") is not None:
         monkeypatch.setattr("mlivr_gym.viewer.export.write_html", stopped)
     monkeypatch.setattr("mlivr_gym.stances.point_pairs.MOST_PAIRS", 2000)
-    for module in ("cli.arguments", "world.grasp_map", "paper"):
+    for module in ("world.grasp_map", "paper"):
         monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(LADDER))
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
 

@@ -138,12 +138,15 @@ def test_contacts_name_boxes_as_the_scene_does(ladder):
 
 
 def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monkeypatch):
-    spec = scene_spec(ladder, robot_spec("mlivr2"))
-    spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
+    def refused(*_):
+        spec = scene_spec(ladder, robot_spec("mlivr2"))
+        spec.worldbody.add_geom(name="nothing", size=[0, 0, 0])
+        return spec
+
     with pytest.raises(SceneError, match=r"MuJoCo cannot build scene 'ladder-mlivr2': .*size"):
-        compile_spec(spec)
+        compile_spec(refused())
     for module in ("pictures.studio", "simulation.scene"):  # the first imports the second
-        monkeypatch.setattr(f"mlivr_gym.{module}.scene_spec", lambda *_: spec)
+        monkeypatch.setattr(f"mlivr_gym.{module}.scene_spec", refused)
     with pytest.raises(SceneError, match="cannot build scene"):
         SceneRenderer(ladder, robot_spec("mlivr2"))
     monkeypatch.setenv("DISPLAY", ":0")
