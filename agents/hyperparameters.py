@@ -163,6 +163,27 @@ def check_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
     return found
 
 
+def with_method(method: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings of imitation with the walks that a method takes, and others as they are.
+
+    Behaviour cloning walks as the expert does, DAgger as the policy from the second round on.
+
+    Raises
+    ------
+    SettingError
+        If the settings contradict the method.
+    """
+    if method not in ("bc", "dagger") or "imitation" not in settings:
+        return settings
+    dagger = method == "dagger"
+    given = settings["imitation"].get("dagger", dagger)
+    if given != dagger:
+        raise SettingError(
+            f"settings.imitation.dagger is {given}; method {method!r} needs {dagger}"
+        )
+    return settings | {"imitation": settings["imitation"] | {"dagger": dagger}}
+
+
 def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
     """Return the hyperparameters of a method from a JSON file, by default from the package.
 

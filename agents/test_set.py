@@ -115,7 +115,7 @@ def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
 
 
 def held_out_goals() -> Array:
-    """Return the goals of the shipped test set [m], shape (g, 3), which imitation leaves out."""
+    """Return goals of the test set [m], shape (g, 3); imitation uses none within 1 cm of them."""
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
 

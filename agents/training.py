@@ -19,6 +19,7 @@ from mlivr_gym.agents.hyperparameters import (
     ImitationSettings,
     check_settings,
     hyperparameters,
+    with_method,
 )
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
@@ -89,6 +90,7 @@ def train(
     """
     choice("method", method, METHODS)
     settings = hyperparameters(method) if settings is None else check_settings(settings)
+    settings = with_method(method, settings)
     if method == "finetune" and init is None:
         raise SettingError(
             "method 'finetune' needs a checkpoint to start from; give its path as init"

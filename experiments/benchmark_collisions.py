@@ -52,8 +52,8 @@ def check_all(
 
     `bases` holds records of `Pose`, shape (k,); `joints` has shape (k, 2, 6) [rad]; `robots` is a
     record of `Robot`, shape (1,). `scratch_rows` holds zeroed records of `Placed`, shape (2,), and
-    of `GraspSurface`, shape (1,). Grippers are compared with all boxes; distances below `clearance` [m]
-    count as contact.
+    of `GraspSurface`, shape (1,). Grippers are compared with all boxes; distances below `clearance`
+    [m] count as contact.
     """
     robot, placed, nothing = robots[0], scratch_rows[0], scratch_rows[1][0]
     for k in range(len(bases)):

@@ -1,7 +1,7 @@
 """Fewest steps to a goal over the nodes of a table, whatever the branches of limbs (compiled).
 
-This is breadth-first search backward from the goal. Neighbours have common support set sets, the
-points held by the limbs that do not move, so each level visits the support set sets of its nodes in
+This is breadth-first search backward from the goal. Neighbours have common support sets, the
+points held by the limbs that do not move, so each level visits the support sets of its nodes in
 the order in which they lie in memory, which takes a third of the time of going from node to node.
 """
 
@@ -21,7 +21,7 @@ UNREACHED, FORBIDDEN = -1, -2
 """Steps of a node that was not reached, and of a node that paths may not enter."""
 
 ON_FRONTIER, ALL_REACHED = 1, 2
-"""Status of support set sets: one of their nodes was reached last; all their nodes were reached."""
+"""Status of support sets: one of their nodes was reached last; all their nodes were reached."""
 
 
 class SupportSetScratch(NamedTuple):

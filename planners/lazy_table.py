@@ -96,7 +96,7 @@ class LazyTable(ABC):
         ----------
         edges
             Numbers of the edges, shape (k,).
-        branch sets
+        branch_sets
             Branches that the limbs may be on before them, shape (k,).
         """
 
@@ -346,7 +346,7 @@ def branch_sets_along(
         The stance graph.
     stances
         The k + 1 stances.
-    branch sets
+    branch_sets
         Their branch sets by the table, shape (k + 1, N); replaced by the checked ones.
     postures
         Their postures.

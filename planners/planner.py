@@ -125,7 +125,8 @@ class Planner:
             default for two limbs),
             `"consistent"` (by the distance to the goal; default for more limbs and for
             `"algorithm1"`), `"paper"` (the same without the tolerance, which may overestimate;
-            default of `"greedy"`) or `"zero"`.
+            default of `"greedy"`) or `"zero"`. Over a table of nodes, three or four limbs use the
+            cost-to-go in place of `"consistent"`.
         inflation
             Suboptimality factor, at least 1: the plan costs at most this many times the minimum.
             The default is 1 for two limbs, for `"dijkstra"` and `"algorithm1"`, and with a time
@@ -287,6 +288,8 @@ class Planner:
                 f": the tables of this robot on this map were not built within "
                 f"{search.time_limit:g} s; they are still being built, so plan again"
             )
+        elif not result.expanded:
+            detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"
         elif result.generated <= 1:
             detail = f": no step leaves the start {start} on the branches that its limbs may be on"
         return _without_plan(result.status, f"{result.status}{detail}", timer, result)

@@ -210,6 +210,10 @@ class SearchQuery:
             estimate = "cost_to_go" if two_limbs and not is_algorithm1 else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
         if method == "dijkstra":
+            if options.heuristic not in (None, "zero"):
+                raise SettingError(
+                    f"heuristic is {options.heuristic!r}; method 'dijkstra' takes none but 'zero'"
+                )
             heuristic = "zero"
         if method == "greedy" and heuristic == "zero":
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")

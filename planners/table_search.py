@@ -11,7 +11,7 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
   while one of them keeps no branch. Several stages follow each other, see `search_stages`; each
-  path becomes the incumbent, with a optimality bound.
+  path becomes the incumbent, with an optimality bound.
 """
 
 from __future__ import annotations
@@ -30,10 +30,8 @@ from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
-    PAUSED,
     QUEUE_EMPTY,
     SearchGraph,
-    SearchOutcome,
     SearchParameters,
     cheapest_path,
 )
@@ -139,7 +137,7 @@ class _TableSearch:
         self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
         self.lower_bound, self.has_path = 0.0, False
         self.expanded = self.generated = self.backward_expanded = self._last_expanded = 0
-        self._end = PAUSED
+        self._is_complete = self._is_exhausted = False
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         position = self.graph.posture_of(start).base_position
@@ -293,7 +291,7 @@ class _TableSearch:
     ) -> StatePath | None:
         """Return a path cheaper than the incumbent, or None if the stage finds none."""
         cost_limit = incumbent_cost * (1.0 - COST_TOLERANCE)
-        if stage.only_after_exhaustion and self._end != QUEUE_EMPTY:
+        if stage.only_after_exhaustion and not self._is_exhausted:
             return None
         while time.perf_counter() < self.search.deadline and self.lower_bound < cost_limit:
             path = self._search(goal_bounds, stage, cost_limit)
@@ -330,14 +328,17 @@ class _TableSearch:
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
-        self._end = found.end if found.path is None else PAUSED
+        self._is_complete = found.end == QUEUE_EMPTY
+        self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
-        if self._proves(stage, found) and search.heuristic != "paper":
+        # A heuristic that overestimates proves nothing but that no path is left.
+        admissible = search.heuristic != "paper" or found.lower_bound == np.inf
+        if self._proves(stage) and admissible:
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
 
-    def _proves(self, stage: SearchStage, found: SearchOutcome) -> bool:
+    def _proves(self, stage: SearchStage) -> bool:
         """Return whether the lower bound of a search holds for all plans.
 
         It does for weight 1 of the cost, and for any weight if the queue was exhausted and no label
@@ -347,7 +348,7 @@ class _TableSearch:
         keeps_all = parameters.labels_per_node == CAPACITY and (
             independent or parameters.equal_only or not parameters.lazy
         )
-        exhausted = found.path is None and found.end == QUEUE_EMPTY and keeps_all
+        exhausted = self._is_exhausted and keeps_all
         return stage.proves_lower_bound and (exhausted or parameters.cost_weight == 1.0)
 
     def _checked_walk(self, path: NodePath, stage: SearchStage) -> StatePath | None:
@@ -381,8 +382,9 @@ class _TableSearch:
         if cost <= self.lower_bound * (1.0 + COST_TOLERANCE):
             return 1.0
         proved = cost / self.lower_bound if self.lower_bound > 0.0 else math.inf
-        of_query = self.search.guaranteed_factor if self._lazy_table.label_independent else math.inf
-        return min(proved, of_query)
+        if self._is_complete and self._lazy_table.label_independent:
+            return min(proved, self.search.guaranteed_factor)
+        return proved
 
     def tree(self) -> Array:
         """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""

@@ -134,7 +134,7 @@ def step_values(
     ----------
     stances
         Stance indices, shape (k,).
-    branch sets
+    branch_sets
         Branches that each limb may be on, shape (k, 2).
     goal_of_state
         Index of the goal of each state, shape (k,).
@@ -257,7 +257,7 @@ class TableValues:
         ----------
         stances
             Stance indices, shape (k,).
-        branch sets
+        branch_sets
             Branches that each limb may be on, shape (k, 2).
         goal_of_state
             Index of the goal of each state, shape (k,).

@@ -90,12 +90,14 @@ class MlivrEnv(StanceGraphEnv):
     [m], and for a masked-out action minus `max_step`, an upper bound of the displacement. A step
     that fails in simulation counts as a step, with the displacement of the base until the failure.
     An object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus`
-    is added when the goal is reached. Without shaping the return of an episode without masked-out
-    actions is minus the cost of its plan, plus the bonus.
+    is added when the goal is reached. Without shaping the undiscounted return of an episode without
+    masked-out actions is minus the cost of its walk, plus the bonus. With `dynamics="mujoco"` a
+    failed step ends the episode, so give a bonus, or an agent gains by failing early.
 
     With `shaping=True` the potential-based term `discount * phi(after) - phi(before)` is added,
     where `phi` is minus the distance to the goal [m], and 0 in the goal region. It keeps the
-    optimal policy of an agent with the same discount (Ng, Harada and Russell, 1999).
+    optimal policy of an agent with the same discount where episodes end at the goal alone (Ng,
+    Harada and Russell, 1999), not where a failed step in simulation ends them.
 
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of possible steps joins them, `"far"`
@@ -112,7 +114,8 @@ class MlivrEnv(StanceGraphEnv):
     ## Episode End
     The episode terminates when the base is within `goal_tolerance` of the goal or, with
     `dynamics="mujoco"`, when a step fails, with the observation of the stance before it. It is
-    truncated after `max_episode_steps` of the registration (100).
+    truncated after `max_episode_steps` of the registration (100) by `gymnasium.make`, and never
+    if it is unwrapped.
 
     ## Information
     | key | meaning |

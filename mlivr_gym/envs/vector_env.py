@@ -164,8 +164,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Raises
         ------
         MlivrError
-            If seed or options cannot be used, or no goal can be reached from a start; states and
-            random streams of all copies then stay as they were.
+            If seed or options cannot be used, or no goal that can be reached was drawn (a goal that
+            is given is not checked); states and random streams of all copies stay as they were.
         """
         self._refresh_tables()
         given, seeds = self._read_reset_arguments(options, seed)

@@ -148,9 +148,9 @@ def committed_motion(
     """Compute the motion of a walk: branches, joint angles and swings.
 
     For each interval in which a limb holds a point, the branch is the one that maximises the
-    minimum `w_m` over the interval, among the branches of the last state on which the limb can be
-    released; ties go to the lowest number. If the graph proved a step by a line swing between two
-    other branches that are allowed as well, these are taken.
+    minimum `w_m` over the stances of the interval, among the branches of the last state on which
+    the limb can be released; ties go to the lowest number. If the graph proved a step by a line
+    swing between two other branches that are allowed as well, these are taken.
 
     Parameters
     ----------

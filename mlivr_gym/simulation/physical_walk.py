@@ -147,7 +147,7 @@ class PhysicalWalk:
             Index of the limb.
         point
             Index of the point.
-        branch sets
+        branch_sets
             Branches of all limbs after the step.
 
         Returns

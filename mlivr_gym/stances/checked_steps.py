@@ -76,7 +76,7 @@ class CheckedSteps(ChangingWorld):
             Rows of the stances before the steps, shape (k,).
         after
             Rows of the stances after the steps, shape (k,).
-        branch sets
+        branch_sets
             Branches and flips of each limb before the steps, shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points

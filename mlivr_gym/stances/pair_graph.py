@@ -59,7 +59,7 @@ class PairGraph(StanceGraph):
         Limb manipulability, shape (n, 2).
     w_b
         Base manipulability, shape (n,).
-    branch set
+    branch_set
         Branches and flips on which each limb may hold, shape (n, 2).
     pose_number
         Number of the candidate base pose, see `candidate_poses`, shape (n,).

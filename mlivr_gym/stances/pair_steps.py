@@ -96,7 +96,7 @@ def unknown_steps(s: int, branch_sets: tuple[int, int], table: PairTable, out: I
     ----------
     s
         Stance.
-    branch sets
+    branch_sets
         Branches that each limb may be on.
     table
         The table, with the releases of the stance.
@@ -139,7 +139,7 @@ def pair_successors(
     ----------
     s
         Stance.
-    branch sets
+    branch_sets
         Branches that each limb may be on.
     table
         The table, in which all these steps are known.

@@ -54,7 +54,7 @@ class StepTables(NamedTuple):
             Index of the step.
         limb
             The limb that moves.
-        branch sets
+        branch_sets
             The branch sets before the step.
         """
         kept = int(kept_on_edge(branch_sets[1 - limb], int(self.kept[step])))

@@ -28,7 +28,7 @@ def steps_of_state(
     ----------
     s
         Stance index.
-    branch sets
+    branch_sets
         Branches that each limb may be on.
     tables
         `StepTables`.
@@ -68,7 +68,7 @@ def legal_actions(
     ----------
     stances
         Stance indices, shape (k,).
-    branch sets
+    branch_sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
@@ -112,7 +112,7 @@ def legal_positions(
     ----------
     stances
         Stance indices, shape (k,).
-    branch sets
+    branch_sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.
@@ -165,7 +165,7 @@ def onward_of_actions(
     ----------
     stances
         Stance indices, shape (k,).
-    branch sets
+    branch_sets
         Branches that each limb may be on, shape (k, 2).
     tables
         `StepTables`.

@@ -117,7 +117,7 @@ def lifted_branches(
         Base in the world.
     grasp
         The grasp.
-    branch set
+    branch_set
         Branches and flips.
     side
         0 before a step, 1 after it.

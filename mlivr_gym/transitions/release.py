@@ -101,7 +101,7 @@ def release(
         Index of the stance.
     limb
         Index of the limb.
-    branch set
+    branch_set
         Branches and flips to check.
     scene
         The stances, the robot and the world.

@@ -46,7 +46,7 @@ def remove_collisions(
         The step.
     scene
         The stances, the robot and the world.
-    branch sets
+    branch_sets
         Branches of each support limb, changed in place.
     scratch
         Scratch.

@@ -4,7 +4,12 @@ import json
 
 import pytest
 
-from mlivr_gym.agents.hyperparameters import METHODS, check_settings, hyperparameters
+from mlivr_gym.agents.hyperparameters import (
+    METHODS,
+    check_settings,
+    hyperparameters,
+    with_method,
+)
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
@@ -17,6 +22,16 @@ def test_the_shipped_ones_are_returned_as_they_are(method):
     plain = json.loads(json.dumps(hyperparameters(method)))
     assert plain == SHIPPED[method] | {"networks": SHIPPED["networks"]}
     assert hyperparameters(method, asset_path("training.json")) == hyperparameters(method)
+
+
+def test_the_method_says_whether_the_policy_walks():
+    part = check_settings({"imitation": {"rounds": 3}, "networks": {}})
+    for method, dagger in (("bc", False), ("dagger", True)):
+        assert with_method(method, part)["imitation"] == {"rounds": 3, "dagger": dagger}
+        wrong = {"imitation": {"dagger": not dagger}, "networks": {}}
+        with pytest.raises(SettingError, match=f"dagger is {not dagger}; method '{method}'"):
+            with_method(method, wrong)
+    assert with_method("ppo", part) == part
 
 
 @pytest.mark.parametrize(

@@ -193,6 +193,41 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
     assert reasons["search exhausted"] > 2
 
 
+def test_a_goal_cut_off_by_occupied_points_is_said_to_be_so(small_map):
+    """The start has steps; no sequence of them leads on, which no search is needed to prove."""
+    graph = stance_graph(small_map, settings=NO_COLLISIONS)
+    free, goal = Planner(graph), graph.base_in_world[graph.base_in_world[:, 0].argmax()]
+    first = int(graph.base_in_world[:, 0].argmin())
+    start = graph.ids(graph.points[first])
+    plan = free.plan(start, goal, "steps").unwrap()
+    spared = {*start, plan.actions[0][1]}
+    graph.occupy([point for point in small_map.ids if point not in spared])
+    assert graph.successors(graph.state(start))
+    for how in ({}, {"method": "greedy"}, {"heuristic": "paper"}, {"heuristic": "consistent"}):
+        result = Planner(graph).plan(start, goal, "steps", **how)
+        assert result.reason == "search exhausted", how
+        assert "no step leaves the start" not in result.message
+    graph.vacate()
+
+
+def test_a_proved_factor_holds_though_the_search_is_cut_short(graph):
+    """With a limit a path may be found that the search had no time to prove good."""
+    rng, found = np.random.default_rng(3), 0
+    for _ in range(12):
+        first, last = rng.integers(len(graph), size=2)
+        start, goal = graph.ids(graph.points[first]), graph.base_in_world[last]
+        best = Planner(graph).plan(start, goal)
+        if best.plan is None:
+            continue
+        for limit in range(1, 40, 3):
+            cut = Planner(graph).plan(start, goal, inflation=1.2, limit=limit)
+            if cut.plan is not None:
+                bound = cut.plan.statistics.bound
+                found += 1
+                assert bound is None or cut.plan.cost <= bound * best.plan.cost * (1.0 + 1e-9)
+    assert found > 20
+
+
 def test_bad_arguments_are_named(graph):
     planner, start, goal = Planner(graph), ("D1a:4", "D1b:4"), (6.0, 0.0, 0.42)
     for error, words, change in (
@@ -200,6 +235,7 @@ def test_bad_arguments_are_named(graph):
         (SettingError, "regrasp_price", {"regrasp_price": 0.1}),
         (SettingError, "regrasp_price is -1", {"cost": "weighted", "regrasp_price": -1}),
         (SettingError, "greedy", {"method": "greedy", "heuristic": "zero"}),
+        (SettingError, "heuristic is 'paper'", {"method": "dijkstra", "heuristic": "paper"}),
         (SettingError, "inflation is 0.5", {"inflation": 0.5}),
         (GoalError, "outside the cabin", {"goal": (60.0, 0.0, 0.0)}),
     ):
