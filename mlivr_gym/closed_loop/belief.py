@@ -1,8 +1,9 @@
 """What the robot believes of the world: its map, what it has seen beside it, and what refused it.
 
 Measured points that no box of the map explains are counted in a grid of cubes. Cubes with enough
-points are obstacles, merged into boxes, and stay so: what was seen lasts. Where the robot is at
-present there is nothing else, so cubes that touch it are left out as long as it is there.
+points are obstacles, merged into boxes. Counts are kept: what was seen lasts. Where the robot is at
+present there is nothing else, so cubes that may be nearer to it than the clearance are left out as
+long as it is there.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Depth cameras on the body, simulated by ray casting, so that no GL library is needed.
 
-One pinhole camera looks out of each face of the body. Together they see all round, except for what
-lies behind the robot's limbs. Rays that hit the robot are left out, as a robot filters its
-own links from a depth image by its joint angles.
+One pinhole camera looks out of each face of the body. Wedges between neighbouring cameras, about as
+wide as the body, and what lies behind the robot's limbs are not seen. Rays that hit the robot are
+left out, as a robot filters its own links from a depth image by its joint angles.
 """
 
 from __future__ import annotations

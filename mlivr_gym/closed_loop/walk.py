@@ -22,7 +22,7 @@ from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.errors import ShapeError
+from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import Integer, ListOf, OrNone
@@ -39,7 +39,7 @@ TRIES = 2
 """Number of times that a limb reaches for a point before the point counts as occupied."""
 
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
-"""Outcomes of a walk. A robot that stopped holds all its points; one that failed does not."""
+"""Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class ClosedLoopWalk:
 
     @property
     def replanning_times(self) -> Array:
-        """Time of each plan after the first [s]."""
+        """Computing time of each plan after the first [s]."""
         planned = [event.values["seconds"] for event in self.events if event.kind == "planned"]
         return np.array(planned[1:])
 
@@ -207,6 +207,10 @@ def walk(
     """
     before = graph.obstacles, graph.occupied
     points = frozenset(graph.grasp_map.index(point) for point in refusing)
+    if held := points.intersection(graph.indices(start)):
+        raise SettingError(
+            f"refusing has {graph.grasp_map.ids[min(held)]!r}, which the robot holds at the start"
+        )
     physical = PhysicalWalk(graph, setup or Setup(), (*graph.obstacles, *unknown))
     planner = Planner(graph)
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
@@ -250,7 +254,8 @@ class _Loop:
         physical.start(state, first.plan if first.plan.steps else None, self._seed)
         self._check_start()
         physical.simulation.refusing = refusing
-        for _ in range(max_steps):
+        attempts = 0
+        while not record.reason:
             if self._camera is not None:
                 self._sense(self._camera)
             plan = self._plan(physical.state)
@@ -259,12 +264,11 @@ class _Loop:
             if not plan.steps:
                 away = physical.configuration[0] - np.array(plan.query.goal)
                 self._end(ARRIVED, f"the base is {np.linalg.norm(away):.3f} m from the goal")
-                break
-            self._step(plan)
-            if record.reason:
-                break
-        else:
-            self._end(STOPPED, f"no arrival within {max_steps} attempted steps")
+            elif attempts == max_steps:
+                self._end(STOPPED, f"no arrival within {max_steps} attempted steps")
+            else:
+                self._step(plan)
+                attempts += 1
         record.sensed, record.duration = self._belief.boxes(), physical.simulation.time
         record.refused = tuple(ids[point] for point in sorted(self._belief.refused))
 
@@ -313,6 +317,7 @@ class _Loop:
             self._note("refused", limb=limb, point=name, failure=failure.kind)
             self._tries[point] = self._tries.get(point, 0) + 1
             back = physical.retreat()
+            record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
             if back.failure is not None:
                 self._end(FAILED, f"on the way back, {back.failure.kind}: {back.failure.message}")
             elif self._tries[point] == TRIES:

@@ -1,8 +1,8 @@
 """Execution of a walk in MuJoCo, one regrasp at a time.
 
 The states of the stance graph hold sets of inverse-kinematics branches; a robot is on one of them.
-A `PhysicalWalk` commits to a branch when a limb grasps. Every step that leaves its state is
-executable.
+A `PhysicalWalk` commits to a branch when a limb grasps. Every step that leaves its state has
+a swing by construction; `step` says so where none, or no timing of it, is found.
 """
 
 from __future__ import annotations
@@ -191,7 +191,8 @@ class PhysicalWalk:
         message = f"limb {limb} to {self.graph.grasp_map.ids[point]!r}: {why}"
         time = self.simulation.time
         failure = Failure("no swing", time, 0, "departure", limb, message, {})
-        self.measures = self.measures | {"failure": failure.to_dict()}
+        measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": time}
+        self.measures = {"failure": failure.to_dict(), "tries": 0} | measures
         return self.state, failure
 
     def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:

@@ -75,9 +75,11 @@ def test_it_stops_where_no_way_is_left(graph, plan):
     assert kinds(walked)[-1] == "end"
 
 
-def test_it_stops_after_the_steps_that_it_may_take(graph):
+def test_it_stops_after_the_steps_that_it_may_take(graph, plan):
     walked = walk(graph, START, GOAL, max_steps=1)
     assert (walked.outcome, walked.steps) == (STOPPED, 1)
+    walked = walk(graph, START, GOAL, max_steps=len(plan.steps))
+    assert (walked.outcome, walked.steps) == (ARRIVED, len(plan.steps))
 
 
 def test_a_goal_that_is_reached_needs_no_step(graph):
@@ -90,6 +92,7 @@ def test_a_goal_that_is_reached_needs_no_step(graph):
     ("given", "named"),
     [
         ({"refusing": ["X9:1"]}, "X9:1"),
+        ({"refusing": [START[0]]}, "holds at the start"),
         ({"unknown": ["box"]}, "unknown"),
         ({"camera": "wide"}, "camera"),
         ({"cost": "time"}, "time"),
