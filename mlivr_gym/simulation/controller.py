@@ -18,8 +18,8 @@ Support limbs and free limbs therefore have different gains.
 
 On a single support limb the robot oscillates slowly. Guiding the free limb pushes the base in the
 opposite direction and excites this motion; shoulder and elbow of the support limb damp it. The
-gripper waits until it is at rest in the world, since a grasp that captures a moving gripper loads
-it at once through its damper.
+gripper waits until it is at rest relative to the points held, since a grasp that captures a moving
+gripper loads it at once through its damper.
 """
 
 from __future__ import annotations
