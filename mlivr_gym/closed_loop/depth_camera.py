@@ -1,8 +1,8 @@
 """Depth cameras on the body, simulated by ray casting, so that no GL library is needed.
 
-One pinhole camera looks out of each face of the body. Wedges between neighbouring cameras, about as
-wide as the body, and what lies behind the robot's limbs are not seen. Rays that hit the robot are
-left out, as a robot filters its own links from a depth image by its joint angles.
+One pinhole camera looks out of each face of the body. What lies behind the robot's limbs is not
+seen, nor what lies close to the body's edges between two cameras. Rays that hit the robot are left
+out, as a robot filters its own links from a depth image by its joint angles.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class DepthCamera(ParameterSet):
     Examples
     --------
     >>> DepthCamera(max_range=2.0).rays().shape
-    (6, 2304, 3)
+    (6, 10000, 3)
     """
 
-    pixels: int = 48
-    field_of_view: float = float(np.pi / 2.0)
+    pixels: int = 100
+    field_of_view: float = float(2.0 * np.pi / 3.0)
     max_range: float = 3.0
     noise: float = 0.003
 

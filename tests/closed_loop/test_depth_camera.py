@@ -68,14 +68,19 @@ def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_grap
     assert np.sqrt((error**2).mean()) == pytest.approx(0.01, rel=0.05)
 
 
-def test_the_six_images_cover_all_directions_once():
-    rays = DepthCamera(pixels=40).rays().reshape(-1, 3)
+def test_the_six_images_cover_all_directions():
+    camera = DepthCamera(pixels=40)
+    rays = camera.rays().reshape(-1, 3)
     assert np.linalg.norm(rays, axis=1) == pytest.approx(np.ones(len(rays)))
-    rng = np.random.default_rng(1)
-    drawn = rng.normal(size=(500, 3))
+    drawn = np.random.default_rng(1).normal(size=(500, 3))
     drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
     nearest = np.arccos(np.clip(drawn @ rays.T, -1.0, 1.0)).min(axis=1)
-    assert nearest.max() < 0.75 * (0.5 * np.pi / 40) * np.sqrt(2.0) * 1.5
+    # Half the diagonal of a pixel at the middle of an image, where it covers the largest angle.
+    pixel = 2.0 * np.tan(0.5 * camera.field_of_view) / camera.pixels
+    assert nearest.max() < np.arctan(pixel / np.sqrt(2.0))
+    narrow = DepthCamera(pixels=40, field_of_view=1.2).rays().reshape(-1, 3)
+    missed = np.arccos(np.clip(drawn @ narrow.T, -1.0, 1.0)).min(axis=1)
+    assert missed.max() > 3.0 * nearest.max()
 
 
 @pytest.mark.parametrize(
