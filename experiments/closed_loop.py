@@ -5,12 +5,14 @@
 Each task has a random start and goal, five unknown boxes in the cabin and ten points that are
 covered by unknown plates. The robot walks with and without its cameras, undisturbed and with all
 disturbances. *In hindsight* is the plan of a robot that knows everything. Writes
-`closed_loop.json` and `closed_loop.md`.
+`closed_loop.json`, `closed_loop.md`, and a picture of one walk round a wall, `closed_loop.png` and
+`.svg`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from reports import command_line, pair_graph, publish, table
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
+from mlivr_gym.cli.main import main as command
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.walk import ARRIVED, FAILED, STOPPED, walk
 from mlivr_gym.envs.tasks import sample_task
@@ -151,6 +154,14 @@ holds all its points and has no plan among what it has sensed.
 {table(HEAD, rows)}"""
 
 
+def draw_walk(folder: Path) -> None:
+    """Draw a walk round a wall that the robot does not know, by the command."""
+    wall = ["3.2", "-1.0", "-1.0", "3.5", "1.0", "0.3"]
+    picture = str(folder / "closed_loop.png")
+    if command(["walk", "--unknown", *wall, "--picture", picture, "--quiet"]) != 0:
+        raise SystemExit("the walk of the picture did not arrive")
+
+
 def main() -> None:
     """Measure and write results and page."""
     parser = command_line(__doc__)
@@ -162,6 +173,7 @@ def main() -> None:
     for mode in MODES:
         data["modes"][mode] = measure(graph, tasks, mode)
     publish(args.out, "closed_loop", data, markdown)
+    draw_walk(args.out)
 
 
 if __name__ == "__main__":
