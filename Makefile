@@ -62,6 +62,9 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py
+	$(BIN)/python experiments/closed_loop.py
+	$(BIN)/python experiments/failed_joints.py
+	$(BIN)/python experiments/robots.py
 	$(BIN)/python experiments/time_cost.py
 	$(BIN)/python experiments/connectivity.py
 	$(BIN)/python experiments/pace_film.py
