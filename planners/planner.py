@@ -288,10 +288,12 @@ class Planner:
                 f": the tables of this robot on this map were not built within "
                 f"{search.time_limit:g} s; they are still being built, so plan again"
             )
-        elif not self.graph.successors(start_state):
-            detail = f": no step leaves the start {start} on the branches that its limbs may be on"
-        elif not result.expanded:
+        elif not result.expanded and (
+            start_state.pose is None or self.graph.successors(start_state)
+        ):
             detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"
+        elif result.generated <= 1:
+            detail = f": no step leaves the start {start} on the branches that its limbs may be on"
         return _without_plan(result.status, f"{result.status}{detail}", timer, result)
 
     @checked(QUERY)
