@@ -11,7 +11,7 @@ from compiled import called
 from held_paths import GRIP, TOOL
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from wrist_arms import LIMBS
+from wrist_arms import LIMBS, OTHERS
 
 from mlivr_gym.kinematics.arm import UR
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
@@ -20,7 +20,8 @@ from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
 
 each_limb = pytest.mark.parametrize("limb", NEAR.values(), ids=NEAR)
-each_wrist = pytest.mark.parametrize("limb", LIMBS.values(), ids=LIMBS)
+WRISTS = LIMBS | OTHERS
+each_wrist = pytest.mark.parametrize("limb", WRISTS.values(), ids=WRISTS)
 PLACES = 81
 
 

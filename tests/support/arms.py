@@ -74,6 +74,8 @@ def random_posture(limb, rng, k):
     q = rng.uniform(-np.pi, np.pi, 6)
     if k % 3:
         bend = 0.0 if limb.family_code == UR else np.arctan2(limb.a3, limb.d4)
+        if limb.family_code != UR and limb.b2:
+            bend -= np.arctan2(limb.lengths[4], limb.lengths[3])
         q[2] = bend + np.pi * (k % 3 - 1) + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6)
     return q
 
