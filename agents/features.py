@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import Ahead, legal_positions, onward_of_actions
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
 Features = dict[str, NDArray[np.float32]]
@@ -160,7 +160,7 @@ def reach_of_points(
         Shape (N, m, 2 DEPTH): minimum distance of the base from the goal [m], at most `MAX_REACH`,
         and number of sequences of stances that end in the goal region.
     """
-    if not isinstance(graph, PairGraph):
+    if not isinstance(graph, TwoLimbGraph):
         away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), MAX_REACH)
         none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
         none[..., :DEPTH] = away[None, :, None]

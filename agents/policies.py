@@ -19,7 +19,7 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues, stances_at
 from mlivr_gym.stances.moves import TableMoves
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 class Policy(Protocol):
@@ -89,7 +89,7 @@ class ExpertPolicy:
             If the robot has more than two limbs, or the reward is an object of the user.
         """
         graph = env.graph
-        if not isinstance(graph, PairGraph):
+        if not isinstance(graph, TwoLimbGraph):
             raise SettingError(
                 f"the expert policy needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
             )

@@ -23,9 +23,9 @@ from reports import command_line, publish, read, table
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
-from mlivr_gym.planners import Planner, lazy_search, searches, table_search
+from mlivr_gym.planners import Planner, implicit_search, searches, table_search
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
@@ -39,7 +39,7 @@ def _no_table() -> None:
 
 def _no_sets() -> None:
     _no_table()
-    LazyGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
+    ImplicitGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
 
 
 def _cheapest_alone() -> None:
@@ -63,12 +63,12 @@ def _nothing_between() -> None:
 
 def _no_inflation() -> None:
     _no_table()
-    lazy_search.COST_TO_GO_INFLATION = 1.0
+    implicit_search.COST_TO_GO_INFLATION = 1.0
 
 
 def _by_bound() -> None:
     _no_table()
-    search: Any = lazy_search._LazySearch
+    search: Any = implicit_search._ImplicitSearch
     search._next_queue = lambda self: self.by_lower_bound
 
 

@@ -32,7 +32,7 @@ from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.simulation.scene import scene_spec
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 AGAIN = 20
 """Number of changes that are made once more, to measure the parts of a query."""
@@ -77,7 +77,7 @@ def check_all(
         out[k] = found
 
 
-def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
+def configurations(graph: TwoLimbGraph, count: int) -> tuple[Array, Array, Array]:
     """Return base positions, rotations and joint angles of random stances with perturbed joints.
 
     The shapes are (count, 3) [m], (count, 3, 3) and (count, 2, 6) [rad].
@@ -93,7 +93,7 @@ def configurations(graph: PairGraph, count: int) -> tuple[Array, Array, Array]:
     return graph.base_in_world[chosen], graph.base_axes_in_world[chosen], joints
 
 
-def single_checks(graph: PairGraph, count: int) -> dict[str, float]:
+def single_checks(graph: TwoLimbGraph, count: int) -> dict[str, float]:
     """Return time per configuration [us] in the kernel on one thread, and in MuJoCo's pipeline."""
     positions, rotations, joints = configurations(graph, count)
     robot, solver = graph.robot, graph.solver

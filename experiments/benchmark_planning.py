@@ -26,7 +26,7 @@ from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
 from planning_report import markdown
 from reference_planner import TOLERANCE, map_to_plan
-from reports import command_line, pair_graph, publish, spread, timed
+from reports import command_line, publish, spread, timed, two_limb_graph
 from time_shares import medians, time_shares
 
 from mlivr_gym import State
@@ -35,7 +35,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 COSTS = ("steps", "base")
 GOALS, STARTS = 16, 5
@@ -85,7 +85,7 @@ def query_times(
     }
 
 
-def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
+def out_of_reach(graph: TwoLimbGraph, rng: np.random.Generator) -> Iterator[Task]:
     """Yield random starts with goals in the cabin that no walk from them reaches."""
     low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
     while True:
@@ -94,7 +94,7 @@ def out_of_reach(graph: PairGraph, rng: np.random.Generator) -> Iterator[Task]:
             yield start, goal
 
 
-def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
+def queries(graph: TwoLimbGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
     """Measure new goals, prepared goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
@@ -115,7 +115,7 @@ def queries(graph: PairGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any
     }
 
 
-def libraries(graph: PairGraph, tasks: Sequence[Task]) -> dict[str, Any]:
+def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
     series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
@@ -147,9 +147,9 @@ def measure(count: int, limit: float) -> dict[str, Any]:
     """Run all measurements in order."""
     setup, rng = default_setup(), np.random.default_rng(2026)
     start, goal = tuple(setup["start"]), np.array(setup["goal"])
-    Planner(pair_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
+    Planner(two_limb_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
     data: dict[str, Any] = {"machine": machine(), "reference_seconds": limit}
-    graph = pair_graph()
+    graph = two_limb_graph()
     steps = graph.steps.edges
     arrays = [array for array in vars(graph).values() if isinstance(array, np.ndarray)]
     data["table"] = {
@@ -160,7 +160,7 @@ def measure(count: int, limit: float) -> dict[str, Any]:
     tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(count)]
     print("queries", flush=True)
     data["collisions on"] = {cost: queries(graph, tasks, cost) for cost in COSTS}
-    without = pair_graph(collisions=False)
+    without = two_limb_graph(collisions=False)
     others = [sample_task(without, rng, TOLERANCE) for _ in range(count)]
     data["collisions off"] = {cost: queries(without, others, cost) for cost in COSTS}
     print("replanning", flush=True)

@@ -8,15 +8,15 @@ with a close-up of its deepest contact. Writes `blocked.png` and `blocked.svg`.
 
 from __future__ import annotations
 
-from reports import command_line, pair_graph
+from reports import command_line, two_limb_graph
 
 from mlivr_gym import State
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.pictures.blocked_figure import Panel, blocked_figure
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
-def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
+def blocked_stance(checked: TwoLimbGraph, free: TwoLimbGraph) -> Panel:
     """Return the stance with the fewest contacts among those that only collisions rule out."""
     best: Panel | None = None
     faces, ids = free.grasp_map.faces, free.grasp_map.ids
@@ -41,7 +41,7 @@ def blocked_stance(checked: PairGraph, free: PairGraph) -> Panel:
 def main() -> None:
     """Draw the figure and print the contacts."""
     out = command_line(__doc__).parse_args().out
-    checked, free = pair_graph(), pair_graph(collisions=False)
+    checked, free = two_limb_graph(), two_limb_graph(collisions=False)
     panel = blocked_stance(checked, free)
     out.mkdir(parents=True, exist_ok=True)
     clearance = checked.settings.clearance

@@ -27,7 +27,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, MODES, PAPER, SETUP, case_graph
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
 """Candidate starts and goals lie within `RADIUS` of these base positions [m]."""
@@ -67,7 +67,7 @@ def planners_of(mode: str) -> dict[int, Planner]:
     return {1: first, 2: second, 3: second}
 
 
-def candidates(graph: PairGraph) -> tuple[list[tuple[str, ...]], Array]:
+def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
     """Return the candidate starts, and the candidate goals of shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
     close = np.linalg.norm(graph.base_in_world - START, axis=1) < RADIUS
@@ -89,7 +89,7 @@ def best_pair(pairs: int) -> tuple[float, dict[str, Any]]:
     """Return mismatch and setup of the best of `pairs` random pairs."""
     planners = {mode: planners_of(mode) for mode in MODES}
     graph = planners["collisions"][2].graph
-    assert isinstance(graph, PairGraph)
+    assert isinstance(graph, TwoLimbGraph)
     starts, goals = candidates(graph)
     rng, tried = np.random.default_rng(0), []
     for _ in tqdm(range(pairs), desc="pairs", mininterval=2.0):

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from reports import command_line, pair_graph, publish, table
+from reports import command_line, publish, table, two_limb_graph
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
@@ -27,7 +27,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import ShapeError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
@@ -53,7 +53,7 @@ class Task(NamedTuple):
     """Fewest steps of a robot that knows everything; None if it cannot reach the goal."""
 
 
-def unknown_things(graph: PairGraph, start: State, rng: np.random.Generator) -> tuple[Box, ...]:
+def unknown_things(graph: TwoLimbGraph, start: State, rng: np.random.Generator) -> tuple[Box, ...]:
     """Return unknown boxes and plates that do not touch the robot at the start."""
     grasp_map, found = graph.grasp_map, list[Box]()
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
@@ -79,7 +79,7 @@ def unknown_things(graph: PairGraph, start: State, rng: np.random.Generator) -> 
     return tuple(found)
 
 
-def draw_tasks(graph: PairGraph, count: int) -> list[Task]:
+def draw_tasks(graph: TwoLimbGraph, count: int) -> list[Task]:
     """Draw tasks whose goal can be reached without the unknown things."""
     tasks = []
     for seed in range(count):
@@ -94,7 +94,7 @@ def draw_tasks(graph: PairGraph, count: int) -> list[Task]:
     return tasks
 
 
-def measure(graph: PairGraph, tasks: list[Task], mode: str) -> dict[str, Any]:
+def measure(graph: TwoLimbGraph, tasks: list[Task], mode: str) -> dict[str, Any]:
     """Walk all tasks in one mode."""
     camera, disturbances = MODES[mode]
     setup, rows = Setup.of(disturbances=disturbances), []
@@ -166,7 +166,7 @@ def main() -> None:
     """Measure and write results and page."""
     parser = command_line(__doc__)
     parser.add_argument("--tasks", type=int, default=20, help="random tasks (default: %(default)s)")
-    args, graph = parser.parse_args(), pair_graph()
+    args, graph = parser.parse_args(), two_limb_graph()
     tasks = draw_tasks(graph, args.tasks)
     impossible = sum(task.in_hindsight is None for task in tasks)
     data: dict[str, Any] = {"tasks": len(tasks), "impossible": impossible, "modes": {}}

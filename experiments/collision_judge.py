@@ -15,7 +15,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 TOUCH = 1e-6
@@ -28,7 +28,7 @@ HeldPoints = list[tuple[int, int]]
 class Judge:
     """Collision checks of configurations by MuJoCo and coal."""
 
-    def __init__(self, graph: PairGraph) -> None:
+    def __init__(self, graph: TwoLimbGraph) -> None:
         """Build the MuJoCo scene and the coal shapes of a graph's robot and map."""
         self.graph, self.robot = graph, graph.robot
         self.model = scene_spec(graph.grasp_map, graph.robot).compile()

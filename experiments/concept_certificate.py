@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from concept_figures import GOAL, OUT, START, manipulability
 from matplotlib.figure import Figure
-from reports import pair_graph
+from reports import two_limb_graph
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.base_path import base_poses
@@ -22,7 +22,7 @@ from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.pictures.figures import write_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 STEP = 1
 """Index of the step of the plan that is drawn."""
@@ -46,7 +46,7 @@ class Interval(NamedTuple):
 class Holding(NamedTuple):
     """A support limb that holds its point while the base follows its path."""
 
-    graph: PairGraph
+    graph: TwoLimbGraph
     path: RegraspPath
     limb: int
     flange: tuple[Array, Array]
@@ -114,7 +114,7 @@ class Holding(NamedTuple):
 
 def main() -> None:
     """Draw the figure."""
-    graph = pair_graph()
+    graph = two_limb_graph()
     plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
     regrasp, floor = planned_regrasp(graph, plan, STEP), graph.settings.path_floor
     limb = 1 - regrasp.limb

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import ROOT, pair_graph
+from reports import ROOT, two_limb_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
@@ -35,7 +35,7 @@ from mlivr_gym.pictures.flat_views import (
 from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""
@@ -61,7 +61,7 @@ def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) 
         axes.fill(*edge.T, facecolor=colour, edgecolor="white", linewidth=0.4, zorder=3 - paleness)
 
 
-def shown(figure: Figure, place: Span, graph: PairGraph, view: View, span: Span) -> Any:
+def shown(figure: Figure, place: Span, graph: TwoLimbGraph, view: View, span: Span) -> Any:
     """Return axes with a flat view of a part of the map."""
     axes = figure.add_axes(place, aspect="equal")
     axes.scatter(
@@ -81,7 +81,7 @@ def at(motion: StepMotion, k: int) -> tuple[Array, Array, Array]:
     return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
 
-def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
+def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
     """Return the positions of a gripper's tip along a step, shape (k, 3) [m]."""
     robot, places = graph.robot, []
     for k in range(len(motion.phase)):
@@ -93,7 +93,7 @@ def gripper_places(graph: PairGraph, motion: StepMotion, limb: int) -> Array:
     return np.array(places)
 
 
-def manipulability(graph: PairGraph, q: Array) -> float:
+def manipulability(graph: TwoLimbGraph, q: Array) -> float:
     """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
     frames = forward_kinematics(q, graph.robot.limb.lengths)
     axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
@@ -101,7 +101,7 @@ def manipulability(graph: PairGraph, q: Array) -> float:
     return limb_manipulability(jacobian, graph.robot.characteristic_length)
 
 
-def angles(graph: PairGraph, limb: int, position: Array, turn: Array) -> Array:
+def angles(graph: TwoLimbGraph, limb: int, position: Array, turn: Array) -> Array:
     """Return joint angles of all branches on which a limb holds its start point, (8, 6) [rad]."""
     base = pose(position, Rotation.from_quat(turn, scalar_first=True).as_matrix())
     flange, out = graph.solver.grasps[graph.indices(START)[limb]]["flange"], Angles.rows(8)
@@ -115,7 +115,7 @@ def finish(figure: Figure, title: str, name: str) -> None:
     write_figure(figure, OUT / f"{name}.png")
 
 
-def stance_figure(graph: PairGraph, plan: Plan) -> None:
+def stance_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Draw the robot in a stance, the points it holds, and those within one step."""
     figure, positions = Figure(figsize=(10.4, 3.6), dpi=110), graph.grasp_map.positions
     steps, base = graph.successors(graph.state(START)), plan.motion.base_positions[0]
@@ -139,7 +139,7 @@ def stance_figure(graph: PairGraph, plan: Plan) -> None:
     finish(figure, f"A stance: limb 0 holds {START[0]}, limb 1 holds {START[1]}", "stance")
 
 
-def step_figure(graph: PairGraph, plan: Plan) -> None:
+def step_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Draw four moments of a step, from departure to approach."""
     motion, step = step_motion(graph, plan, 0), plan.steps[0]
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
@@ -165,7 +165,7 @@ def step_figure(graph: PairGraph, plan: Plan) -> None:
            f"base {step.displacement:.2f} m (black); the other limb holds", "step")  # fmt: skip
 
 
-def branch_figure(graph: PairGraph, plan: Plan) -> None:
+def branch_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Draw the branches on which a limb can hold one point with the base at rest."""
     position, turn, joints = plan.configuration(0)
     figure = Figure(figsize=(11.6, 4.6), dpi=110)
@@ -186,7 +186,7 @@ def branch_figure(graph: PairGraph, plan: Plan) -> None:
     finish(figure, title, "branch")
 
 
-def manipulability_figure(graph: PairGraph, plan: Plan) -> None:
+def manipulability_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Plot `w_m` of both limbs and its minimum over base positions at one stance."""
     position, turn, _ = plan.configuration(0)
     x, z = position[0] + np.linspace(-0.9, 0.9, 73), np.linspace(-0.95, 0.35, 53)
@@ -215,7 +215,7 @@ def manipulability_figure(graph: PairGraph, plan: Plan) -> None:
            f"{threshold:g}; square: the base of the stance", "manipulability")  # fmt: skip
 
 
-def swing_figure(graph: PairGraph, plan: Plan) -> None:
+def swing_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Draw the path of the gripper during a swing, and its knots in joint space."""
     step, motion = plan.steps[0], step_motion(graph, plan, 0)
     knots, tips = np.array(step.knots), gripper_places(graph, motion, step.limb)
@@ -254,7 +254,7 @@ def swing_figure(graph: PairGraph, plan: Plan) -> None:
 
 def main() -> None:
     """Draw all figures."""
-    graph = pair_graph()
+    graph = two_limb_graph()
     plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
     OUT.mkdir(parents=True, exist_ok=True)
     for draw in (stance_figure, step_figure, branch_figure, manipulability_figure, swing_figure):

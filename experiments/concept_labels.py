@@ -13,7 +13,7 @@ import numpy as np
 from concept_figures import GOAL, OUT, START
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from reports import pair_graph
+from reports import two_limb_graph
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan import Plan
@@ -23,14 +23,14 @@ from mlivr_gym.planners.planner import GOAL_TOLERANCE
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""
 
 
-def label_figure(graph: PairGraph) -> None:
+def label_figure(graph: TwoLimbGraph) -> None:
     """Draw label, cost and bound after each step of a base-cost plan, and a dominated label."""
     plan = Planner(graph).plan(START, GOAL, "base").unwrap()
     states = states_along(graph, plan)
@@ -70,7 +70,7 @@ def label_figure(graph: PairGraph) -> None:
     write_figure(figure, OUT / "labels.png")
 
 
-def states_along(graph: PairGraph, plan: Plan) -> list[State]:
+def states_along(graph: TwoLimbGraph, plan: Plan) -> list[State]:
     """Return the states of a plan from its start."""
     states = [graph.state(plan.stances[0])]
     for stance in plan.stances[1:]:
@@ -80,7 +80,7 @@ def states_along(graph: PairGraph, plan: Plan) -> list[State]:
     return states
 
 
-def costs_along(graph: PairGraph, states: list[State]) -> tuple[Array, Array, Array]:
+def costs_along(graph: TwoLimbGraph, states: list[State]) -> tuple[Array, Array, Array]:
     """Return cost so far and two lower bounds of the remaining cost at each state, (k,) [m].
 
     The first bound is computed over the node table, the second is the distance to the goal region.
@@ -130,7 +130,7 @@ def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
     axes.legend(fontsize=8, frameon=False, ncols=4, loc="upper left")
 
 
-def dominated_pair(graph: PairGraph) -> tuple[State, float, State, float]:
+def dominated_pair(graph: TwoLimbGraph) -> tuple[State, float, State, float]:
     """Return two states of a stance after two steps with their costs [m]; the first dominates.
 
     Of all such pairs it has the labels that differ most, and among these the lowest cost.
@@ -165,7 +165,7 @@ def _size(state: State) -> int:
     return sum(one.bit_count() for one in state.branch_sets)
 
 
-def draw_dominance(figure: Any, graph: PairGraph) -> None:
+def draw_dominance(figure: Any, graph: TwoLimbGraph) -> None:
     """Draw two labels of a stance, the first of which dominates the second."""
     state, cost, other, more = dominated_pair(graph)
     s, names = graph.find(state.stance), graph.ids(state.stance)
@@ -186,4 +186,4 @@ def draw_dominance(figure: Any, graph: PairGraph) -> None:
 
 
 if __name__ == "__main__":
-    label_figure(pair_graph())
+    label_figure(two_limb_graph())

@@ -23,7 +23,7 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State
@@ -70,7 +70,7 @@ class Explored(NamedTuple):
     """Pairs of stances, by index, that a step joins."""
 
 
-def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Explored:
+def explore(graph: ImplicitGraph, expansions: int, rng: np.random.Generator) -> Explored:
     """Expand states, always in the region with the fewest expansions."""
     found, counts = Explored([], [], set()), Counter[tuple[int, ...]]()
     index: dict[tuple[int, ...], int] = {}
@@ -107,7 +107,7 @@ def explore(graph: LazyGraph, expansions: int, rng: np.random.Generator) -> Expl
     return found
 
 
-def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
+def within_span(graph: ImplicitGraph, state: State, posture: Postures) -> IntArray:
     """Return the stances one move from a state that distances alone allow, shape (k, N)."""
     stances = [np.zeros((0, graph.limbs), dtype=np.int64)]
     for limb, held in enumerate(state.stance):
@@ -122,7 +122,7 @@ def within_span(graph: LazyGraph, state: State, posture: Postures) -> IntArray:
     return np.concatenate(stances)
 
 
-def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[str, Any]:
+def limits(graph: ImplicitGraph, found: Explored, rng: np.random.Generator) -> dict[str, Any]:
     """Count the neighbours of random stances that meet each condition."""
     free = stance_graph(
         robot=graph.robot, settings=Settings(manipulability=False, collisions=False)
@@ -152,7 +152,7 @@ def limits(graph: LazyGraph, found: Explored, rng: np.random.Generator) -> dict[
 def explored(robot: str, expansions: int) -> dict[str, Any]:
     """Return the results for a robot."""
     graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
-    assert isinstance(graph, LazyGraph)
+    assert isinstance(graph, ImplicitGraph)
     found = explore(graph, expansions, rng)
     bases = np.concatenate([posture.base_position for posture in found.postures])
     sides = graph.grasp_map.faces

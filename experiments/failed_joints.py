@@ -22,8 +22,8 @@ from reports import NOTHING, command_line, publish, table
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 NAMES = ("mlivr2", "mlivr2-iiwa")
@@ -50,14 +50,14 @@ def whole(text: str) -> int:
     return int(text)
 
 
-def joint_angles(graph: PairGraph, state: State) -> np.ndarray:
+def joint_angles(graph: TwoLimbGraph, state: State) -> np.ndarray:
     """Return the angles of all joints of limb 0 [rad]."""
     angles: np.ndarray = graph.robot.every_limb[0].all_angles(graph.configuration(state)[2][0])
     return angles
 
 
 def reached_on_the_spot(
-    graph: PairGraph, state: State, joint: int, goals: np.ndarray
+    graph: TwoLimbGraph, state: State, joint: int, goals: np.ndarray
 ) -> tuple[int, int]:
     """Return the stances that limb 0 holds from where it is, and the goals at which they are."""
     angle = joint_angles(graph, state)[joint - 1]
@@ -77,7 +77,7 @@ def reached_on_the_spot(
 
 
 def reached_with_the_joint_held(
-    graph: PairGraph, state: State, joint: int, goals: np.ndarray
+    graph: TwoLimbGraph, state: State, joint: int, goals: np.ndarray
 ) -> tuple[int, int]:
     """Return the stances of the robot that holds the joint, and the goals that it can reach."""
     every = joint_angles(graph, state)
@@ -94,7 +94,7 @@ def reached_with_the_joint_held(
     return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
 
 
-def row_of(graph: PairGraph, states: Sequence[State], joint: int, goals: np.ndarray) -> Any:
+def row_of(graph: TwoLimbGraph, states: Sequence[State], joint: int, goals: np.ndarray) -> Any:
     """Return the shares of stances and goals that are left for one joint."""
     held = graph.robot.every_limb[0].held_joint
     count = reached_on_the_spot if held is None else reached_with_the_joint_held

@@ -15,12 +15,12 @@ import numpy as np
 import rustworkx as rx
 from reports import timed
 
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 Path = list[int]
 
 
-def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
+def edge_chunks(graph: TwoLimbGraph) -> Iterator[list[tuple[int, int, float]]]:
     """Yield every legal step once, in either direction, with its length [m], in chunks."""
     table = graph.steps
     for held, point in np.ndindex(*table.degree.shape):
@@ -35,7 +35,7 @@ def edge_chunks(graph: PairGraph) -> Iterator[list[tuple[int, int, float]]]:
 class Networkx:
     """The stance graph in networkx."""
 
-    def __init__(self, graph: PairGraph) -> None:
+    def __init__(self, graph: TwoLimbGraph) -> None:
         """Add every stance and every step."""
         self.graph = nx.Graph()
         self.graph.add_nodes_from(range(len(graph)))
@@ -60,7 +60,7 @@ class Networkx:
 class Rustworkx:
     """The stance graph in rustworkx."""
 
-    def __init__(self, graph: PairGraph) -> None:
+    def __init__(self, graph: TwoLimbGraph) -> None:
         """Add every stance and every step."""
         self.graph: Any = rx.PyGraph()
         self.graph.add_nodes_from(list(range(len(graph))))

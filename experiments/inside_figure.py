@@ -17,22 +17,22 @@ from mlivr_gym.pictures.figures import write_figure
 OUT = ROOT / "docs" / "inside.png"
 
 STAGES = (
-    ("stance", "points of the limbs", "stances/pair_graph.py"),
+    ("stance", "points of the limbs", "stances/two_limb_graph.py"),
     ("posture", "base pose, branches\nand their w_m, w_b", "postures/selection.py"),
     ("certificate", "branches on which support\nlimbs can follow it", "kinematics/holding.py"),
     ("release", "branches on which limbs\ncan be released, folds", "transitions/release.py"),
     ("step", "motions of the moving\nlimb, supporting limbs", "transitions/steps.py"),
-    ("edge", "branches kept, path, swing", "stances/pair_table.py"),
+    ("edge", "branches kept, path, swing", "stances/two_limb_edges.py"),
 )
 """Stages in order: name, result, and the module that computes it."""
 
 RECORDS = (
     "points",
-    "HeldStance -> Posture",
+    "StanceGeometry -> Posture",
     "BasePath",
     "ReleaseRecord",
     "StepRecord, SweptMotion",
-    "PairEdge",
+    "TwoLimbEdge",
 )
 """Records that each stage passes on."""
 

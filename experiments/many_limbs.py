@@ -29,7 +29,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_stance, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -62,7 +62,7 @@ def fan(robot: str) -> dict[str, Any]:
     while len(states) < STANCES:
         states += filter(None, [random_stance(graph, rng)])
     graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # without cached results
-    assert isinstance(tabled, LazyGraph)
+    assert isinstance(tabled, ImplicitGraph)
     node_table(tabled)
     tabled.successors(states[0])
     rows = []
@@ -95,7 +95,7 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
 def task_results(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
     """Plan a task with both costs, and the first `others` tasks with the other methods."""
     graph = stance_graph(robot=robot)
-    assert isinstance(graph, LazyGraph)
+    assert isinstance(graph, ImplicitGraph)
     start, goal = random_task(graph, np.random.default_rng([seed, graph.limbs]))
     away = float(np.linalg.norm(goal - graph.posture_of(start).base_position[0]))
     out: dict[str, Any] = {"distance": away}
@@ -127,7 +127,7 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
     return again.improvements[0].time if again.improvements else REPLANNING
 
 
-def executed(graph: LazyGraph, plan: Plan) -> bool:
+def executed(graph: ImplicitGraph, plan: Plan) -> bool:
     """Return whether MuJoCo executes a plan without contact."""
     from mlivr_gym.simulation.execution import execute  # loads GL
 
@@ -263,7 +263,7 @@ def main() -> None:
     }
     for robot in ROBOTS:
         graph = stance_graph(robot=robot)
-        assert isinstance(graph, LazyGraph)
+        assert isinstance(graph, ImplicitGraph)
         graph.sets()  # for other methods
         node_table(graph)
         data["fan"][robot] = fan(robot)

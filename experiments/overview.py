@@ -25,7 +25,7 @@ from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import rgba
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import BOX, scene_name
 
 WIDTH, HEIGHT, DPI = 1600, 725, 100
@@ -40,7 +40,7 @@ CUT_OPEN = ("deck/forward/closeout", "overhead/forward/closeout")
 EDGE_COLOUR = "#6f8299"
 
 
-def edge_paths(graph: PairGraph) -> Array:
+def edge_paths(graph: TwoLimbGraph) -> Array:
     """Return the base positions at both ends of random edges, shape (e, 2, 3) [m]."""
     rng, found = np.random.default_rng(20261122), list[list[Array]]()
     while len(found) < EDGES:
@@ -70,7 +70,7 @@ class RouteAmongEdges(Route):
         super().add_to(scene)
 
 
-def overview(graph: PairGraph, plan: Plan, path: Path) -> None:
+def overview(graph: TwoLimbGraph, plan: Plan, path: Path) -> None:
     """Draw the figure with its legend."""
     renderer = SceneRenderer(graph.grasp_map, graph.robot, WIDTH, HEIGHT)
     for box in CUT_OPEN:
@@ -114,7 +114,7 @@ def main() -> None:
     """Plan the walk and draw it."""
     out = command_line(__doc__).parse_args().out
     graph, plan = case_3()
-    assert isinstance(graph, PairGraph)
+    assert isinstance(graph, TwoLimbGraph)
     out.mkdir(parents=True, exist_ok=True)
     overview(graph, plan, out / "overview.png")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from reports import pair_graph, timed
+from reports import timed, two_limb_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, RobotSpec, Settings
@@ -23,7 +23,7 @@ from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipu
 from mlivr_gym.planners import Planner
 from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS, OPPOSED_ROLLS
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 Stance = tuple[int, int]
 
@@ -256,8 +256,8 @@ def map_to_plan(
 ) -> dict[str, Any]:
     """Measure map to plan without step checks, in the package and both modes of the reference."""
 
-    def ours() -> tuple[PairGraph, Any]:
-        fresh = pair_graph(grasp_map, **NODES_ONLY)
+    def ours() -> tuple[TwoLimbGraph, Any]:
+        fresh = two_limb_graph(grasp_map, **NODES_ONLY)
         return fresh, Planner(fresh).plan(start, goal).unwrap()
 
     times = [timed(ours)[0] for _ in range(5)]

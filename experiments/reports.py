@@ -18,8 +18,8 @@ from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 ROOT = Path(__file__).parent.parent
 """Root folder of the repository."""
@@ -118,10 +118,10 @@ class Processes(NamedTuple):
                 yield known[seed]
 
 
-def pair_graph(grasp_map: GraspMap | None = None, **settings: Any) -> PairGraph:
+def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLimbGraph:
     """Return the stance graph of two limbs, by default on the map of the JEM."""
     graph = stance_graph(grasp_map or jem_map(), settings=Settings(**settings))
-    assert isinstance(graph, PairGraph)
+    assert isinstance(graph, TwoLimbGraph)
     return graph
 
 

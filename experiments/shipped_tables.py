@@ -14,17 +14,19 @@ import os
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
-from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 
-def shipped_graphs() -> dict[str, PairGraph]:
+def shipped_graphs() -> dict[str, TwoLimbGraph]:
     """Return the stance graphs whose tables ship, by file name."""
     setup = default_setup()
     graphs = [stance_graph()]
     graphs += [case_graph(case, setup, mode) for mode in MODES for case in CASES]
-    return {PAIR_TABLES.name(graph): graph for graph in graphs if isinstance(graph, PairGraph)}
+    return {
+        TWO_LIMB_TABLES.name(graph): graph for graph in graphs if isinstance(graph, TwoLimbGraph)
+    }
 
 
 def main() -> None:
@@ -35,7 +37,7 @@ def main() -> None:
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)
-        PAIR_TABLES.write(graph, graph.kept(), path)
+        TWO_LIMB_TABLES.write(graph, graph.kept(), path)
         print(f"{name}: {len(graph)} stances, {path.stat().st_size / 1e6:.2f} MB", flush=True)
 
 

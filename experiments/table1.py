@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import command_line, pair_graph, publish, read, table
+from reports import command_line, publish, read, table, two_limb_graph
 from tqdm import tqdm
 
 from mlivr_gym import State
@@ -27,13 +27,13 @@ from mlivr_gym.paper import CASES, MODES
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp on the Pareto front [m]."""
 
 
-def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
+def can_be_executed(graph: TwoLimbGraph, plan: Plan) -> bool:
     """Return whether stances can be executed in order, with each limb on one branch per hold."""
     try:
         state: State = graph.state(plan.stances[0])
@@ -54,8 +54,8 @@ def can_be_executed(graph: PairGraph, plan: Plan) -> bool:
 
 def transition_study(pairs: int) -> dict[str, Any]:
     """Count the plans of both costs that check nodes alone and cannot be executed."""
-    checked = pair_graph(collisions=False)
-    free = pair_graph(transitions=False, collisions=False)
+    checked = two_limb_graph(collisions=False)
+    free = two_limb_graph(transitions=False, collisions=False)
     planner, node_only = Planner(checked), Planner(free)
     rng = np.random.default_rng(2026)
     blocked = {"base": 0, "steps": 0}
@@ -81,7 +81,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
 
 def pareto(pairs: int) -> list[dict[str, float]]:
     """Return mean steps and mean base translation over random tasks for each price of a regrasp."""
-    graph = pair_graph(collisions=False)
+    graph = two_limb_graph(collisions=False)
     planner, rng = Planner(graph), np.random.default_rng(7)
     tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
     rows = []

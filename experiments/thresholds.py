@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import command_line, keep, pair_graph, publish, read, table
+from reports import command_line, keep, publish, read, table, two_limb_graph
 from scipy.stats import spearmanr
 from table1_statistics import random_pair
 from tqdm import tqdm
@@ -33,7 +33,7 @@ from mlivr_gym.simulation.disturbances import ALL
 from mlivr_gym.simulation.execution import execute_walk, timed_walk
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 FACTORS = (0.0, 0.5, 1.0, 1.25)
 """Thresholds as a multiple of the paper's."""
@@ -50,7 +50,7 @@ Measure = dict[str, Any]
 def measured(factor: float, pairs: int) -> Measure:
     """Return the plans under scaled thresholds and the results of their execution."""
     limb, base = (factor * whole for whole in Settings().thresholds(2))
-    graph = pair_graph(limb_threshold=limb, base_threshold=base)
+    graph = two_limb_graph(limb_threshold=limb, base_threshold=base)
     planner, found = Planner(graph), []
     for seed in tqdm(range(pairs), desc=f"{factor:g}", mininterval=5.0):
         start, goal = random_pair(seed)
@@ -63,7 +63,7 @@ def measured(factor: float, pairs: int) -> Measure:
     return {"factor": factor, "stances": len(graph), "plans": found}
 
 
-def plan_results(graph: PairGraph, plan: Plan, seed: int) -> Measure:
+def plan_results(graph: TwoLimbGraph, plan: Plan, seed: int) -> Measure:
     """Return steps of a plan, manipulability of its stances and errors of its executed steps."""
     postures = [graph.posture(graph.indices(stance)) for stance in plan.stances]
     results: Measure = {

@@ -12,12 +12,12 @@ import numpy as np
 
 from mlivr_gym.planners import planner, table_search
 from mlivr_gym.stances.obstacles import ChangingWorld
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 PARTS: dict[str, tuple[Any, str]] = {
     "stances near the change": (ChangingWorld, "_set_obstacles"),
     "lower bounds and labels": (table_search, "cheapest_path"),
-    "checks of steps": (PairGraph, "kept_branches"),
+    "checks of steps": (TwoLimbGraph, "kept_branches"),
     "branches, angles and swings of the plan": (planner, "committed_motion"),
 }
 """Parts of a query, each with the function that does it; all else is arguments and the start."""

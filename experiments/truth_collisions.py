@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from collision_judge import HeldPoints, Judge
-from reports import Processes, pair_graph
+from reports import Processes, two_limb_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_walks import random_walk, whole_graph
@@ -25,7 +25,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 HALVES = {
     "rod": (0.0005, 0.0005, 0.3),
@@ -39,7 +39,9 @@ FARTHEST_GAP = 0.05
 """Maximum distance of an obstacle from the capsule that it is placed next to [m]."""
 
 
-def sampled(graph: PairGraph, plan: Plan, samples: int) -> list[tuple[Configuration, HeldPoints]]:
+def sampled(
+    graph: TwoLimbGraph, plan: Plan, samples: int
+) -> list[tuple[Configuration, HeldPoints]]:
     """Return configurations along each step of a plan, with the limbs that are at a point."""
     out = []
     for k, step in enumerate(plan.steps):
@@ -60,7 +62,7 @@ def penetrating(judge: Judge, places: list[tuple[Configuration, HeldPoints]]) ->
 
 
 def study_stances(
-    graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, free: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free stances, and the best postures of stances that only collisions rule out."""
     touching, least = 0, []
@@ -91,7 +93,7 @@ def study_stances(
     }
 
 
-def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
+def one_step(graph: TwoLimbGraph, s0: int, s1: int, held: int) -> Plan | None:
     """Return the plan of a single step, made as any plan is."""
     entry = int(graph.kept_branches(held, s0, np.array([s1]))[0])
     stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
@@ -105,7 +107,7 @@ def one_step(graph: PairGraph, s0: int, s1: int, held: int) -> Plan | None:
 
 
 def random_step(
-    graph: PairGraph, free: PairGraph, rng: np.random.Generator
+    graph: TwoLimbGraph, free: TwoLimbGraph, rng: np.random.Generator
 ) -> tuple[int, int, int]:
     """Return support limb and both stances of a random step that is possible without collisions."""
     while True:
@@ -120,7 +122,7 @@ def random_step(
 
 
 def study_steps(
-    graph: PairGraph, free: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, free: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free steps, and measure the share of steps that are blocked."""
     configurations = bad = done = drawn = possible = 0
@@ -147,7 +149,7 @@ def study_steps(
 
 
 def study_plans(
-    graph: PairGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check dense samples of random plans of both costs."""
     planner, kinds = Planner(graph), Counter[str]()
@@ -170,7 +172,7 @@ def study_plans(
 
 def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
     """Check random stances, steps and plans."""
-    graph, free = pair_graph(), pair_graph(collisions=False)
+    graph, free = two_limb_graph(), two_limb_graph(collisions=False)
     judge, rng = Judge(graph), np.random.default_rng(2026)
     return {
         "clearance": graph.settings.clearance,
@@ -223,7 +225,7 @@ def step_past_obstacle(seed: int) -> tuple[str, str, int, float]:
         graph.remove_obstacles()
 
 
-def _made(graph: PairGraph, states: list[State]) -> Plan | None:
+def _made(graph: TwoLimbGraph, states: list[State]) -> Plan | None:
     """Return the plan of the same step among the present obstacles, or None if it is blocked."""
     stance, after = states[0].stance, states[1].stance
     s = graph.find(stance)

@@ -9,7 +9,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from reports import Processes, pair_graph
+from reports import Processes, two_limb_graph
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
@@ -23,10 +23,10 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 STEPS = 10
@@ -37,9 +37,9 @@ COSTS = (("base", None), ("steps", None), ("weighted", 0.2))
 
 
 @cache
-def whole_graph() -> PairGraph:
+def whole_graph() -> TwoLimbGraph:
     """Return the stance graph of the JEM with all steps known, once per process."""
-    graph = pair_graph()
+    graph = two_limb_graph()
     step_tables(graph)
     return graph
 
@@ -125,7 +125,7 @@ class StateGraph:
     It is computed by `successors` alone.
     """
 
-    def __init__(self, graph: PairGraph) -> None:
+    def __init__(self, graph: TwoLimbGraph) -> None:
         """Compute the successors of every state once."""
         self.index: dict[State, int] = {}
         todo = [graph.state(points.tolist()) for points in graph.points]
@@ -162,7 +162,7 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     """Compare plans on half the points of the JEM with SciPy's Dijkstra over `successors`."""
     whole = jem_map()
     sparse = whole.subset(np.arange(len(whole)) % 2 == 0, "every second point")
-    graph = pair_graph(sparse)
+    graph = two_limb_graph(sparse)
     step_tables(graph)
     states, planner, rng = StateGraph(graph), Planner(graph), np.random.default_rng(4)
     out, worst, reached = Counter[str](), 0.0, 0

@@ -75,7 +75,7 @@ class Settings:
     manipulability
         Whether stances must meet both thresholds of manipulability. Without them, stances are still
         excluded by `path_floor` if steps are checked, and always by the span of the robot
-        (`PairGraph.no_departure`, `PairGraph.farther_than_span`).
+        (`TwoLimbGraph.no_departure`, `TwoLimbGraph.farther_than_span`).
     transitions
         Whether a step is an edge only if the support limbs are shown to hold all along it.
     limb_threshold

@@ -1,7 +1,7 @@
 """Algorithm 1 of the paper in plain Python: A* over stances (Hart, Nilsson and Raphael 1968).
 
 This is the search to read first, and the reference for the compiled searches (`table_search`,
-`lazy_search`). It uses `posture_of`, `successors` and `max_step` of a stance graph alone, so it
+`implicit_search`). It uses `posture_of`, `successors` and `max_step` of a stance graph alone, so it
 serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
 `heuristic="paper"` its nodes, edges and estimates are those of the paper. If steps are checked, a
 node of the search is a `State`: a stance together with the branches that each limb may be on.

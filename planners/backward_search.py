@@ -24,7 +24,7 @@ from mlivr_gym.planners.bucket_queue import (
     queue_lower_bound,
 )
 from mlivr_gym.planners.costs import CostWeights
-from mlivr_gym.stances.node_pairs import row_of
+from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 INITIAL_CAPACITY = 1 << 21

@@ -21,7 +21,7 @@ EMPTY = -1
 
 
 class CheckedEdges(NamedTuple):
-    """Branches kept on checked edges, by the number of the edge, see `node_pairs`."""
+    """Branches kept on checked edges, by the number of the edge, see `node_edges`."""
 
     keys: IntArray
     """Numbers of the edges, `EMPTY` in an empty slot, shape (capacity,)."""

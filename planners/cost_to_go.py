@@ -12,8 +12,8 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
@@ -32,7 +32,7 @@ class CostToGo:
         Whether each stance is at the goal, shape (n,).
     """
 
-    def __init__(self, graph: PairGraph, goal: Goal) -> None:
+    def __init__(self, graph: TwoLimbGraph, goal: Goal) -> None:
         """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)

@@ -43,7 +43,7 @@ from mlivr_gym.planners.bucket_queue import (
 from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.planners.costs import CostWeights
 from mlivr_gym.planners.labels import CAPACITY, CHECK_BATCH, NO_LABEL, Labels, NodeOrigins, NodePath
-from mlivr_gym.stances.node_pairs import branches_lost, row_of
+from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 CLOCK_INTERVAL = 1 << 14

@@ -35,7 +35,7 @@ class Labels(NamedTuple):
     parent: NDArray[np.int32]
     """Parent label on the path, or -1 minus the index of the origin, shape (CAPACITY,)."""
     edges: NDArray[np.int64]
-    """Number of the edge from the parent, see `node_pairs`, shape (CAPACITY,)."""
+    """Number of the edge from the parent, see `node_edges`, shape (CAPACITY,)."""
     branch_sets: NDArray[np.uint64]
     """Branches that the limbs may be on, see `limb_branch_sets`, shape (CAPACITY,)."""
     previous_of_node: NDArray[np.int32]

@@ -21,12 +21,12 @@ from mlivr_gym.planners.labels import NodePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import edge_ends
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 
@@ -137,12 +137,12 @@ class LazyTable(ABC):
         """
 
 
-class LazyPairTable(LazyTable):
+class LazyTwoLimbTable(LazyTable):
     """Table of two limbs, whose stance graph stores the nodes and edges itself."""
 
     label_independent = True
 
-    def __init__(self, graph: PairGraph) -> None:
+    def __init__(self, graph: TwoLimbGraph) -> None:
         """Start with the nodes and edges that the graph knows."""
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
@@ -210,7 +210,7 @@ class LazyNodeTable(LazyTable):
 
     is_complete = label_independent = False
 
-    def __init__(self, graph: LazyGraph, table: NodeTable) -> None:
+    def __init__(self, graph: ImplicitGraph, table: NodeTable) -> None:
         """Start with no node and no edge checked."""
         super().__init__(graph, table)
         self.graph, self._free_table = graph, table
@@ -333,7 +333,7 @@ class LazyNodeTable(LazyTable):
 
 
 def branch_sets_along(
-    graph: LazyGraph, stances: IntArray, branch_sets: IntArray, postures: Postures
+    graph: ImplicitGraph, stances: IntArray, branch_sets: IntArray, postures: Postures
 ) -> IntArray:
     """Return the branch sets after the steps of a path, 0 for no step, shape (k, N).
 
@@ -373,8 +373,8 @@ def branch_sets_along(
 
 def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
     """Return the nodes of a graph in the present world, or None if the graph has no table."""
-    if isinstance(graph, PairGraph):
-        return LazyPairTable(graph)
-    if isinstance(graph, LazyGraph) and graph.table is not None:
+    if isinstance(graph, TwoLimbGraph):
+        return LazyTwoLimbTable(graph)
+    if isinstance(graph, ImplicitGraph) and graph.table is not None:
         return LazyNodeTable(graph, graph.table)
     return None

@@ -21,9 +21,9 @@ from mlivr_gym.planners.labels import Labels
 from mlivr_gym.planners.lazy_table import LazyTable, make_lazy_table
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.stances.node_table import ROUNDED, NodeTable
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_rows import connected_parts
 from mlivr_gym.transitions.state import State
 
 SEARCH_MARGIN = (0.03, 2)
@@ -71,7 +71,7 @@ class LowerBounds:
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
-        two_limbs = isinstance(graph, PairGraph)
+        two_limbs = isinstance(graph, TwoLimbGraph)
         self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
         self._margin = (0.0, 0) if two_limbs else SEARCH_MARGIN
 
@@ -129,7 +129,7 @@ class LowerBounds:
     def is_connected(self, goal: Goal, start: State) -> bool:
         """Return whether moves may connect a state with a goal, whatever the obstacles are."""
         goals = self._goal_nodes(goal)
-        if isinstance(self.graph, PairGraph) and start.pose is None:
+        if isinstance(self.graph, TwoLimbGraph) and start.pose is None:
             _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
             return bool((part[goals] == part[self.graph.find(start.stance)]).any())
         return bool(goals.any())

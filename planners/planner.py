@@ -35,8 +35,8 @@ from mlivr_gym.planners.query import (
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.searches import Algorithm1Searcher, GraphSearcher, Searcher
 from mlivr_gym.planners.why_not import Cause, find_cause
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 CACHED_TABLES = 16
@@ -245,7 +245,7 @@ class Planner:
         """
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
-        limit = MAX_EXPANSIONS if isinstance(self.graph, PairGraph) else limit
+        limit = MAX_EXPANSIONS if isinstance(self.graph, TwoLimbGraph) else limit
         return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
@@ -370,9 +370,9 @@ class Planner:
                 self._cost_tables.popitem(last=False)
         return self._cost_tables[key]
 
-    def _two_limbs(self) -> PairGraph:
+    def _two_limbs(self) -> TwoLimbGraph:
         """Return the stance graph, which must be one of two limbs."""
-        if not isinstance(self.graph, PairGraph):
+        if not isinstance(self.graph, TwoLimbGraph):
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
         return self.graph

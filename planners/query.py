@@ -19,8 +19,8 @@ from mlivr_gym.motion.arguments import WALK
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GOAL, STANCE
 
@@ -178,7 +178,7 @@ class SearchQuery:
         Maximum time in which a plan is sought and improved [s].
     satisficing
         Whether a first plan is sought before an optimal one: over the table of nodes, or by an
-        inadmissible estimate where there is no table, see `lazy_search`.
+        inadmissible estimate where there is no table, see `implicit_search`.
     start_time
         Time at which the query was made, on the clock of `time.perf_counter` [s].
     """
@@ -203,7 +203,7 @@ class SearchQuery:
             If an option cannot be used; the message names it.
         """
         method = options.method
-        is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, PairGraph)
+        is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, TwoLimbGraph)
         heuristic = options.heuristic
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.

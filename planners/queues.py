@@ -1,4 +1,4 @@
-"""Items of the open queues of the search without a table, see `lazy_search`."""
+"""Items of the open queues of the search without a table, see `implicit_search`."""
 
 from __future__ import annotations
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import complete_by_deadline
-from mlivr_gym.planners.lazy_search import lazy_search
+from mlivr_gym.planners.implicit_search import search_implicit_graph
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import LIMIT_REACHED, SearchResult, path_indices, search_tree
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import search_table
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import key_of
@@ -55,15 +55,17 @@ class GraphSearcher:
     def find(self, search: SearchQuery, start: State) -> SearchResult | None:
         """Search from a state, see `Searcher.find`."""
         graph = self.graph
-        if isinstance(graph, LazyGraph) and not self._tables_are_ready(graph, search):
+        if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
             return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
         lower_bounds = self.lower_bounds()
-        if lower_bounds is not None and (search.satisficing or not isinstance(graph, LazyGraph)):
+        if lower_bounds is not None and (
+            search.satisficing or not isinstance(graph, ImplicitGraph)
+        ):
             return search_table(lower_bounds, search, start)
-        assert isinstance(graph, LazyGraph)
-        return lazy_search(graph, start, search)
+        assert isinstance(graph, ImplicitGraph)
+        return search_implicit_graph(graph, start, search)
 
-    def _tables_are_ready(self, graph: LazyGraph, search: SearchQuery) -> bool:
+    def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)
         if search.satisficing:

@@ -18,7 +18,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 POINTS = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
@@ -53,7 +53,7 @@ class PlainSolver(PostureSolver):
         )
 
 
-class PlainGraph(PairGraph):
+class PlainGraph(TwoLimbGraph):
     """A stance graph of two limbs with such postures."""
 
     solver_class = PlainSolver

@@ -19,8 +19,8 @@ from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
@@ -101,7 +101,7 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
 
 def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
     """Return the smallest distance of a stance's base to the goal [m]; 0 if it is not known."""
-    if not isinstance(graph, PairGraph):
+    if not isinstance(graph, TwoLimbGraph):
         return 0.0
     is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
     distances = np.where(is_goal, goal.distance(graph.base_in_world), np.inf)

@@ -22,9 +22,9 @@ from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_files import FORMAT, HEAD, head_of
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
@@ -108,7 +108,7 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     graph = stance_graph(world)
-    first, file, head = step_tables(graph), PAIR_TABLES.cached(graph), head_of(graph)
+    first, file, head = step_tables(graph), TWO_LIMB_TABLES.cached(graph), head_of(graph)
     with zipfile.ZipFile(file) as data:
         kept = {name: data.read(name) for name in data.namelist()}
     wrong = {**kept, "edges.npy": bytes(len(kept["edges.npy"]))}

@@ -16,8 +16,8 @@ from mlivr_gym.robot.specification import ROBOTS, robot_spec
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import PLACES, GraspMap, as_map
 
@@ -201,7 +201,7 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
     return as_map(args.map)
 
 
-def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
+def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
     _check_world(args)
     settings = Settings(
@@ -226,7 +226,7 @@ def chosen_graph(args: argparse.Namespace) -> PairGraph | LazyGraph:
 
 
 def chosen_task(
-    graph: PairGraph | LazyGraph, args: argparse.Namespace
+    graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Return the start as point ids, and the goal position [m].
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from mlivr_gym.cli.arguments import Add, chosen_graph, command
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_rows import connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_rows import connected_parts
 
 
 def add_command(add: Add) -> None:
@@ -79,15 +79,19 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "pairs_within_span": len(graph.pairs),
             "obstacles": len(graph.obstacles),
             "occupied": len(graph.occupied),
-            **(_pair_summary(graph) if isinstance(graph, PairGraph) else {"stances": "on demand"}),
+            **(
+                _pair_summary(graph)
+                if isinstance(graph, TwoLimbGraph)
+                else {"stances": "on demand"}
+            ),
         },
     }
 
 
-def _pair_summary(graph: PairGraph) -> dict[str, Any]:
+def _pair_summary(graph: TwoLimbGraph) -> dict[str, Any]:
     """Count stances and steps of two limbs, and the pairs of points that each rule excludes.
 
-    `departure` is `PairGraph.no_departure`, which applies without thresholds, too. Pairs at a
+    `departure` is `TwoLimbGraph.no_departure`, which applies without thresholds, too. Pairs at a
     distance above the span are not evaluated.
     """
     excluded = {

@@ -20,9 +20,9 @@ from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 def add_command(add: Add) -> None:
@@ -118,7 +118,7 @@ def fastest_cost(
     return timed_plans[0].cost, timed_plans[0].price
 
 
-def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> PlanningResult:
+def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
     Raises
@@ -131,7 +131,7 @@ def find_plan(graph: PairGraph | LazyGraph, args: argparse.Namespace) -> Plannin
         refuse_without_effect(args, f"with --method {args.method}", *names)
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
-    if isinstance(graph, LazyGraph):
+    if isinstance(graph, ImplicitGraph):
         with Progress("loading the node table", quiet=args.quiet):
             table = None if graph.obstacles else node_table(graph)
         if table is None:

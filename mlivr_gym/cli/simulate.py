@@ -42,8 +42,8 @@ from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import FieldPath, OrNone, Tuples
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.execution import Execution
@@ -136,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
         setup = default_setup()
         args.start, args.goal = tuple(setup["start"]), tuple(setup["goal"])
         args.cost, args.goal_face = CASES[args.case].cost, setup["goal_face"]
-        graph: PairGraph | LazyGraph = case_graph(
+        graph: TwoLimbGraph | ImplicitGraph = case_graph(
             args.case, setup, "steps" if args.no_collisions else "collisions"
         )
     else:
@@ -144,7 +144,7 @@ def run(args: argparse.Namespace) -> int:
     return simulate(args, graph, find_plan(graph, args).unwrap())
 
 
-def simulate(args: argparse.Namespace, graph: PairGraph | LazyGraph, plan: Plan) -> int:
+def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan: Plan) -> int:
     """Execute a plan, print and save the measurements, and return the exit code."""
     from mlivr_gym.simulation.execution import execute
     from mlivr_gym.simulation.timing import plan_trajectory
@@ -241,7 +241,7 @@ def _save(execution: Execution, out: Path) -> None:
 
 
 def _film(
-    args: argparse.Namespace, graph: PairGraph | LazyGraph, execution: Execution, path: Path
+    args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, execution: Execution, path: Path
 ) -> None:
     """Render the film, or print why it cannot be made."""
     plan, recording = execution.plan, execution.recording

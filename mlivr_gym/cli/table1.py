@@ -38,7 +38,7 @@ from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
@@ -181,13 +181,13 @@ class Start(NamedTuple):
         return cls.at(case_graph(2, setup, "collisions"), tuple(setup["start"]))
 
     @classmethod
-    def at(cls, graph: PairGraph, stance: tuple[str, ...]) -> Start:
+    def at(cls, graph: TwoLimbGraph, stance: tuple[str, ...]) -> Start:
         """Return the start at a stance, in its posture in a stance graph."""
         posture = graph.posture(graph.indices(stance))
         orientation = quaternion(posture.base_rotation)[0].tolist()
         return cls(stance, (*posture.base_position[0].tolist(), *orientation))
 
-    def pose_for(self, graph: PairGraph) -> tuple[float, ...] | None:
+    def pose_for(self, graph: TwoLimbGraph) -> tuple[float, ...] | None:
         """Return the pose as argument of a planner: None if it is the posture in this graph."""
         return graph.given_pose_of(self.stance, np.array(self.pose[:3]), np.array(self.pose[3:]))
 
@@ -255,7 +255,7 @@ def excluded_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
 
     def stances(robot: RobotSpec, settings: Settings) -> int:
         other = stance_graph(graph.grasp_map, robot, settings)
-        assert isinstance(other, PairGraph)
+        assert isinstance(other, TwoLimbGraph)
         return len(other)
 
     unchecked_wide = stances(wide, unchecked)

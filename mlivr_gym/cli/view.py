@@ -27,8 +27,8 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Recording
@@ -121,7 +121,7 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     return live, None
 
 
-def graph_of_plan(plan: Plan, args: argparse.Namespace) -> PairGraph | LazyGraph:
+def graph_of_plan(plan: Plan, args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of a plan with its obstacles and occupied points."""
     graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
     graph.add_obstacles(plan.world.obstacles)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
 from mlivr_gym.stances.node_table_file import node_table
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 class CurrentMoves:
@@ -26,14 +26,14 @@ class CurrentMoves:
         self.graph, self.uses_tables = graph, False
         self._moves: Moves | None = None
         self._version = graph.version
-        if isinstance(graph, LazyGraph):
+        if isinstance(graph, ImplicitGraph):
             node_table(graph)
 
     def current(self) -> Moves:
         """Return the moves of the present world, from exact tables if all steps are known."""
         if self._moves is None or self._version != self.graph.version:
             graph = self.graph
-            known = isinstance(graph, PairGraph) and graph.is_complete
+            known = isinstance(graph, TwoLimbGraph) and graph.is_complete
             self._moves = self._table_moves() if self.uses_tables or known else GraphMoves(graph)
             self._version = self.graph.version
         return self._moves
@@ -56,5 +56,5 @@ class CurrentMoves:
     def _table_moves(self) -> TableMoves:
         """Return the moves from the exact tables of the present world."""
         tables = step_tables(self.graph)
-        assert isinstance(self.graph, PairGraph)
+        assert isinstance(self.graph, TwoLimbGraph)
         return TableMoves(self.graph, tables)

@@ -13,8 +13,8 @@ from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.stances.moves import Moves, StanceProperties, TableMoves
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 MASK_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
@@ -108,7 +108,7 @@ def _as_observation(
     }
 
 
-def observation_rows(graph: PairGraph) -> tuple[NDArray[Any], ...]:
+def observation_rows(graph: TwoLimbGraph) -> tuple[NDArray[Any], ...]:
     """Return the first four parts of the observation at each of the n stances of a graph."""
     return (
         graph.points.astype(np.int64),
@@ -129,7 +129,7 @@ class ObservationTable(NamedTuple):
     """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
 
     @classmethod
-    def of(cls, graph: PairGraph) -> ObservationTable:
+    def of(cls, graph: TwoLimbGraph) -> ObservationTable:
         """Return the table of a graph."""
         turns = quaternion(graph.base_axes_in_world)
         properties = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])

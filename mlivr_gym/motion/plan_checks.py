@@ -25,7 +25,7 @@ from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.robot.limb import LinkOffset
 from mlivr_gym.stances.build import COMPILED
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -106,15 +106,15 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
     _check_steps(motion, expected, bits)
 
 
-def _graph(world: World, grasp_map: GraspMap) -> LazyGraph:
+def _graph(world: World, grasp_map: GraspMap) -> ImplicitGraph:
     """Return a stance graph of the world of a plan, which computes nodes and edges on demand."""
-    graph = LazyGraph(grasp_map, world.robot, world.settings)
+    graph = ImplicitGraph(grasp_map, world.robot, world.settings)
     graph.add_obstacles(world.obstacles)
     graph.occupy(world.occupied)
     return graph
 
 
-def _branch_bits(graph: LazyGraph, points: IntArray, motion: Motion) -> IntArray:
+def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntArray:
     """Return the branch and flip of each limb as `branch + 8 * flip`, shape (K, N).
 
     Raises
@@ -150,7 +150,7 @@ def _branch_bits(graph: LazyGraph, points: IntArray, motion: Motion) -> IntArray
     return bits
 
 
-def _check_base(graph: LazyGraph, points: IntArray, motion: Motion, k: int) -> None:
+def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) -> None:
     """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
     given, robot = _rotations(motion)[k], graph.robot
     places, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
@@ -192,7 +192,7 @@ def _rotations(motion: Motion) -> Array:
     return turns
 
 
-def _postures(graph: LazyGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
+def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
     """Return the postures of the stances at the given base poses.
 
     That is the posture of the stance if its base pose is the given one, and otherwise a posture at

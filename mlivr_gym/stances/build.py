@@ -11,8 +11,8 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_graph import PairGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
@@ -25,7 +25,7 @@ def stance_graph(
     grasp_map: str | Path | GraspMap | dict[str, Any] | None = None,
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",
     settings: Settings | None = None,
-) -> PairGraph | LazyGraph:
+) -> TwoLimbGraph | ImplicitGraph:
     """Return the stance graph of a robot on a map.
 
     Parameters
@@ -39,7 +39,7 @@ def stance_graph(
 
     Returns
     -------
-    PairGraph | LazyGraph
+    TwoLimbGraph | ImplicitGraph
         The graph: for two limbs with all stances, for more limbs with nodes computed on demand.
 
     Raises
@@ -55,9 +55,9 @@ def stance_graph(
     """
     world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
-        return LazyGraph(world, robot, settings)
+        return ImplicitGraph(world, robot, settings)
     with warming("mlivr_gym.planners.warmup", COMPILED):
-        graph = PairGraph(world, robot, settings)
+        graph = TwoLimbGraph(world, robot, settings)
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "

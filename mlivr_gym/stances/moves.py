@@ -14,10 +14,10 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.stances.pair_graph import PairGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import legal_actions
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
@@ -117,7 +117,7 @@ class GraphMoves:
 class TableMoves:
     """Moves from step tables."""
 
-    def __init__(self, graph: PairGraph, tables: StepTables) -> None:
+    def __init__(self, graph: TwoLimbGraph, tables: StepTables) -> None:
         """Index the stances of the tables by their points."""
         self.graph, self.tables = graph, tables
         self._from_given_pose = GraphMoves(graph)

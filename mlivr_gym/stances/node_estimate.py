@@ -8,8 +8,8 @@ import numpy as np
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import workers
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import EdgeSet, NodePair, count_node_pairs, list_node_pairs
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.node_table_build import (
     FEW_SETS,
@@ -18,8 +18,8 @@ from mlivr_gym.stances.node_table_build import (
     parts_of_nodes,
     sets_of,
 )
-from mlivr_gym.stances.pair_build import Estimate
 from mlivr_gym.stances.stance_sets import StanceSets
+from mlivr_gym.stances.two_limb_build import Estimate
 
 SAMPLE = 300
 """Number of sets of points in the sample, if there are as many."""
@@ -28,7 +28,7 @@ PAIRS = 3000
 """Largest number of pairs of nodes in the sample."""
 
 
-def estimate_nodes(graph: LazyGraph) -> Estimate:
+def estimate_nodes(graph: ImplicitGraph) -> Estimate:
     """Estimate what building the table of a graph takes.
 
     Every node one step from another has a support set in common with it, so all sets with some
@@ -95,8 +95,10 @@ def _pairs(table: NodeTable, support_sets: IntArray) -> IntArray:
     """Return pairs of members of some support sets that share branches, shape (p, 2)."""
     found = [np.zeros((0, 2), dtype=np.int64)]
     for support_set in support_sets.tolist():
-        before = Pair.before(table, support_set)
-        pairs = np.empty((count_pairs(table, before.copy(), support_set + 1), 2), dtype=np.int64)
-        list_pairs(table, before, support_set + 1, pairs)
+        before = NodePair.before(table, support_set)
+        pairs = np.empty(
+            (count_node_pairs(table, before.copy(), support_set + 1), 2), dtype=np.int64
+        )
+        list_node_pairs(table, before, support_set + 1, pairs)
         found.append(pairs)
     return np.concatenate(found)

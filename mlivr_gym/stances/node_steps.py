@@ -13,7 +13,7 @@ from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.stances.node_pairs import row_of
+from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.transitions.records import ReleaseRecord, StanceSet
 from mlivr_gym.world.grasp_map import GraspMap
@@ -29,7 +29,7 @@ class CandidateSteps(NamedTuple):
     relabellings: IntArray
     """Cyclic relabellings from these to the limbs of the robot, shape (k,)."""
     edges: IntArray
-    """Numbers of the edges, see `node_pairs`, shape (k,)."""
+    """Numbers of the edges, see `node_edges`, shape (k,)."""
 
 
 def node_stances(

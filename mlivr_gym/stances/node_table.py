@@ -1,9 +1,11 @@
-"""Table of all nodes of the stance graph of three or four limbs.
+"""Table of the nodes and edges of a stance graph, as searches read it, for any number of limbs.
 
-With four limbs a node stands for all cyclic relabellings of the limbs, see `postures.relabelling`:
-limb 0 holds its lowest point. Each node has what the search needs before it checks a step: the base
-position, the branches on which limbs may hold and be released, and the nodes that are one step
-away. So a path is searched without computing postures, and the table has every path of the graph.
+`two_limb_nodes` makes that of two limbs, `node_table_build` those of three and four. With four
+limbs a node stands for all cyclic relabellings of the limbs, see `postures.relabelling`:
+limb 0 holds its lowest point. Each node has what the search needs before it checks an edge: the
+base position, the branches on which limbs may hold and be released, and the edges to other nodes
+with an upper bound of the branches kept along each. So a path is searched without computing
+postures, and every path of the graph is one over the table.
 """
 
 from __future__ import annotations
@@ -47,7 +49,7 @@ class NodeTable(NamedTuple):
     """The n nodes of a graph, in the order of `codes`, as compiled code reads them.
 
     A support set is the points that the other limbs hold while one moves; nodes with a common
-    support set are one step apart.
+    support set differ by one move.
     """
 
     points: NDArray[np.uint16]
@@ -73,10 +75,11 @@ class NodeTable(NamedTuple):
     offset: IntArray
     """First of the bits of each support set, and their number, shape (r + 1,)."""
     joined: NDArray[np.uint64]
-    """Whether a step may join two members of a support set, a bit for each pair, see
-    `node_pairs`."""
+    """Whether an edge leads from one member of a support set to another, a bit for each ordered
+    pair, see `node_edges`."""
     loses_branches: NDArray[np.uint64]
-    """Whether limbs lose branches on that step that both nodes have, a bit for each pair."""
+    """Whether limbs lose branches along the edge that both nodes have, a bit for each ordered
+    pair."""
     ranks: NDArray[np.int32]
     """Number of those bits before each number of `loses_branches`, shape (len(loses_branches),)."""
     lost: NDArray[np.uint64]
@@ -152,7 +155,7 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
 
 
 def table_of(nodes: Nodes) -> NodeTable:
-    """Return the table of some nodes without steps, which `node_pairs.spread` adds."""
+    """Return the table of some nodes without edges, which `node_edges.spread` adds."""
     points, releasable = nodes.points, nodes.releasable
     limbs = points.shape[1]
     after_move: Any = np.stack(

@@ -22,8 +22,14 @@ from mlivr_gym.postures.relabelling import (
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import EdgeSet, Pair, count_pairs, list_pairs, spread
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import (
+    EdgeSet,
+    NodePair,
+    count_node_pairs,
+    list_node_pairs,
+    spread,
+)
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import Arrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
@@ -48,7 +54,7 @@ World = tuple[GraspMap, RobotSpec, Settings]
 
 
 def build(
-    graph: LazyGraph, progress: Progress | None = None, parts: Parts | None = None
+    graph: ImplicitGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> NodeTable:
     """Compute all nodes that hold one of the sets of points, and the steps between them.
 
@@ -89,7 +95,7 @@ def build(
     return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
 
-def sets_of(graph: LazyGraph) -> StanceSets:
+def sets_of(graph: ImplicitGraph) -> StanceSets:
     """Return the sets of points that nodes of a graph hold.
 
     Raises
@@ -112,7 +118,7 @@ def sets_of(graph: LazyGraph) -> StanceSets:
     return sets
 
 
-def parts_of_nodes(graph: LazyGraph) -> Parts:
+def parts_of_nodes(graph: ImplicitGraph) -> Parts:
     """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
@@ -195,16 +201,16 @@ def _joined(
     first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
 ) -> Arrays:
     """Compute the branches that steps keep at most for the pairs of some support sets."""
-    before = Pair.before(table, first)
-    pairs = np.empty((count_pairs(table, before.copy(), last), 2), dtype=np.int64)
-    list_pairs(table, before, last, pairs)
+    before = NodePair.before(table, first)
+    pairs = np.empty((count_node_pairs(table, before.copy(), last), 2), dtype=np.int64)
+    list_node_pairs(table, before, last, pairs)
     begin, end = table.start[first], table.start[last]
     members = table.members[begin:end].astype(np.int64)
     return kept_at_most(_graph(world), nodes, rotation, members, pairs - begin)
 
 
 def kept_at_most(
-    graph: LazyGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
+    graph: ImplicitGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
 ) -> EdgeSet:
     """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
 
@@ -245,8 +251,8 @@ def kept_at_most(
     return EdgeSet.of(shared, kept)
 
 
-def _graph(world: World) -> LazyGraph:
+def _graph(world: World) -> ImplicitGraph:
     """Return an empty graph, since what graphs store takes memory."""
     graph = stance_graph(*world)
-    assert isinstance(graph, LazyGraph)
+    assert isinstance(graph, ImplicitGraph)
     return graph

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import EdgeSet, gather, spread
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import EdgeSet, gather, spread
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
-from mlivr_gym.stances.pair_table_file import MOST_BASE_POSES
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
+from mlivr_gym.stances.two_limb_table_file import MOST_BASE_POSES
 
 KEPT = 2
 """Number of tables that stay in memory."""
@@ -29,7 +29,7 @@ _kept: OrderedDict[str, NodeTable] = OrderedDict()
 """Tables of the graphs used last, by the keys of the graphs."""
 
 
-def node_table(graph: LazyGraph) -> NodeTable | None:
+def node_table(graph: ImplicitGraph) -> NodeTable | None:
     """Return the table that ships or was built for a graph; None if there is none.
 
     The graph uses it from then on. A file that cannot be used is skipped with a warning.
@@ -43,7 +43,7 @@ def node_table(graph: LazyGraph) -> NodeTable | None:
     return table
 
 
-def remember(table: NodeTable, graph: LazyGraph) -> None:
+def remember(table: NodeTable, graph: ImplicitGraph) -> None:
     """Give a graph its table, and keep it in memory for other graphs of the same kind."""
     _kept[key_of(graph)] = graph.table = table
     if len(_kept) > KEPT:

@@ -1,7 +1,7 @@
 """The stance graph: the stances that a robot can hold on a map, and the steps between them.
 
-`build.stance_graph` makes one: for two limbs a `PairGraph`, which holds all stances; for more limbs
-a `LazyGraph`, which computes them on demand.
+`build.stance_graph` makes one: for two limbs a `TwoLimbGraph`, which holds all stances; for more
+limbs an `ImplicitGraph`, which computes them on demand.
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.pair_build import build_pairs, fill_rows
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_steps import gather_steps
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_steps import steps_of_state
+from mlivr_gym.stances.two_limb_build import build_two_limb_table, fill_rows
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_steps import gather_steps
 from mlivr_gym.stances.workers import Progress
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
@@ -62,7 +62,7 @@ class StepTables(NamedTuple):
         return (grasped, kept) if limb == 0 else (kept, grasped)
 
     def successors(self, s: int, branch_sets: tuple[int, ...]) -> Successors:
-        """Return the steps that leave a state of stance `s`, as `PairGraph.successors` does."""
+        """Return the steps that leave a state of stance `s`, as `TwoLimbGraph.successors` does."""
         most = int(self.start[2 * s + 2] - self.start[2 * s])
         steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         first, count = steps_of_state(s, (branch_sets[0], branch_sets[1]), self, steps, kept)
@@ -79,7 +79,7 @@ class StepTables(NamedTuple):
 def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
-    Steps that are not known are checked, and stored in the cache folder, see `pair_build`.
+    Steps that are not known are checked, and stored in the cache folder, see `two_limb_build`.
 
     Parameters
     ----------
@@ -98,14 +98,14 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     SettingError
         If the robot has more than two limbs.
     """
-    if not isinstance(graph, PairGraph):
+    if not isinstance(graph, TwoLimbGraph):
         raise SettingError(
             f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
         )
     if graph.obstacles or graph.occupied:
         fill_rows(graph, progress)
     elif not graph.is_complete:
-        build_pairs(graph, progress)
+        build_two_limb_table(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
     gather_steps(graph.steps, False, start, none, nothing)

@@ -5,17 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_table_build import build, parts_of_nodes
 from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, remember
-from mlivr_gym.stances.pair_build import Estimate, build_pairs, built_pairs, estimate_pairs
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.two_limb_build import (
+    Estimate,
+    build_two_limb_table,
+    built_two_limb_table,
+    estimate_two_limb_table,
+)
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 from mlivr_gym.stances.workers import Progress
 
 
-def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) -> Path | None:
+def build_table(
+    graph: TwoLimbGraph | ImplicitGraph, progress: Progress | None = None
+) -> Path | None:
     """Build the table of a stance graph once, and store it where graphs find it.
 
     For two limbs the table is complete, with all steps; for three and four limbs it has all nodes
@@ -51,8 +58,8 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
     """
     if graph.obstacles or graph.occupied:
         raise SettingError("tables are built without obstacles and occupied points; clear them")
-    if isinstance(graph, PairGraph):
-        return build_pairs(graph, progress)
+    if isinstance(graph, TwoLimbGraph):
+        return build_two_limb_table(graph, progress)
     path, table = NODE_TABLES.cached(graph), node_table(graph)
     if table is None:
         parts = parts_of_nodes(graph)
@@ -64,7 +71,7 @@ def build_table(graph: PairGraph | LazyGraph, progress: Progress | None = None) 
     return path
 
 
-def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
+def estimate_table(graph: TwoLimbGraph | ImplicitGraph) -> Estimate | None:
     """Estimate what building the table of a graph takes on this machine; None if it exists.
 
     Raises
@@ -72,12 +79,12 @@ def estimate_table(graph: PairGraph | LazyGraph) -> Estimate | None:
     TableError
         If robots with this number of limbs have no table, or the map has too many points.
     """
-    if isinstance(graph, PairGraph):
-        return None if built_pairs(graph) else estimate_pairs(graph)
+    if isinstance(graph, TwoLimbGraph):
+        return None if built_two_limb_table(graph) else estimate_two_limb_table(graph)
     return None if node_table(graph) else estimate_nodes(graph)
 
 
-def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
+def write_built(graph: TwoLimbGraph | ImplicitGraph, path: Path) -> None:
     """Write the table of a graph, which has been built, to a file that can be passed on.
 
     Raises
@@ -85,13 +92,13 @@ def write_built(graph: PairGraph | LazyGraph, path: Path) -> None:
     FileError
         If the file cannot be written.
     """
-    if isinstance(graph, PairGraph):
-        PAIR_TABLES.write(graph, graph.kept(), path)
+    if isinstance(graph, TwoLimbGraph):
+        TWO_LIMB_TABLES.write(graph, graph.kept(), path)
     else:
         assert graph.table is not None
         NODE_TABLES.write(graph, graph.table, path)
 
 
-def name_of(graph: PairGraph | LazyGraph) -> str:
+def name_of(graph: TwoLimbGraph | ImplicitGraph) -> str:
     """Return the name under which a cache folder must have the file of `write_built`."""
-    return (PAIR_TABLES if isinstance(graph, PairGraph) else NODE_TABLES).name(graph)
+    return (TWO_LIMB_TABLES if isinstance(graph, TwoLimbGraph) else NODE_TABLES).name(graph)

@@ -10,8 +10,8 @@ from mlivr_gym import stance_graph
 from mlivr_gym.cli import build
 from mlivr_gym.stances import node_table_file
 from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.table_files import TableFiles
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 
 @pytest.fixture
@@ -49,11 +49,11 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     assert graph.is_complete
     first, last = out.splitlines()
     assert first.startswith(f"{graph.considered:,} pairs of points: about ")
-    assert last == f"stored: {PAIR_TABLES.cached(graph)}"
+    assert last == f"stored: {TWO_LIMB_TABLES.cached(graph)}"
     code, out, _ = run("build", "--map", part, "--json")
     assert code == 0
     told = json.loads(out)
-    assert told["file"] == told["kept"] == str(PAIR_TABLES.cached(graph))
+    assert told["file"] == told["kept"] == str(TWO_LIMB_TABLES.cached(graph))
     assert "about_seconds" not in told
 
 
@@ -72,11 +72,11 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     graph = stance_graph(part)
     assert code == 0
     assert not graph.is_complete
-    assert f"table: {path} (name it {PAIR_TABLES.name(graph)} in a cache folder)" in out
-    assert np.array_equal(PAIR_TABLES.read(graph, path).points, graph.points)
+    assert f"table: {path} (name it {TWO_LIMB_TABLES.name(graph)} in a cache folder)" in out
+    assert np.array_equal(TWO_LIMB_TABLES.read(graph, path).points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
-    path.rename(tmp_path / "other" / PAIR_TABLES.name(graph))
+    path.rename(tmp_path / "other" / TWO_LIMB_TABLES.name(graph))
     assert stance_graph(part).is_complete
 
 

@@ -13,7 +13,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -76,14 +76,17 @@ def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
 CLEARANCE = 0.02
 
 
-def test_whole_graph_and_lazy_graph_agree(small_map, small_checked_graph):
+def test_whole_graph_and_implicit_graph_agree(small_map, small_checked_graph):
     """The moving limb grasps on the same branches; the holding limb keeps some or all of them."""
     graph, rng = small_checked_graph, np.random.default_rng(1)
-    lazy = LazyGraph(small_map, graph.robot, graph.settings)
+    implicit = ImplicitGraph(small_map, graph.robot, graph.settings)
     same = []
     for s in rng.choice(len(graph), 6, replace=False):
         stance = tuple(graph.points[s].tolist())
-        ours, theirs = graph.successors(graph.state(stance)), lazy.successors(lazy.state(stance))
+        ours, theirs = (
+            graph.successors(graph.state(stance)),
+            implicit.successors(implicit.state(stance)),
+        )
         np.testing.assert_array_equal(ours.limb, theirs.limb)
         np.testing.assert_array_equal(ours.point, theirs.point)
         rows, held = np.arange(len(ours.limb)), 1 - ours.limb

@@ -27,12 +27,12 @@ from mlivr_gym.planners.label_search import (
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
 from mlivr_gym.postures.relabelling import relabelled
-from mlivr_gym.stances.node_pairs import (
+from mlivr_gym.stances.node_edges import (
     EdgeSet,
-    Pair,
+    NodePair,
     branches_lost,
-    count_pairs,
-    list_pairs,
+    count_node_pairs,
+    list_node_pairs,
     spread,
 )
 
@@ -47,9 +47,9 @@ def known(request):
 def losing_some(table, rng):
     """The table with random branches lost between the pairs that share some."""
     support_sets, limbs = len(table.offset) - 1, table.limbs
-    first = Pair.before(table, 0)
-    pairs = np.empty((count_pairs(table, first.copy(), support_sets), 2), dtype=np.int64)
-    list_pairs(table, first.copy(), support_sets, pairs)
+    first = NodePair.before(table, 0)
+    pairs = np.empty((count_node_pairs(table, first.copy(), support_sets), 2), dtype=np.int64)
+    list_node_pairs(table, first.copy(), support_sets, pairs)
     (a, i), (b, j) = (np.divmod(table.members[column], limbs) for column in pairs.T)
     branch_sets = unpacked(table.branch_sets, limbs)
     shared = relabelled(branch_sets[a], i + 1)[:, :-1] & relabelled(branch_sets[b], j + 1)[:, :-1]

@@ -12,9 +12,9 @@ from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import node_table_file
-from mlivr_gym.stances.pair_build import fill_rows
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_files import key_of
+from mlivr_gym.stances.two_limb_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 

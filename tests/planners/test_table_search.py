@@ -15,8 +15,8 @@ from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances import node_table_file
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.node_pairs import (
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import (
     edge_ends,
 )
 from mlivr_gym.stances.node_steps import candidate_steps
@@ -212,7 +212,9 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
     if table.limbs == 2:
         pytest.skip("its graph needs no table that was built before")
     monkeypatch.setattr(node_table_file, "_kept", {key_of(first): table})
-    monkeypatch.setattr(LazyGraph, "successors", None)  # no search from state to state is needed
+    monkeypatch.setattr(
+        ImplicitGraph, "successors", None
+    )  # no search from state to state is needed
     rng, ends, bounds = np.random.default_rng(2), set(), []
     for _ in range(12):
         graph = stance_graph(first.grasp_map, first.robot)

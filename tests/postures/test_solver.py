@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.postures.solver import PostureSolver
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 
 
 def truth(graph, postures, k, stance, branch):
@@ -43,7 +43,7 @@ def truth(graph, postures, k, stance, branch):
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_postures_have_the_manipulability_they_claim(jem, limbs):
-    graph = LazyGraph(
+    graph = ImplicitGraph(
         jem, robot_spec(f"mlivr{limbs}"), Settings(collisions=False, manipulability=False)
     )
     rng = np.random.default_rng(limbs)

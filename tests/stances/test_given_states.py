@@ -13,10 +13,10 @@ from mlivr_gym import State, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
+from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 NAN, HUGE = float("nan"), 2**70
 
@@ -137,9 +137,9 @@ def graph_and_tables(small_map, tmp_path_factory):
     """A graph, and the arrays of the file of its steps."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
-    PAIR_TABLES.write(full, full.kept(), path / "steps.npz")
+    TWO_LIMB_TABLES.write(full, full.kept(), path / "steps.npz")
     found = dict(read_arrays(full, path / "steps.npz"))
-    assert len(PAIR_TABLES.read(full, path / "steps.npz").edges)
+    assert len(TWO_LIMB_TABLES.read(full, path / "steps.npz").edges)
     return full, found
 
 
@@ -162,7 +162,7 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     target[(-1,) + (0,) * (target.ndim - 1)] = value
     path.write_bytes(pack_arrays(fresh, found, ZIP_STORED))
     with pytest.raises(TableError, match="is damaged, or not of format"):
-        PAIR_TABLES.read(fresh, path)
+        TWO_LIMB_TABLES.read(fresh, path)
 
 
 def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):

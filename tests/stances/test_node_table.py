@@ -12,13 +12,13 @@ from mlivr_gym.compiled.limb_branch_sets import unpacked
 from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.node_pairs import (
-    Pair,
+from mlivr_gym.stances.node_edges import (
+    NodePair,
     branches_lost,
-    count_pairs,
+    count_node_pairs,
     edge_ends,
     gather,
-    list_pairs,
+    list_node_pairs,
     row_of,
     spread,
 )
@@ -46,8 +46,10 @@ def table(known):
 
 def listed(table, first, last):
     """The pairs that share branches of some rests."""
-    pairs = np.empty((count_pairs(table, Pair.before(table, first), last), 2), dtype=np.int64)
-    list_pairs(table, Pair.before(table, first), last, pairs)
+    pairs = np.empty(
+        (count_node_pairs(table, NodePair.before(table, first), last), 2), dtype=np.int64
+    )
+    list_node_pairs(table, NodePair.before(table, first), last, pairs)
     return pairs
 
 

@@ -9,9 +9,9 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
-from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.table_files import TableFiles
+from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 WORLDS = {"default": stance_graph} | {
     f"case {case}, {mode}": lambda case=case, mode=mode: case_graph(case, default_setup(), mode)
@@ -63,7 +63,7 @@ def test_a_table_ships_for_each_world_of_the_paper_and_no_other():
     names = set()
     for world in WORLDS.values():
         graph = world()
-        names.add(PAIR_TABLES.name(graph))
+        names.add(TWO_LIMB_TABLES.name(graph))
         assert graph.is_complete
     assert {path.name for path in Path(asset_path("")).glob("pairs-*")} == names
 
@@ -77,7 +77,7 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
 
 def test_other_settings_are_worked_out():
     graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
-    assert not asset_path(PAIR_TABLES.name(graph)).exists()
+    assert not asset_path(TWO_LIMB_TABLES.name(graph)).exists()
     assert not graph.is_complete
 
 

@@ -12,7 +12,7 @@ from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path, base_poses
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -36,11 +36,11 @@ def state_of(graph, s):
         Settings(collisions=False, manipulability=False),
     ],
 )
-def test_whole_set_and_lazy_neighbours_agree(small_map, settings):
+def test_whole_set_and_neighbours_on_demand_agree(small_map, settings):
     graph = stance_graph(small_map, settings=settings)
-    lazy = LazyGraph(small_map, graph.robot, settings)
+    implicit = ImplicitGraph(small_map, graph.robot, settings)
     for s in np.random.default_rng(1).integers(0, len(graph), 12):
-        assert steps_of(graph, state_of(graph, s)) == steps_of(lazy, state_of(graph, s))
+        assert steps_of(graph, state_of(graph, s)) == steps_of(implicit, state_of(graph, s))
 
 
 def test_without_checks_every_pair_of_stances_that_share_a_point_is_a_step(small_map):
@@ -151,17 +151,17 @@ def test_configuration_reaches_every_held_point(graph):
         np.testing.assert_allclose(world, graph.grasp_map.positions[point], atol=1e-9)
 
 
-def test_narrow_joint_limits_take_steps_away_and_agree_with_lazy_neighbours(small_map):
+def test_narrow_joint_limits_take_steps_away_and_agree_with_neighbours_on_demand(small_map):
     limits, starts = ((-2.7, 2.7),) * 6, (-2.7,) * 6
     limbs = Limb(window_starts=starts), Limb(joint_limits=limits, window_starts=starts)
     large, robot = (replace(robot_spec("mlivr2"), limb=limb) for limb in limbs)
     wide, narrow = (stance_graph(small_map, spec, NO_COLLISIONS) for spec in (large, robot))
-    lazy = LazyGraph(small_map, robot, NO_COLLISIONS)
+    implicit = ImplicitGraph(small_map, robot, NO_COLLISIONS)
     fewer = 0
     for s in np.random.default_rng(5).integers(0, len(narrow), 12):
         state = state_of(narrow, s)
         ours = steps_of(narrow, state)
-        assert ours == steps_of(lazy, state)
+        assert ours == steps_of(implicit, state)
         full = steps_of(wide, state_of(wide, wide.find(state.stance)))
         fewer += len(full) - len(ours)
     assert fewer > 0

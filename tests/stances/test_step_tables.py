@@ -7,8 +7,8 @@ import pytest
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.step_tables import step_tables, without_points
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +47,7 @@ def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, 
         stance_graph(fewer, robot, Settings(limb_threshold=0.11, collisions=False)),
         stance_graph(fewer, robot, Settings(manipulability=False, collisions=False)),
     ]
-    assert len({PAIR_TABLES.cached(graph) for graph in graphs}) == len(graphs)
-    assert PAIR_TABLES.cached(graphs[0]) == PAIR_TABLES.cached(
+    assert len({TWO_LIMB_TABLES.cached(graph) for graph in graphs}) == len(graphs)
+    assert TWO_LIMB_TABLES.cached(graphs[0]) == TWO_LIMB_TABLES.cached(
         stance_graph(fewer, "mlivr2", checked)
     )

@@ -8,7 +8,7 @@ from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.table_search import _TableSearch
 from mlivr_gym.stances.node_table_build import build
-from mlivr_gym.stances.pair_build import fill_rows
+from mlivr_gym.stances.two_limb_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 """Costs by name and price of a regrasp [m]."""

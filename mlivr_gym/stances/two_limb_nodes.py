@@ -8,11 +8,11 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import WORD, has_bit, set_before, set_bit
 from mlivr_gym.stances.node_table import Nodes, NodeTable, table_of
-from mlivr_gym.stances.pair_steps import PairTable, branches_kept, edge_index
+from mlivr_gym.stances.two_limb_steps import TwoLimbTable, branches_kept, edge_index
 from mlivr_gym.transitions.rule import kept_on_edge
 
 
-def pair_nodes(pairs: PairTable, pose_number: IntArray) -> NodeTable:
+def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
     """Return a node table with the steps known so far.
 
     A step that is not known is assumed to keep all branches that both of its stances have.
@@ -43,7 +43,7 @@ def pair_nodes(pairs: PairTable, pose_number: IntArray) -> NodeTable:
 
 
 @entry
-def mark_steps(table: NodeTable, pairs: PairTable) -> None:
+def mark_steps(table: NodeTable, pairs: TwoLimbTable) -> None:
     """Set the bits of steps that keep a branch, and of those that lose some."""
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
@@ -58,7 +58,7 @@ def mark_steps(table: NodeTable, pairs: PairTable) -> None:
 
 
 @entry
-def fill_lost(table: NodeTable, pairs: PairTable) -> None:
+def fill_lost(table: NodeTable, pairs: TwoLimbTable) -> None:
     """Write the branches that steps lose."""
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
@@ -72,7 +72,7 @@ def fill_lost(table: NodeTable, pairs: PairTable) -> None:
 
 
 @kernel
-def _shared_and_kept(a: int, b: int, pairs: PairTable) -> tuple[int, int]:
+def _shared_and_kept(a: int, b: int, pairs: TwoLimbTable) -> tuple[int, int]:
     """Return the branches that two members share for the support limb, and those kept."""
     before, after, support = a // 2, b // 2, 1 - a % 2
     shared = kept_on_edge(pairs.branch_sets[before, support], pairs.branch_sets[after, support])

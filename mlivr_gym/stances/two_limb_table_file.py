@@ -17,23 +17,23 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.stances.pair_steps import PairEdge
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles
+from mlivr_gym.stances.two_limb_steps import TwoLimbEdge
 from mlivr_gym.transitions.records import ReleaseRecord
 
 COUNTS = ("considered", "reachable", "no_departure", "self", "cabin", "handrail")
-"""Names of the counts of pairs of points, see `PairGraph`."""
+"""Names of the counts of pairs of points, see `TwoLimbGraph`."""
 
 
 NAMES_IN_FILE = {"line_branches": "pair"}
-"""Names of the fields of `PairEdge` in files, where they are others."""
+"""Names of the fields of `TwoLimbEdge` in files, where they are others."""
 
 MOST_BASE_POSES = 1 << 12
 """More than the candidate base poses of any stance."""
 
 
-class PairStances(NamedTuple):
+class TwoLimbStances(NamedTuple):
     """The n stances of a graph of two limbs."""
 
     points: IntArray
@@ -45,10 +45,10 @@ class PairStances(NamedTuple):
     releases: Any = None
     """What can be released, rows of `ReleaseRecord`, shape (n, 2); None if it is not known."""
     edges: Any = None
-    """All steps, rows of `PairEdge` in the order of `PairTable.offset`; None if not known."""
+    """All steps, rows of `TwoLimbEdge` in the order of `TwoLimbTable.offset`; None if not known."""
 
 
-def encode(graph: StanceGraph, stances: PairStances) -> Arrays:
+def encode(graph: StanceGraph, stances: TwoLimbStances) -> Arrays:
     """Return a table in the arrays of a file."""
     postures = stances.postures
     both = np.column_stack([postures.w_m, postures.w_b])
@@ -86,7 +86,7 @@ def _type_in_file(kind: np.dtype[Any]) -> np.dtype[Any]:
     return in_file
 
 
-def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
+def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
     """Check the arrays of a file, which compiled code uses as indices, and return its table."""
     points, pose_number, branch, branch_sets = (
         arrays[name].astype(np.int64) for name in ("points", "tried", "branch", "mask")
@@ -103,7 +103,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
     ]  # fmt: skip
     edges, releases = arrays.get("edges"), arrays.get("released")
     if edges is not None and releases is not None:
-        types = PairEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
+        types = TwoLimbEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
         if (edges.dtype, releases.dtype) != tuple(map(_type_in_file, types)):
             raise ValueError
         # NumPy writes these types without their alignment, which makes another type of them.
@@ -136,8 +136,8 @@ def decode(graph: StanceGraph, arrays: Arrays) -> PairStances:
         cause,
     )
     counts = dict(zip(COUNTS, arrays["counts"].tolist(), strict=True))
-    return PairStances(points, postures, counts, releases, edges)
+    return TwoLimbStances(points, postures, counts, releases, edges)
 
 
-PAIR_TABLES = TableFiles("pairs", zipfile.ZIP_DEFLATED, encode, decode)
+TWO_LIMB_TABLES = TableFiles("pairs", zipfile.ZIP_DEFLATED, encode, decode)
 """Files of complete tables of two limbs."""

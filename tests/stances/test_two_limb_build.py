@@ -16,9 +16,14 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
-from mlivr_gym.stances.pair_build import SAMPLE, build_pairs, estimate_pairs, fill_rows
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
+from mlivr_gym.stances.two_limb_build import (
+    SAMPLE,
+    build_two_limb_table,
+    estimate_two_limb_table,
+    fill_rows,
+)
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 KERNELS = kernel_root()
 
@@ -46,13 +51,13 @@ def whole(fewer):
 @pytest.fixture
 def checked(monkeypatch):
     """How many steps were asked to be checked."""
-    counts, know = [0], PairGraph.check_steps
+    counts, know = [0], TwoLimbGraph.check_steps
 
     def counted(self, held, before, after):
         counts[0] += len(held)
         know(self, held, before, after)
 
-    monkeypatch.setattr(PairGraph, "check_steps", counted)
+    monkeypatch.setattr(TwoLimbGraph, "check_steps", counted)
     return counts
 
 
@@ -78,33 +83,33 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, chec
     graph = stance_graph(fewer)
     every = int((graph.degree * (graph.degree - 1) // 2).sum())
     with pytest.raises(KeyboardInterrupt):
-        build_pairs(graph, stop_at(0.6))
+        build_two_limb_table(graph, stop_at(0.6))
     first = checked[0]
     assert 0.3 * every < first < every
-    assert not PAIR_TABLES.cached(graph).exists()
-    told = estimate_pairs(stance_graph(fewer))
+    assert not TWO_LIMB_TABLES.cached(graph).exists()
+    told = estimate_two_limb_table(stance_graph(fewer))
     assert told.done == len(list(cache.glob("parts-*/*.npz"))) > 10
     checked[0] = first
     again = stance_graph(fewer)
-    assert build_pairs(again) == PAIR_TABLES.cached(again)
+    assert build_two_limb_table(again) == TWO_LIMB_TABLES.cached(again)
     assert checked[0] == every  # each once
     assert_same(again, whole)
     assert_same(stance_graph(fewer), whole)
-    assert [path.name for path in cache.iterdir()] == [PAIR_TABLES.cached(again).name]
-    build_pairs(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
+    assert [path.name for path in cache.iterdir()] == [TWO_LIMB_TABLES.cached(again).name]
+    build_two_limb_table(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
     assert checked[0] == every
 
 
 @pytest.mark.parametrize("torn", [b"", b"no archive", None])
 def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache, torn):
     with pytest.raises(KeyboardInterrupt):
-        build_pairs(stance_graph(fewer), stop_at(0.6))
+        build_two_limb_table(stance_graph(fewer), stop_at(0.6))
     for path in cache.glob("parts-*/rows-*"):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
         path.write_bytes(content if torn is None else torn)
     graph = stance_graph(fewer)
-    build_pairs(graph)
+    build_two_limb_table(graph)
     assert_same(graph, whole)
 
 
@@ -131,9 +136,12 @@ def test_two_processes_build_at_once(fewer, whole, cache):
         )
         told = [one.stdout.splitlines() for one in both]
     graph = stance_graph(fewer)
-    assert told == [[f"{PAIR_TABLES.cached(graph)} True"]] * 2
+    assert told == [[f"{TWO_LIMB_TABLES.cached(graph)} True"]] * 2
     assert_same(graph, whole)
-    assert {path.name for path in cache.iterdir()} == {"kernels", PAIR_TABLES.cached(graph).name}
+    assert {path.name for path in cache.iterdir()} == {
+        "kernels",
+        TWO_LIMB_TABLES.cached(graph).name,
+    }
 
 
 def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
@@ -144,7 +152,7 @@ def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
         monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
-        assert build_pairs(graph) is None
+        assert build_two_limb_table(graph) is None
     assert_same(graph, whole)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 2  # not one for each part
@@ -153,29 +161,29 @@ def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
 
 def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):
     with pytest.raises(KeyboardInterrupt):
-        build_pairs(stance_graph(fewer), stop_at(0.6))
+        build_two_limb_table(stance_graph(fewer), stop_at(0.6))
     graph = stance_graph(fewer)
     checked[0] = 0
     monkeypatch.setattr(parts, "source_digest", lambda _: "0" * 16)
-    build_pairs(graph)
+    build_two_limb_table(graph)
     assert checked[0] == int((graph.degree * (graph.degree - 1) // 2).sum())
 
 
 def test_time_and_size_are_told_beforehand(small_map, whole):
     """The sample is not all there is to do, and the size is within a factor of two."""
     graph = stance_graph(small_map)
-    told = estimate_pairs(graph)
+    told = estimate_two_limb_table(graph)
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
     assert np.count_nonzero(graph.steps.edges["known"]) < steps
     assert steps > 2 * SAMPLE
     assert told.candidates == f"{graph.considered:,} pairs of points"
     assert 0.0 < told.seconds < 600.0
-    path = build_pairs(graph)
+    path = build_two_limb_table(graph)
     assert 0.5 < told.size / path.stat().st_size < 2.0
 
 
 def test_a_table_that_is_read_counts_as_used(fewer, whole):
-    path = build_pairs(stance_graph(fewer))
+    path = build_two_limb_table(stance_graph(fewer))
     os.utime(path, (100, 100))
     (one,) = cached_files()
     assert one.used == 100
@@ -187,8 +195,8 @@ def test_a_table_that_is_read_counts_as_used(fewer, whole):
 
 def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
     early, late = (stance_graph(fewer) for _ in range(2))
-    build_pairs(late)
-    build_pairs(early)
+    build_two_limb_table(late)
+    build_two_limb_table(early)
     assert_same(early, whole)
 
 
@@ -199,6 +207,6 @@ def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
-        assert build_pairs(graph) is None
+        assert build_two_limb_table(graph) is None
     assert_same(graph, whole)
     assert "the table is not stored" in caplog.text

@@ -24,7 +24,7 @@ SAME = 1e-9
 """Difference up to which two base poses are the same [m], also for entries of rotations."""
 
 
-class LazyGraph(StanceGraph):
+class ImplicitGraph(StanceGraph):
     """Stance graph of any number of limbs, whose nodes and steps are computed on demand."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:

@@ -5,10 +5,10 @@ import pytest
 
 from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
-from mlivr_gym.stances.lazy_graph import LazyGraph
-from mlivr_gym.stances.pair_build import fill_rows
-from mlivr_gym.stances.pair_steps import longest_step
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.two_limb_steps import longest_step
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_a_step_is_the_same_in_both_directions(by_one_thread):
     known = graph._known
     for held in range(2):
         for point in np.unique(graph.points[:, held]):
-            before, after = graph.pairs_of_row(held, int(point))
+            before, after = graph.edges_of_row(held, int(point))
             forth = known.table.edges[known.index(held, before, after)]
             back = known.table.edges[known.index(held, after, before)]
             for name in ("kept", "on_arc", "fold_on_line", "fold_on_arc"):
@@ -74,11 +74,11 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_grap
     """Asked one stance at a time, with every branch that a limb may be on."""
     graph = small_graph
     tables = step_tables(graph)
-    lazy = LazyGraph(graph.grasp_map, graph.robot, graph.settings)
+    implicit = ImplicitGraph(graph.grasp_map, graph.robot, graph.settings)
     for s in np.random.default_rng(0).integers(0, len(graph), 10):
         state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
         found = tables.successors(int(s), state.branch_sets)
-        truth = lazy.successors(state)
+        truth = implicit.successors(state)
         ours, theirs = (
             {
                 (int(i), int(p)): tuple(branch_sets.tolist())
@@ -98,7 +98,7 @@ def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
     there, back = (stance_graph(small_map) for _ in range(2))
     assert not there.is_complete
     for held in range(2):
-        rows = [graph.pairs_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
+        rows = [graph.edges_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
         for before, after in rng.permutation(np.concatenate(rows, axis=1).T)[:300].tolist():
             for fresh, ends in ((there, (before, after)), (back, (after, before))):
                 known = graph._known.table.edges[graph._known.index(held, *ends)]

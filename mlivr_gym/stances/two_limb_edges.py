@@ -8,13 +8,13 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.stances.pair_rows import StanceRows
-from mlivr_gym.stances.pair_steps import PairEdge, PairTable
+from mlivr_gym.stances.two_limb_rows import StanceRows
+from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable
 from mlivr_gym.transitions.records import StanceSet
 from mlivr_gym.transitions.step_check import StepChecks
 
 
-class PairEdges:
+class TwoLimbEdges:
     """Releases and steps known in one state of the world.
 
     Attributes
@@ -57,8 +57,8 @@ class PairEdges:
         count = int((rows.degree**2).sum()) if settings.transitions else 1
         self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)
         if edges is None or len(edges) != count:
-            edges = PairEdge.rows(count)
-        self.table = PairTable(
+            edges = TwoLimbEdge.rows(count)
+        self.table = TwoLimbTable(
             settings.transitions,
             stances.points,
             base,
@@ -75,7 +75,7 @@ class PairEdges:
 
     def among_obstacles(
         self, branch_sets: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
-    ) -> PairEdgesAmongObstacles:
+    ) -> TwoLimbEdgesAmongObstacles:
         """Return the steps among obstacles and occupied points.
 
         Parameters
@@ -89,17 +89,17 @@ class PairEdges:
         obstacles
             The obstacles, if there are any.
         """
-        return PairEdgesAmongObstacles(self, branch_sets, gone, close, obstacles)
+        return TwoLimbEdgesAmongObstacles(self, branch_sets, gone, close, obstacles)
 
     def index(self, support: Any, before: Any, after: Any) -> Any:
-        """Return the index of steps, of numbers or arrays; see `pair_steps.edge_index`."""
+        """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_index`."""
         table = self.table
         point, local = table.points[before, support], table.local
         row = table.offset[support, point] + local[support, before] * table.degree[support, point]
         return row + local[support, after]
 
     def step(self, support: int, before: int, after: int) -> Any:
-        """Return the record of a step, which is checked unless it is known: a row of `PairEdge`."""
+        """Return the record of a step, a row of `TwoLimbEdge`; check it unless it is known."""
         entry = self.index(support, before, after)
         if not self.table.edges["known"][entry]:
             self.check_step(support, before, after)
@@ -125,7 +125,7 @@ class PairEdges:
         )
 
     def _store_step(self, support: int, before: int, after: int, edge: tuple[int, ...]) -> None:
-        """Store the result of one step, the fields of `PairEdge`, in both directions."""
+        """Store the result of one step, the fields of `TwoLimbEdge`, in both directions."""
         edges, line_branches = self.table.edges, edge[-1]
         back = line_branches if line_branches < 0 else 8 * (line_branches % 8) + line_branches // 8
         edges[self.index(support, before, after)] = edge
@@ -178,7 +178,7 @@ class PairEdges:
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
         """Store the results of steps in both directions."""
-        found = PairEdge.rows(len(support))
+        found = TwoLimbEdge.rows(len(support))
         found["known"] = 1
         found["kept"] = steps["kept"][np.arange(len(support)), support]
         found["on_arc"], found["line_branches"] = steps["on_arc"], steps["line_branches"]
@@ -189,7 +189,7 @@ class PairEdges:
         self.table.edges[self.index(support, after, before)] = found
 
 
-class PairEdgesAmongObstacles(PairEdges):
+class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     """Releases and steps known among obstacles and occupied points.
 
     Only the motions of the steps without obstacles are checked, and only close to them.
@@ -197,13 +197,13 @@ class PairEdgesAmongObstacles(PairEdges):
 
     def __init__(
         self,
-        free: PairEdges,
+        free: TwoLimbEdges,
         branch_sets: IntArray,
         gone: BoolArray,
         close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
-        """Start from the steps without obstacles, see `PairEdges.among_obstacles`."""
+        """Start from the steps without obstacles, see `TwoLimbEdges.among_obstacles`."""
         self.free, self.close = free, close
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, obstacles_only=True)
@@ -215,7 +215,7 @@ class PairEdgesAmongObstacles(PairEdges):
         releases["known"][close & ~gone] = False
         self.stances = free.stances._replace(branch_sets=branch_sets, releases=releases)
         # If no obstacle is close, only the branch sets differ.
-        edges = PairEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
+        edges = TwoLimbEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
         self.is_complete = free.is_complete and edges is free.table.edges
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
 

@@ -1,7 +1,7 @@
 """Steps of two limbs, and the steps that leave a state (compiled).
 
 The edge table has a record for each ordered pair of stances of a row, filled on demand by
-`PairGraph` with the results of `transitions.steps`.
+`TwoLimbGraph` with the results of `transitions.steps`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mlivr_gym.compiled.records import Record
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
-class PairEdge(Record):
+class TwoLimbEdge(Record):
     """Result for a step in which one limb holds."""
 
     kept: Annotated[int, np.uint16]
@@ -34,7 +34,7 @@ class PairEdge(Record):
     """Branches between which it can swing along a line, `8 * before + after`, or -1."""
 
 
-class PairTable(NamedTuple):
+class TwoLimbTable(NamedTuple):
     """N stances of two limbs on m points, and the steps known so far.
 
     Row p of limb i has the stances in which limb i holds point p.
@@ -63,18 +63,18 @@ class PairTable(NamedTuple):
     local: IntArray
     """Place of each stance in its rows, shape (2, n)."""
     edges: Any
-    """Rows of `PairEdge`."""
+    """Rows of `TwoLimbEdge`."""
 
 
 @kernel
-def branches_kept(edge: PairEdge) -> int:
+def branches_kept(edge: TwoLimbEdge) -> int:
     """Return the branches and flips on which the support limb can follow a step."""
     kept: Any = np.int64(edge.kept)
     return kept  # type: ignore[no-any-return]
 
 
 @kernel
-def edge_index(support: int, before: int, after: int, table: PairTable) -> int:
+def edge_index(support: int, before: int, after: int, table: TwoLimbTable) -> int:
     """Return the index of the step between two stances of a row in which limb `support` holds."""
     point, local = table.points[before, support], table.local
     first = table.offset[support, point] + local[support, before] * table.degree[support, point]
@@ -83,13 +83,13 @@ def edge_index(support: int, before: int, after: int, table: PairTable) -> int:
 
 
 @kernel
-def releasable(table: PairTable, s: int, limb: int) -> int:
+def releasable(table: TwoLimbTable, s: int, limb: int) -> int:
     """Return the branches on which a limb can be released, and may be once it has grasped."""
     return int(table.releases[s, limb].branches)
 
 
 @entry
-def unknown_steps(s: int, branch_sets: tuple[int, int], table: PairTable, out: IntArray) -> int:
+def unknown_steps(s: int, branch_sets: tuple[int, int], table: TwoLimbTable, out: IntArray) -> int:
     """List the steps that may leave a state and are not known yet.
 
     Parameters
@@ -125,10 +125,10 @@ def unknown_steps(s: int, branch_sets: tuple[int, int], table: PairTable, out: I
 
 
 @entry
-def pair_successors(
+def two_limb_successors(
     s: int,
     branch_sets: tuple[int, int],
-    table: PairTable,
+    table: TwoLimbTable,
     limb: IntArray,
     stance: IntArray,
     after: IntArray,
@@ -181,7 +181,7 @@ def longest_step(
 ) -> None:
     """Write the largest squared base displacement in each row of limb `support` into `out` [m^2].
 
-    Rows as in `PairTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape
+    Rows as in `TwoLimbTable`, base positions of stances, shape (n, 3) [m], `out` of points, shape
     (m,).
     """
     for point in range(len(out)):
@@ -196,7 +196,7 @@ def longest_step(
 
 @entry
 def gather_steps(
-    table: PairTable,
+    table: TwoLimbTable,
     fill: bool,
     start: IntArray,
     after: NDArray[np.int32],

@@ -6,8 +6,8 @@ from compiled import called
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.compiled.limb_branch_sets import unpacked
-from mlivr_gym.stances.node_pairs import branches_lost, edge_ends
-from mlivr_gym.stances.pair_nodes import pair_nodes
+from mlivr_gym.stances.node_edges import branches_lost, edge_ends
+from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 
 
 @pytest.mark.parametrize("transitions", [True, False])
@@ -26,7 +26,7 @@ def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
         some = np.array(steps)[rng.random(len(steps)) < 0.5]
         graph.check_steps(*some.T.copy())
         graph.check_releases(np.argwhere(rng.random(points.shape) < 0.5))
-    table = pair_nodes(graph.steps, graph.pose_number)
+    table = two_limb_nodes(graph.steps, graph.pose_number)
     np.testing.assert_array_equal(table.points, points)
     np.testing.assert_array_equal(unpacked(table.branch_sets, 2), graph.branch_sets)
     told = {}

@@ -23,17 +23,17 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.pair_nodes import pair_nodes
-from mlivr_gym.stances.pair_rows import rows_of
-from mlivr_gym.stances.pair_steps import (
-    PairTable,
+from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
+from mlivr_gym.stances.two_limb_edges import TwoLimbEdges
+from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
+from mlivr_gym.stances.two_limb_rows import rows_of
+from mlivr_gym.stances.two_limb_steps import (
+    TwoLimbTable,
     longest_step,
-    pair_successors,
+    two_limb_successors,
     unknown_steps,
 )
-from mlivr_gym.stances.pair_table import PairEdges
-from mlivr_gym.stances.pair_table_file import COUNTS, PAIR_TABLES, PairStances
-from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
+from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors, moving_limb
@@ -44,7 +44,7 @@ REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
 NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
-class PairGraph(StanceGraph):
+class TwoLimbGraph(StanceGraph):
     """All nodes of a robot with two limbs, and the steps between them.
 
     Attributes
@@ -82,7 +82,7 @@ class PairGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Read stances and steps from a table if there is one, else compute the stances."""
         super().__init__(grasp_map, robot, settings)
-        found = PAIR_TABLES.find(self) if self.solver_class is PostureSolver else None
+        found = TWO_LIMB_TABLES.find(self) if self.solver_class is PostureSolver else None
         known = found[1] if found else self._computed()
         self.considered, self.reachable, self.no_departure, *removed = (
             known.counts[name] for name in COUNTS
@@ -100,7 +100,7 @@ class PairGraph(StanceGraph):
         stances = self.checks.stances(self.points, chosen)
         if known.releases is not None:
             stances = stances._replace(releases=known.releases)
-        self._free = PairEdges(self.checks, stances, rows, self.base_in_world, known.edges)
+        self._free = TwoLimbEdges(self.checks, stances, rows, self.base_in_world, known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
         self._is_table_complete = False
@@ -109,7 +109,7 @@ class PairGraph(StanceGraph):
     def table(self) -> NodeTable:  # type: ignore[override]
         """All stances and the steps known so far; once all are known, a new and complete table."""
         if self._table is None or (self._free.is_complete and not self._is_table_complete):
-            self._table = pair_nodes(self._free.table, self.pose_number)
+            self._table = two_limb_nodes(self._free.table, self.pose_number)
             self._is_table_complete = self._free.is_complete
         return self._table
 
@@ -118,7 +118,7 @@ class PairGraph(StanceGraph):
         """Whether the table has every step, among the present obstacles too."""
         return self._is_table_complete and not (self.obstacles and self.settings.transitions)
 
-    def _computed(self) -> PairStances:
+    def _computed(self) -> TwoLimbStances:
         """Compute every stance, without steps."""
         postures = self.postures(self.pairs)
         node = self.is_node(postures)
@@ -132,13 +132,13 @@ class PairGraph(StanceGraph):
         counts = [len(self.pairs), int(postures.reachable.sum()), int(no_departure)]
         counts += [int((postures.cause[~node] == cause).sum()) for cause in REMOVED.values()]
         points = np.ascontiguousarray(self.pairs[node])
-        return PairStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
+        return TwoLimbStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
 
-    def kept(self) -> PairStances:
+    def kept(self) -> TwoLimbStances:
         """Return all that is known without obstacles and occupied points, for a file."""
         numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
         free, checked = self._free, self.settings.transitions
-        return PairStances(
+        return TwoLimbStances(
             self.points,
             self.node_postures(slice(None)),
             dict(zip(COUNTS, numbers, strict=True)),
@@ -156,7 +156,7 @@ class PairGraph(StanceGraph):
         self._known.is_complete = is_complete
 
     @property
-    def steps(self) -> PairTable:
+    def steps(self) -> TwoLimbTable:
         """The steps known so far, among the present obstacles, as compiled code reads them."""
         return self._known.table
 
@@ -172,7 +172,7 @@ class PairGraph(StanceGraph):
         """Return the row of a point: all stances in which a limb holds it, shape (k,)."""
         return self.rows[limb, self.row_start[limb, point] : self.row_start[limb, point + 1]]
 
-    def pairs_of_row(self, support: int, point: int) -> IntArray:
+    def edges_of_row(self, support: int, point: int) -> IntArray:
         """Return every pair of stances of a row, the lower index last, shape (2, k)."""
         row = self.stances_with(support, point)
         i, j = np.tril_indices(len(row), -1)
@@ -384,7 +384,7 @@ class PairGraph(StanceGraph):
             count = unknown_steps(s, both, self.steps, branch_sets)
             support, after = branch_sets[:count].T.copy()
             self.check_steps(support, np.full(count, s), after)
-        count = pair_successors(s, both, self.steps, limb, stance, branch_sets)
+        count = two_limb_successors(s, both, self.steps, limb, stance, branch_sets)
         limb, stance = limb[:count], stance[:count]
         return Successors(
             limb, self.points[stance, limb], self.base_in_world[stance], branch_sets[:count]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.stances.pair_graph import PairGraph
-from mlivr_gym.stances.pair_table_file import PAIR_TABLES
 from mlivr_gym.stances.parts import Parts
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 from mlivr_gym.stances.workers import Progress
 
 SAMPLE = 5000
@@ -39,7 +39,7 @@ class Estimate(NamedTuple):
 
 
 def fill_rows(
-    graph: PairGraph, progress: Progress | None = None, parts: Parts | None = None
+    graph: TwoLimbGraph, progress: Progress | None = None, parts: Parts | None = None
 ) -> None:
     """Check every step of a graph once.
 
@@ -68,27 +68,27 @@ def fill_rows(
     graph.is_complete = True
 
 
-def _releases(graph: PairGraph) -> list[NDArray[Any]]:
+def _releases(graph: TwoLimbGraph) -> list[NDArray[Any]]:
     """Compute the branches on which every limb can be released."""
     graph.check_releases(np.indices((len(graph), 2)).reshape(2, -1).T)
     return [graph.steps.releases]
 
 
 def _check_rows(
-    graph: PairGraph, support: int, points: range, edges: NDArray[Any]
+    graph: TwoLimbGraph, support: int, points: range, edges: NDArray[Any]
 ) -> list[NDArray[Any]]:
     """Check the steps of some rows, whose records are `edges`."""
-    before, after = np.concatenate([graph.pairs_of_row(support, p) for p in points], axis=1)
+    before, after = np.concatenate([graph.edges_of_row(support, p) for p in points], axis=1)
     graph.check_steps(np.full(len(before), support, dtype=np.int64), before, after)
     return [edges]
 
 
-def built_pairs(graph: PairGraph) -> Path | None:
+def built_two_limb_table(graph: TwoLimbGraph) -> Path | None:
     """Return the file of the complete table of a graph; None if it has to be built.
 
     A graph that was made before the table was stored has all its steps from then on.
     """
-    found = PAIR_TABLES.find(graph, warn=False)
+    found = TWO_LIMB_TABLES.find(graph, warn=False)
     if found is None:
         return None
     path, known = found
@@ -98,27 +98,29 @@ def built_pairs(graph: PairGraph) -> Path | None:
     return path
 
 
-def parts_of_pairs(graph: PairGraph) -> Parts:
+def parts_of_two_limb_table(graph: TwoLimbGraph) -> Parts:
     """Return the finished parts of the table of a graph."""
     return Parts.of(graph, __file__)
 
 
-def build_pairs(graph: PairGraph, progress: Progress | None = None) -> Path | None:
+def build_two_limb_table(graph: TwoLimbGraph, progress: Progress | None = None) -> Path | None:
     """Build the complete table of two limbs, see `table_build.build_table`."""
-    path = built_pairs(graph)
+    path = built_two_limb_table(graph)
     if path is None:
-        parts = parts_of_pairs(graph)
+        parts = parts_of_two_limb_table(graph)
         fill_rows(graph, progress, parts)
-        path = PAIR_TABLES.cache(graph, graph.kept())
+        path = TWO_LIMB_TABLES.cache(graph, graph.kept())
         if path is not None:
             parts.remove()
     return path
 
 
-def estimate_pairs(graph: PairGraph) -> Estimate:
+def estimate_two_limb_table(graph: TwoLimbGraph) -> Estimate:
     """Estimate what building the table of a graph takes, from a sample of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
-    size: float = len(PAIR_TABLES.content(graph, graph.kept()._replace(edges=None, releases=None)))
+    size: float = len(
+        TWO_LIMB_TABLES.content(graph, graph.kept()._replace(edges=None, releases=None))
+    )
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
     if graph.is_complete or not steps:
         return Estimate(candidates, 0.0, size)
@@ -134,10 +136,10 @@ def estimate_pairs(graph: PairGraph) -> Estimate:
     seconds += (checked - after_releases) * steps / len(support)
     edges = graph.steps.edges[graph.steps.edges["known"] == 1]
     size += _packed(edges) * 2 * steps + _packed(graph.steps.releases[stances]) * len(graph)
-    return Estimate(candidates, seconds, size, parts_of_pairs(graph).count())
+    return Estimate(candidates, seconds, size, parts_of_two_limb_table(graph).count())
 
 
-def _sample(graph: PairGraph) -> tuple[IntArray, IntArray, IntArray]:
+def _sample(graph: TwoLimbGraph) -> tuple[IntArray, IntArray, IntArray]:
     """Return the support limb, the stance before and the stance after of some steps."""
     rows = list(zip(*np.nonzero(graph.degree > 1), strict=True))
     found, count = [], 0

@@ -40,7 +40,7 @@ from mlivr_gym.planners.queues import Block, Entry, OpenQueue
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.lazy_graph import LazyGraph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 
 POSTURE_BATCH, BLOCK_SHARE, STEP_BATCH = 128, 8, 32
@@ -59,7 +59,7 @@ COST_TOLERANCE = 1e-9
 
 
 @dataclass
-class LazySearchResult:
+class ImplicitSearchResult:
     """Result of a search: the expanded states with their parents, costs and postures.
 
     Attributes
@@ -83,7 +83,9 @@ class LazySearchResult:
     improvements: list[Improvement] = field(default_factory=list)
 
 
-def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchResult | None:
+def search_implicit_graph(
+    graph: ImplicitGraph, start: State, search: SearchQuery
+) -> SearchResult | None:
     """Search from a state to any stance whose base lies in the goal region.
 
     Parameters
@@ -100,7 +102,7 @@ def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchRe
     SearchResult | None
         The path; None if no sequence of moves leads to the goal.
     """
-    result = _LazySearch(graph, start, search).run()
+    result = _ImplicitSearch(graph, start, search).run()
     if not result.states:
         return None
     position = np.concatenate([p.base_position for p in result.postures])
@@ -112,14 +114,14 @@ def lazy_search(graph: LazyGraph, start: State, search: SearchQuery) -> SearchRe
     )  # fmt: skip
 
 
-class _LazySearch:
+class _ImplicitSearch:
     """A search in progress, with its open queues and its expanded states."""
 
-    def __init__(self, graph: LazyGraph, start: State, search: SearchQuery) -> None:
+    def __init__(self, graph: ImplicitGraph, start: State, search: SearchQuery) -> None:
         self.graph, self.search, self.start_time = graph, search, search.start_time
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
         self.max_step = graph.max_step
-        self.result, self.iteration = LazySearchResult(), 0
+        self.result, self.iteration = ImplicitSearchResult(), 0
         self.by_lower_bound, self.by_estimate, self.inflated = OpenQueue(), OpenQueue(), OpenQueue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
         """Branch sets and costs with which each stance was expanded."""
@@ -158,7 +160,7 @@ class _LazySearch:
         elapsed = time.perf_counter() - self.start_time
         result.improvements.append(Improvement(elapsed, result.costs[-1], self._optimality_bound()))
 
-    def run(self) -> LazySearchResult:
+    def run(self) -> ImplicitSearchResult:
         """Process items of the queues until a plan is proved good enough or a limit is reached."""
         result = self.result
         self._push_start()

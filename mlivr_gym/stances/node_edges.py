@@ -1,10 +1,11 @@
-"""Pairs of nodes that are one step apart, and the branches that steps keep at most (compiled).
+"""Edges between nodes of a table, and the branches that steps along them keep at most (compiled).
 
-Nodes with a common support set differ in the point of one limb. Many such pairs are no steps: a
-support limb would have to change its branch, or cannot follow the base. The table has a bit for
-each pair: a square for each support set, with a row and a column for each member. On most steps the
-support limbs keep every branch that both nodes have; for the others the table has those that are
-lost.
+Two nodes with a common support set differ in the point of one limb. An edge leads from one to the
+other unless a support limb would have to change its branch, or cannot follow the base. The table
+has a bit for each ordered pair of nodes, in a square for each support set with a row and a column
+for each member; the number of an edge is that of its bit. Along most edges the support limbs keep
+every branch that both nodes have; for the others the table has the branches that are lost. They
+are the same for an edge and the one back.
 """
 
 from __future__ import annotations
@@ -30,30 +31,30 @@ from mlivr_gym.stances.node_table import NodeTable
 
 
 class EdgeSet(NamedTuple):
-    """Results for pairs that share branches, in the order of `list_pairs`."""
+    """Edges among the pairs of nodes that share branches, in the order of `list_node_pairs`."""
 
     joined: BoolArray
-    """Whether a step may join each pair, there or back, shape (p,)."""
+    """Whether an edge joins each pair, shape (p,)."""
     loses_branches: BoolArray
-    """Whether a step loses branches that both nodes have, for each joined pair, shape (j,)."""
+    """Whether each edge loses branches that both nodes have, shape (j,)."""
     lost: NDArray[np.uint64]
-    """The lost branches, as `supports_of`, for each pair that loses some, shape (l,)."""
+    """The lost branches, as `supports_of`, of each edge that loses some, shape (l,)."""
 
     @classmethod
     def of(cls, shared: NDArray[np.uint64], kept: NDArray[np.uint64]) -> EdgeSet:
-        """Return results from the branches that both nodes have and those kept at most, (p,)."""
+        """Return the edges by the branches that both nodes have and those kept at most, (p,)."""
         joined = kept != NO_BRANCHES
         lost = shared[joined] & ~kept[joined]
         return cls(joined, lost != NO_BRANCHES, lost[lost != NO_BRANCHES])
 
     @classmethod
     def joint(cls, parts: list[EdgeSet]) -> EdgeSet:
-        """Return several results in order."""
+        """Return several sets of edges, one after the other."""
         return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-class Pair(Record):
-    """A pair of members of a support set, from which `next_pair` continues."""
+class NodePair(Record):
+    """Two members of a support set, in any order, from which `next_node_pair` continues."""
 
     support_set: int
     """Number of the support set."""
@@ -130,14 +131,14 @@ def share_branches(table: NodeTable, a: int, b: int) -> bool:
 
 @kernel
 def branches_lost(table: NodeTable, edge: int) -> np.uint64:
-    """Return the branches that both nodes of a pair have and a step loses, as `supports_of`."""
+    """Return the branches that both nodes of an edge have and a step loses, as `supports_of`."""
     if not has_bit(table.loses_branches, edge):
         return NO_BRANCHES
     return np.uint64(table.lost[table.ranks[edge // WORD] + set_before(table.loses_branches, edge)])
 
 
 @kernel
-def next_pair(table: NodeTable, pair: Pair, last: int) -> bool:
+def next_node_pair(table: NodeTable, pair: NodePair, last: int) -> bool:
     """Go on to the next pair that shares branches; return False if none comes before `last`."""
     while pair.support_set < last:
         stop = int(table.start[pair.support_set + 1])
@@ -162,17 +163,17 @@ def _edge_of(table: NodeTable, support_set: int, row: int, column: int) -> int:
 
 
 @entry
-def count_pairs(table: NodeTable, pair: Pair, last: int) -> int:
-    """Count the pairs of members that share branches, see `next_pair`."""
+def count_node_pairs(table: NodeTable, pair: NodePair, last: int) -> int:
+    """Count the pairs of members that share branches, see `next_node_pair`."""
     count = 0
-    while next_pair(table, pair, last):
+    while next_node_pair(table, pair, last):
         count += 1
     return count
 
 
 @entry
-def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None:
-    """List the pairs of members that share branches, in order, see `next_pair`.
+def list_node_pairs(table: NodeTable, pair: NodePair, last: int, pairs: IntArray) -> None:
+    """List the pairs of members that share branches, in order, see `next_node_pair`.
 
     Parameters
     ----------
@@ -183,55 +184,55 @@ def list_pairs(table: NodeTable, pair: Pair, last: int, pairs: IntArray) -> None
     last
         Number of the support set at which the list ends.
     pairs
-        Receives indices of members, shape (p, 2), see `count_pairs`.
+        Receives indices of members, shape (p, 2), see `count_node_pairs`.
     """
     count = 0
-    while next_pair(table, pair, last):
+    while next_node_pair(table, pair, last):
         pairs[count, 0], pairs[count, 1] = pair.first, pair.second
         count += 1
 
 
 def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
-    """Return a table with the results for all its pairs, which it does not have yet.
+    """Return a table with all its edges, which it does not have yet.
 
     Raises
     ------
     ValueError
-        If there are results for more or fewer pairs.
+        If the edges are those of another table.
     """
     words, support_sets = len(table.joined), len(table.offset) - 1
     joined, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
     blank = table._replace(joined=joined, loses_branches=loses_branches)
-    complete = _set_bits(blank, Pair.before(table, 0), support_sets, known)
+    complete = _set_bits(blank, NodePair.before(table, 0), support_sets, known)
     counts = np.bitwise_count(loses_branches)
     if not complete or counts.sum() != 2 * len(known.lost):
         raise ValueError
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
-    _set_lost(full, Pair.before(table, 0), support_sets, known)
+    _set_lost(full, NodePair.before(table, 0), support_sets, known)
     return full
 
 
 def gather(table: NodeTable) -> EdgeSet:
-    """Return the results for all pairs of a table, the inverse of `spread`."""
+    """Return all edges of a table, the inverse of `spread`."""
     support_sets, steps = len(table.offset) - 1, int(np.bitwise_count(table.joined).sum()) // 2
     found = EdgeSet(
-        np.zeros(count_pairs(table, Pair.before(table, 0), support_sets), dtype=np.bool_),
+        np.zeros(count_node_pairs(table, NodePair.before(table, 0), support_sets), dtype=np.bool_),
         np.zeros(steps, dtype=np.bool_),
         np.zeros(len(table.lost) // 2, dtype=np.uint64),
     )
-    _get(table, Pair.before(table, 0), support_sets, found)
+    _get(table, NodePair.before(table, 0), support_sets, found)
     return found
 
 
 @entry
-def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> bool:
-    """Set the bits of joined pairs, and of those that lose branches.
+def _set_bits(table: NodeTable, pair: NodePair, last: int, known: EdgeSet) -> bool:
+    """Set the bits of the edges, and of those that lose branches.
 
-    Returns whether there is a result for each pair, and no other.
+    Returns whether their number is that of the pairs of nodes.
     """
     count, steps = 0, 0
-    while next_pair(table, pair, last):
+    while next_node_pair(table, pair, last):
         if count == len(known.joined):
             return False
         if known.joined[count]:
@@ -250,10 +251,10 @@ def _set_bits(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> bool:
 
 
 @entry
-def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
-    """Write the branches that steps lose where `branches_lost` reads them."""
+def _set_lost(table: NodeTable, pair: NodePair, last: int, known: EdgeSet) -> None:
+    """Write the branches that edges lose where `branches_lost` reads them."""
     count = 0
-    while next_pair(table, pair, last):
+    while next_node_pair(table, pair, last):
         for back in range(2):
             first, second = (pair.second, pair.first) if back else (pair.first, pair.second)
             edge = _edge_of(table, pair.support_set, first, second)
@@ -264,10 +265,10 @@ def _set_lost(table: NodeTable, pair: Pair, last: int, known: EdgeSet) -> None:
 
 
 @entry
-def _get(table: NodeTable, pair: Pair, last: int, found: EdgeSet) -> None:
-    """Read the results for pairs, see `gather`."""
+def _get(table: NodeTable, pair: NodePair, last: int, found: EdgeSet) -> None:
+    """Read the edges, see `gather`."""
     count, steps, loses_branches = 0, 0, 0
-    while next_pair(table, pair, last):
+    while next_node_pair(table, pair, last):
         edge = _edge_of(table, pair.support_set, pair.first, pair.second)
         if has_bit(table.joined, edge):
             found.joined[count] = True
