@@ -55,7 +55,7 @@ def mismatch(case: int, plan: Plan) -> float:
 
 def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Plan | None:
     """Return the plan of a case, or None if no plan exists."""
-    heuristic = MODES[mode].heuristic if mode == "faithful" else "cost_to_go"
+    heuristic = MODES[mode].heuristic if mode == "faithful" else "relaxed"
     return planner.plan(
         setup["start"], setup["goal"], CASES[case].cost, heuristic=heuristic, goal_face=FACE
     ).plan

@@ -23,8 +23,8 @@ HIGHEST_PRICE = 1e6
 COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": OrNone(Tuples((), 0.0, HIGHEST_PRICE))}
 """Kinds of the arguments that name a cost."""
 
-HEURISTICS = ("consistent", "paper", "zero", "cost_to_go")
-"""Names of the heuristics; `"cost_to_go"` is the relaxed cost-to-go, see `lower_bounds`."""
+HEURISTICS = ("relaxed", "consistent", "paper", "zero")
+"""Names of the heuristics; `"relaxed"` is the relaxed cost-to-go, see `lower_bounds`."""
 
 
 TYPICAL_ADVANCE, DISTANCE_INFLATION = 0.3, 3.0
@@ -124,7 +124,7 @@ class Cost:
     def inadmissible_estimate(self, distance: Array, moves: Array | None = None) -> Array:
         """Estimate the cost to the goal by an inflated guess, which leads to a first plan.
 
-        It is no lower bound: it ranks stances in a satisficing search and proves nothing.
+        It is no lower bound: it orders a queue of an anytime search and proves nothing.
 
         Parameters
         ----------

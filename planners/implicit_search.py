@@ -1,19 +1,20 @@
-"""Best-first search over stances that are built on demand, for any number of limbs.
+"""Best-first search over an implicit graph, for any number of limbs.
 
 A stance of three or four limbs has hundreds of neighbours, few of which are nodes, and most of the
-time goes into postures and step checks. So a neighbour passes through three stages, each when it
-comes first in an open queue, and those of one stage are evaluated in batches: its points alone are
-known, in a block with the other neighbours of its parent; its posture is known; the step to it is
-checked, which makes it a state.
+time goes into postures and step checks. So a neighbour is evaluated in three stages, each when it
+comes first in an open queue, as in Lazy Weighted A* (Cohen, Phillips and Likhachev 2014): first its
+points alone are known, in a block with the other neighbours of its parent; then its posture is
+computed; then the edge to it is checked, which makes it a state. Neighbours of one stage are
+evaluated in batches.
 
 Every item has a lower bound of the cost of plans through it, by the triangle inequality and
 `set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds
 the cost of every plan, which gives the optimality bound. A search for an optimal plan takes
-items by their lower bound, one with a suboptimality factor by `f = w g + h`. A satisficing search
+items by their lower bound, a weighted or greedy one by `f = cost_weight * g + h`. An anytime search
 alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
 minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
 is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
-table of nodes, satisficing searches use `table_search` instead.
+table of nodes, anytime searches use `table_search` instead.
 """
 
 from __future__ import annotations
@@ -208,7 +209,7 @@ class _ImplicitSearch:
     def _next_queue(self) -> OpenQueue:
         """Return the queue from which the next item is taken, see the module."""
         self.iteration += 1
-        if not self.search.satisficing:
+        if not self.search.anytime:
             return self.by_lower_bound if self.search.inflation == 1.0 else self.by_estimate
         if self.result.goal >= 0 and self.iteration % PROOF_INTERVAL == 0:
             return self.by_lower_bound
@@ -257,7 +258,7 @@ class _ImplicitSearch:
         lower_bound = item.lower_bound
         self.by_lower_bound.push(lower_bound, item)
         self.by_estimate.push(item.estimate, item)
-        if self.search.satisficing:
+        if self.search.anytime:
             self.inflated.push(item.cost + COST_TO_GO_INFLATION * (lower_bound - item.cost), item)
 
     def _lower_bounds(self, stances: IntArray, positions: Array, costs: Array) -> Array:
@@ -281,7 +282,7 @@ class _ImplicitSearch:
     def _estimates(self, stances: IntArray, positions: Array, costs: Array) -> Array:
         """Return the keys of stances in the search for a first plan, shape (k,)."""
         distances = self.goal.distance(positions)
-        if self.search.satisficing:
+        if self.search.anytime:
             moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
             return costs + self.cost.inadmissible_estimate(distances, moves)
         return self.search.cost_weight * costs + self.search.estimate(distances, self.max_step)

@@ -6,6 +6,10 @@ Soumis 1988): an edge removes from the set of each support limb the branches tha
 and a label is dropped if labels of the same node that cost no more have all its branches
 (dominance). An edge that was not checked is assumed to keep its upper bound from the table, so the
 cheapest path over unchecked edges bounds the cost of every plan from below.
+
+With weight 1 of the cost and a consistent `h` the search sets labels: the cost of a node that is
+popped is final for its label, so that no cheaper one with the same branches follows. With another
+weight it corrects labels: a node may be expanded again when a cheaper label reaches it.
 """
 
 from __future__ import annotations
@@ -49,9 +53,10 @@ from mlivr_gym.stances.node_table import NodeTable
 CLOCK_INTERVAL = 1 << 14
 """Number of labels taken from the queue between two readings of the clock."""
 
-QUEUE_EMPTY, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
-"""Why a call of `_search` ends: the open queue is empty or the incumbent is proved, the arrays are
-full, the clock is to be read, the limit of expansions is reached, or edges are to be checked."""
+SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
+"""Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
+minimum proves the incumbent; the arrays are full; the clock is to be read; the limit of expansions
+is reached; or edges are to be checked."""
 
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
 """Function that checks edges: from their numbers and the branch sets before them to the branch sets
@@ -73,17 +78,19 @@ class SearchParameters(NamedTuple):
     """Parameters of a search."""
 
     cost_weight: float = 1.0
-    """Weight w of the cost so far in `f = w g + h`: 1 for A*, `1 / e` for weighted A* (Pohl 1970),
-    whose path costs at most e times the minimum, and 0 for greedy best-first search."""
+    """Weight of the cost so far in `f = cost_weight * g + h`: 1 for A*, `1 / w` for weighted A*
+    (Pohl 1970), whose path costs at most w times the minimum, and 0 for greedy best-first
+    search."""
     labels_per_node: int = CAPACITY
     """Maximum number of labels of a node."""
     max_labels: int = CAPACITY
     """Maximum number of labels, after which the search ends."""
     max_expansions: int = CAPACITY
     """Maximum number of labels expanded."""
-    lazy: bool = False
-    """Whether the edge to a label is checked when the label is taken from the queue; otherwise the
-    edges of the path that is returned remain to be checked."""
+    check_when_popped: bool = False
+    """Whether the edge to a label is checked when the label is popped from the queue, as in Lazy
+    Weighted A* (Cohen, Phillips and Likhachev 2014); otherwise the caller checks the edges of the
+    path that is returned, as in LazySP (Dellin and Srinivasa 2016)."""
     equal_only: bool = False
     """Whether only equal labels dominate each other, so that every state that can be reached is
     expanded."""
@@ -96,7 +103,7 @@ class SearchStatus(Record):
     labels_per_node: int
     max_labels: int
     max_expansions: int
-    lazy: bool
+    check_when_popped: bool
     equal_only: bool
     incumbent_cost: float
     """Cost of the incumbent; before there is one, the cost that a path must stay below."""
@@ -121,7 +128,7 @@ class SearchOutcome(NamedTuple):
     """Lower bound of the cost of every path, at most `cost_limit`; valid for weight 1 of the
     cost."""
     end: int
-    """Why the search ended: `QUEUE_EMPTY`, `ARRAYS_FULL`, `EXPANSION_LIMIT`, or `PAUSED` or
+    """Why the search ended: `SEARCH_COMPLETE`, `ARRAYS_FULL`, `EXPANSION_LIMIT`, or `PAUSED` or
     `CHECKS_PENDING` at its deadline."""
     expanded: int
     """Number of labels expanded."""
@@ -160,7 +167,7 @@ def cheapest_path(
     deadline
         When to end, on the clock of `time.perf_counter` [s].
     check
-        Function that checks edges; needed if `parameters.lazy`.
+        Function that checks edges; needed if `parameters.check_when_popped`.
     """
     status = SearchStatus.row()
     for name, value in parameters._asdict().items():
@@ -185,7 +192,7 @@ def cheapest_path(
     if not status["initialised"]:
         return SearchOutcome(None, 0.0, end, 0)
     lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
-    if end != QUEUE_EMPTY:
+    if end != SEARCH_COMPLETE:
         lower_bound = min(lower_bound, labels.queue.lower_bound)
     path = None if found == NO_LABEL else labels.path_to(found)
     return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
@@ -200,7 +207,7 @@ def _search(
     Returns
     -------
     int
-        `QUEUE_EMPTY` if the search is complete, otherwise why it stopped.
+        `SEARCH_COMPLETE` if the search is complete, otherwise why it stopped.
     """
     table = search_graph.table
     queue, count = labels.queue, 0
@@ -222,14 +229,14 @@ def _search(
             return CHECKS_PENDING
         label = pop(queue)
         if label == NO_ENTRY:
-            return QUEUE_EMPTY
+            return SEARCH_COMPLETE
         s, cost = int(queue.node[label]), labels.cost[label]
         proved = queue_lower_bound(queue) >= status.cost_weight * status.incumbent_cost
         if status.incumbent != NO_LABEL and proved:
-            return QUEUE_EMPTY
+            return SEARCH_COMPLETE
         if not cost + h[s] < status.incumbent_cost:
             continue
-        if status.lazy and not labels.checked[label]:
+        if status.check_when_popped and not labels.checked[label]:
             branch_sets = labels.branch_sets[label]
             if status.equal_only or not _is_dominated(labels, s, branch_sets, cost, label, status):
                 labels.pending[status.pending] = label
@@ -315,13 +322,13 @@ def _is_dominated(
 
     One label may dominate alone, or several jointly whose branches of one limb cover those of that
     limb while each has all branches of the other limbs. Of two equal labels the earlier dominates.
-    Where edges are checked one by one, only labels whose edge was checked dominate. A new label,
+    Where edges are checked when popped, only labels whose edge was checked dominate. A new label,
     whose index `label` is -1, also counts as dominated if its node has the maximum number of
     labels.
     """
     other, count, uncovered = labels.last_of_node[s], 0, branch_sets
     while other >= 0:
-        if not status.lazy or labels.checked[other]:
+        if not status.check_when_popped or labels.checked[other]:
             cost = labels.cost[other]
             earlier = label < 0 or cost < g or other < label
             if other != label and cost <= g:

@@ -1,9 +1,10 @@
-"""Nodes and edges of a table in the present world, evaluated when a path uses them.
+"""Nodes and edges of a table in the present world, evaluated lazily.
 
 Obstacles and occupied points only remove branches, stances and steps, and do not change the posture
-of a stance. So the table without obstacles is an upper bound of what is possible among them, and
-edges are assumed free until a path uses them: lazy edge evaluation (Dellin and Srinivasa, ICAPS
-2016). Results are cached for further queries.
+of a stance. So the table without obstacles is an upper bound of what is possible among them. An
+edge keeps this bound until it is checked, which happens when a search pops its label (Lazy Weighted
+A*: Cohen, Phillips and Likhachev 2014) or finds a path over it (LazySP: Dellin and Srinivasa 2016).
+Results are cached for further queries.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Admissible and consistent lower bounds of the cost from every node to a goal, cached by goal.
 
-They are the relaxed cost-to-go: the minimum cost if limbs could change their branches. Obstacles
-and points occupied later only make plans dearer, so the bounds of a goal stay valid when the robot
-stands elsewhere on its path or finds a point occupied, and replanning is fast.
+They are the relaxed cost-to-go: the minimum cost over the edges of the table if limbs could change
+their branches at any time. Obstacles and points occupied later only make plans dearer, so the
+bounds of a goal stay valid when the robot stands elsewhere on its path or finds a point occupied,
+and replanning is fast.
 """
 
 from __future__ import annotations

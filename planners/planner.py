@@ -44,10 +44,10 @@ CACHED_TABLES = 16
 
 
 class _Timer:
-    """Time spent on the start state, and on the search."""
+    """Time spent on checking the start state, and on the search."""
 
     def __init__(self) -> None:
-        self.start_time, self.feasibility, self.search = time.perf_counter(), 0.0, 0.0
+        self.start_time, self.start_state, self.search = time.perf_counter(), 0.0, 0.0
 
     def lap(self) -> float:
         """Return the time since the last call, or since the timer was made [s]."""
@@ -121,17 +121,19 @@ class Planner:
             0), `"greedy"` (greedy best-first search) or `"algorithm1"` (A* in plain Python, which
             is slow, to read and to compare with).
         heuristic
-            `"cost_to_go"` (exact if limbs could change their branches: the relaxed cost-to-go;
-            default for two limbs),
-            `"consistent"` (by the distance to the goal; default for more limbs and for
-            `"algorithm1"`), `"paper"` (the same without the tolerance, which may overestimate;
-            default of `"greedy"`) or `"zero"`. Over a table of nodes, three or four limbs use the
-            cost-to-go in place of `"consistent"`.
+            `"relaxed"` (relaxed cost-to-go: the minimum cost if limbs could change their branches
+            at any time; default for two limbs), `"consistent"` (by the distance to the goal;
+            default for more limbs and for `"algorithm1"`), `"paper"` (the same without the
+            tolerance, which may overestimate; default of `"greedy"`) or `"zero"`. An anytime search
+            over a node table uses the relaxed cost-to-go in place of `"consistent"`.
         inflation
-            Suboptimality factor, at least 1: the plan costs at most this many times the minimum.
-            The default is 1 for two limbs, for `"dijkstra"` and `"algorithm1"`, and with a time
-            limit; otherwise the first plan is returned, and `plan.statistics.bound` is the factor
-            that is proved for it.
+            Suboptimality bound w, at least 1: the plan is proved to cost at most w times the
+            minimum. With two limbs and for `"algorithm1"` the search is weighted A*, which orders
+            its queue by `g + w h`; with more limbs it is an anytime search that ends once the
+            bound is proved, in whatever order it expands states (see `searches`). Of no effect for
+            `"greedy"`, and without proof for the heuristic `"paper"`. The default is 1 for two
+            limbs, for `"dijkstra"` and `"algorithm1"`, and with a time limit; otherwise any plan
+            will do, and the first one is returned. `plan.statistics.bound` is the bound proved.
         goal_tolerance
             Radius of the goal region [m].
         goal_face
@@ -174,9 +176,9 @@ class Planner:
         try:
             start_state = self._start_state(start, start_pose, start_joints)
         except StanceError as error:
-            timer.feasibility = timer.lap()
+            timer.start_state = timer.lap()
             return _without_plan(START_INFEASIBLE, str(error), timer)
-        timer.feasibility = timer.lap()
+        timer.start_state = timer.lap()
         is_algorithm1 = search.method == "algorithm1"
         searcher: Searcher = Algorithm1Searcher(self.graph) if is_algorithm1 else self._searcher
         result = searcher.find(search, start_state)
@@ -188,7 +190,7 @@ class Planner:
         committed = committed_motion(self.graph, result.states, None, self._committed_steps)
         if committed.motion is None:
             return _without_plan(NO_SWING, self._no_swing(result, committed), timer, result)
-        times = timer.feasibility, timer.search
+        times = timer.start_state, timer.search
         bound = result.bound if result.bound < math.inf else None
         statistics = Statistics(
             result.cost, result.expanded, result.generated, *times, result.backward_expanded, bound
@@ -326,7 +328,7 @@ class Planner:
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
     ) -> None:
-        """Compute the relaxed cost-to-go, the heuristic `"cost_to_go"`, from all stances to a goal.
+        """Compute the relaxed cost-to-go, the heuristic `"relaxed"`, from all stances to a goal.
 
         Further plans to the goal are then fast. It is the minimum cost if limbs could change their
         branches, and stays a lower bound when points are occupied or obstacles added.
@@ -392,4 +394,4 @@ def _without_plan(
     """Return a result without a plan."""
     counts = (0, 0) if result is None else (result.expanded, result.generated)
     tree = np.zeros((0, 2, 3)) if result is None else result.tree
-    return PlanningResult(None, reason, message, *counts, timer.feasibility, timer.search, tree)
+    return PlanningResult(None, reason, message, *counts, timer.start_state, timer.search, tree)

@@ -34,6 +34,14 @@ GOAL_TOLERANCE = 0.2
 MAX_EXPANSIONS = 10**30
 """Largest limit of expansions that can be requested; compiled searches count in 64 bits."""
 
+
+def _heuristic_name(name: object, at: FieldPath) -> str:
+    """Return the name of a heuristic; the error of its former name has the new one."""
+    if name == "cost_to_go":
+        raise at.fault("is 'cost_to_go', which is now called 'relaxed'")
+    return Choice(HEURISTICS).read(name, at)
+
+
 QUERY: Kinds = {
     **WALK,
     **COST_KINDS,
@@ -46,7 +54,7 @@ QUERY: Kinds = {
     "start_pose": Anything(),
     "start_joints": Anything(),
     "method": Choice(METHODS),
-    "heuristic": OrNone(Choice(HEURISTICS)),
+    "heuristic": OrNone(Reader(_heuristic_name)),
     "inflation": OrNone(Tuples((), 1.0)),
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
@@ -67,7 +75,7 @@ class SearchOptions:
     heuristic
         One of `costs.HEURISTICS`.
     inflation
-        Suboptimality factor, at least 1: a plan may cost at most this many times the minimum.
+        Suboptimality bound w >= 1: the plan shall be proved to cost at most w times the minimum.
     limit
         Maximum number of expansions.
     progress
@@ -169,16 +177,17 @@ class SearchQuery:
     heuristic
         One of `costs.HEURISTICS`.
     inflation
-        Suboptimality factor, at least 1; infinite if any plan will do.
+        Suboptimality bound w >= 1; infinite if any plan will do.
     limit
         Maximum number of expansions.
     progress
         Called from time to time with the number of expansions.
     time_limit
         Maximum time in which a plan is sought and improved [s].
-    satisficing
-        Whether a first plan is sought before an optimal one: over the table of nodes, or by an
-        inadmissible estimate where there is no table, see `implicit_search`.
+    anytime
+        Whether the search is an anytime search of more than two limbs: it finds some plan soon and
+        better ones later, until one is proved within `inflation` or the time is over. See
+        `search_stages` over a node table, and `implicit_search` without one.
     start_time
         Time at which the query was made, on the clock of `time.perf_counter` [s].
     """
@@ -190,7 +199,7 @@ class SearchQuery:
     limit: int
     progress: Callable[[int], None] | None = None
     time_limit: float = math.inf
-    satisficing: bool = False
+    anytime: bool = False
     start_time: float = field(default_factory=time.perf_counter)
 
     @classmethod
@@ -207,7 +216,7 @@ class SearchQuery:
         heuristic = options.heuristic
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
-            estimate = "cost_to_go" if two_limbs and not is_algorithm1 else "consistent"
+            estimate = "relaxed" if two_limbs and not is_algorithm1 else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
         if method == "dijkstra":
             if options.heuristic not in (None, "zero"):
@@ -217,11 +226,11 @@ class SearchQuery:
             heuristic = "zero"
         if method == "greedy" and heuristic == "zero":
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
-        if heuristic == "cost_to_go" and not two_limbs:
+        if heuristic == "relaxed" and not two_limbs:
             name = graph.robot.name
-            raise SettingError(f"heuristic 'cost_to_go' needs two limbs; robot {name!r} has more")
-        if heuristic == "cost_to_go" and is_algorithm1:
-            raise SettingError("method 'algorithm1' needs a heuristic other than 'cost_to_go'")
+            raise SettingError(f"heuristic 'relaxed' needs two limbs; robot {name!r} has more")
+        if heuristic == "relaxed" and is_algorithm1:
+            raise SettingError("method 'algorithm1' needs a heuristic other than 'relaxed'")
         limit, inflation = min(options.limit, sys.maxsize), options.inflation
         seconds = options.time_limit
         if seconds is not None and is_algorithm1:
@@ -230,15 +239,13 @@ class SearchQuery:
         optimal = two_limbs or is_algorithm1 or method == "dijkstra" or seconds < math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
-        satisficing = (
+        anytime = (
             not (two_limbs or is_algorithm1) and method == "astar" and heuristic == "consistent"
         )
-        satisficing &= inflation > 1.0 or seconds < math.inf
+        anytime &= inflation > 1.0 or seconds < math.inf
         if not (two_limbs or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
-        return cls(
-            goal, method, heuristic, inflation, limit, options.progress, seconds, satisficing
-        )
+        return cls(goal, method, heuristic, inflation, limit, options.progress, seconds, anytime)
 
     @property
     def deadline(self) -> float:
@@ -247,14 +254,17 @@ class SearchQuery:
 
     @property
     def cost_weight(self) -> float:
-        """Return the weight w of the cost so far in the order `f = w g + h` of the open queue."""
+        """Return the weight of the cost so far in `f = cost_weight * g + h`.
+
+        For weighted A* it is 1 / w, which orders the open queue as `g + w h` does.
+        """
         if self.method == "greedy":
             return 0.0
         return 1.0 / self.inflation if self.inflation < math.inf else 1.0
 
     @property
     def guaranteed_factor(self) -> float:
-        """Return the suboptimality factor of plans of two limbs, infinite if none is proved."""
+        """Return the bound w of plans of two limbs and Algorithm 1; infinite if none is proved."""
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf
 

@@ -1,8 +1,10 @@
 """Stages of the search over a table: search parameters, used in order until a path is optimal.
 
-With two limbs one stage suffices. With more limbs weighted A* with decreasing weights finds a first
-path soon and better ones later, as in ARA* (Likhachev, Gordon and Thrun 2003), but every stage
-starts anew (Richter, Thayer and Ruml 2010), with the incumbent of the stage before.
+With two limbs one stage suffices. With more limbs the search is an anytime search: weighted A* with
+decreasing weights finds a first path soon and better ones later, as in ARA* (Likhachev, Gordon and
+Thrun 2003), but every stage starts anew (Richter, Thayer and Ruml 2010), with the incumbent of the
+stage before. What a check of an edge finds then holds for the label at hand alone, so that stages
+which use earlier checks find paths, and stages which ignore them prove lower bounds.
 """
 
 from __future__ import annotations
@@ -13,13 +15,15 @@ from mlivr_gym.planners.label_search import SearchParameters
 
 
 class SearchStage(NamedTuple):
-    """One stage: the parameters of its searches, and what they prove."""
+    """One stage: the parameters of its searches, and which checks of edges they use."""
 
     parameters: SearchParameters
     """Parameters of each search of the stage."""
-    proves_lower_bound: bool = False
-    """Whether the result is a valid lower bound of the cost of all plans. With three and more limbs
-    the results of checked edges are then ignored."""
+    ignores_checked_edges: bool = False
+    """Whether edges that were checked with other labels count as unchecked, so that every plan is
+    among the paths of the stage. Its result then bounds the cost of all plans from below, if the
+    weight of the cost is 1 or the queue was exhausted. Of no effect with two limbs, whose checks
+    hold for all labels."""
     only_after_exhaustion: bool = False
     """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
 
@@ -37,23 +41,25 @@ follow."""
 STAGES = (
     FIRST_PATH,
     SearchStage(SearchParameters(1.0 / 1.1, 8)),
-    SearchStage(SearchParameters(), proves_lower_bound=True),
+    SearchStage(SearchParameters(), ignores_checked_edges=True),
     SearchStage(SearchParameters()),
 )
-"""The stages without obstacles, in order."""
+"""The stages without obstacles, in order: two that find paths, the cheapest path over the edges of
+the table (a lower bound of all plans), and the cheapest path over the edges checked so far."""
 
 ENCLOSURE_PROBE = SearchStage(
-    SearchParameters(0.5, max_expansions=300, lazy=True), proves_lower_bound=True
+    SearchParameters(0.5, max_expansions=300, check_when_popped=True), ignores_checked_edges=True
 )
-"""A short search that ends early if few states can be reached, as in an enclosed space."""
+"""A short search that exhausts its queue if obstacles enclose the start. That proves nothing yet,
+since dominance may have dropped a label that leads out."""
 
 ENCLOSURE_PROOF = SearchStage(
-    SearchParameters(0.5, max_expansions=300, lazy=True, equal_only=True),
-    proves_lower_bound=True,
+    SearchParameters(0.5, max_expansions=300, check_when_popped=True, equal_only=True),
+    ignores_checked_edges=True,
     only_after_exhaustion=True,
 )
-"""The same search without dominance between different labels: it expands every state that can be
-reached, which proves that no plan exists."""
+"""The same search without dominance between different labels. It expands every state that can be
+reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
 OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, SearchStage(SearchParameters(0.5, 8)), *STAGES
 """The stages among obstacles, in order."""

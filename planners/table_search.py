@@ -1,12 +1,12 @@
-"""Label-setting search over the table of a graph, with lazy evaluation of edges.
+"""Label-setting search over the table of a graph, with lazy edge evaluation.
 
 The table has an upper bound of the branches kept on every edge, so the cheapest path over it bounds
 the cost of all plans from below, and nearly all edges keep that bound. There are three cases:
 
-* *Two limbs, complete table*: every edge is exact, so nothing is checked, and the first path is
-  optimal.
+* *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
-  checked when its label leaves the open queue. In between, searches from the goal raise the lower
+  checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
+  Likhachev 2014). In between, searches from the goal raise the lower
   bounds by the edges that were checked. The first path is optimal.
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
@@ -30,7 +30,7 @@ from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
-    QUEUE_EMPTY,
+    SEARCH_COMPLETE,
     SearchGraph,
     SearchParameters,
     cheapest_path,
@@ -154,12 +154,11 @@ class _TableSearch:
             # Steps that leave a given base pose are no edges of the table.
             steps = self.graph.successors(state)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
-            places = steps.base_in_world
             self._origin_paths = [
-                StatePath((state, after), np.stack([here, place]))
-                for after, place in zip(states, places, strict=True)
+                StatePath((state, after), np.stack([here, position]))
+                for after, position in zip(states, steps.base_in_world, strict=True)
             ]
-            shift = np.linalg.norm(places - here, axis=1)
+            shift = np.linalg.norm(steps.base_in_world - here, axis=1)
             costs = self.goal.cost.base_weight * shift + self.goal.cost.step_weight
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
@@ -175,23 +174,22 @@ class _TableSearch:
         follow, which are computed sooner than a base displacement.
         """
         search, goal, starts = self.search, self.goal, self._origins.nodes
-        lazy_table = self._lazy_table
+        lazy_table, is_complete = self._lazy_table, self._lazy_table.is_complete
         stages: tuple[SearchStage, ...] = STAGES
         first: tuple[SearchStage, ...] = (FIRST_PATH,)
         if lazy_table.label_independent:
             stages = (
                 SearchStage(
-                    SearchParameters(search.cost_weight, lazy=not lazy_table.is_complete),
-                    proves_lower_bound=True,
+                    SearchParameters(search.cost_weight, check_when_popped=not is_complete)
                 ),
             )
-            if search.heuristic != "cost_to_go":
+            if search.heuristic != "relaxed":
                 yield self._lower_bounds.from_distance(search), stages
                 return
         elif self.graph.obstacles:
             stages, first = OBSTACLE_STAGES, OBSTACLE_STAGES[:3]
         known = self._lower_bounds.cached(goal, starts)
-        if lazy_table.label_independent and not lazy_table.is_complete:
+        if lazy_table.label_independent and not is_complete:
             yield from self._improved_bounds(known or self._lower_bounds.compute(goal, starts))
             return
         if known is not None and (
@@ -218,9 +216,9 @@ class _TableSearch:
         search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
         while True:
             parameters = SearchParameters(
-                search.cost_weight, max_expansions=expansion_limit, lazy=True
+                search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
-            yield goal_bounds, (SearchStage(parameters, proves_lower_bound=True),)
+            yield goal_bounds, (SearchStage(parameters),)
             late = time.perf_counter() >= search.deadline
             if late or self.lower_bound == np.inf or self.expanded >= search.limit:
                 return
@@ -250,7 +248,7 @@ class _TableSearch:
         )
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
-            SearchParameters(max_expansions=limit, lazy=True),
+            SearchParameters(max_expansions=limit, check_when_popped=True),
             deadline=self.search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
@@ -297,7 +295,7 @@ class _TableSearch:
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
                 return None
-            if not stage.parameters.lazy and self._lazy_table.check_nodes(path.nodes):
+            if not stage.parameters.check_when_popped and self._lazy_table.check_nodes(path.nodes):
                 self._check_nodes_around(path.nodes)
                 continue
             states = self._checked_walk(path, stage)
@@ -312,8 +310,8 @@ class _TableSearch:
         return None
 
     def _ignores_checks(self, stage: SearchStage) -> bool:
-        """Return whether a stage searches without the results of checks, which hold for a label."""
-        return stage.proves_lower_bound and not self._lazy_table.label_independent
+        """Return whether a stage searches without the results of checks with other labels."""
+        return stage.ignores_checked_edges and not self._lazy_table.label_independent
 
     def _search(
         self, goal_bounds: GoalBounds, stage: SearchStage, cost_limit: float
@@ -328,7 +326,7 @@ class _TableSearch:
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
-        self._is_complete = found.end == QUEUE_EMPTY
+        self._is_complete = found.end == SEARCH_COMPLETE
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
@@ -346,15 +344,16 @@ class _TableSearch:
         """
         parameters, independent = stage.parameters, self._lazy_table.label_independent
         keeps_all = parameters.labels_per_node == CAPACITY and (
-            independent or parameters.equal_only or not parameters.lazy
+            independent or parameters.equal_only or not parameters.check_when_popped
         )
         exhausted = self._is_exhausted and keeps_all
-        return stage.proves_lower_bound and (exhausted or parameters.cost_weight == 1.0)
+        admits_every_plan = independent or stage.ignores_checked_edges
+        return admits_every_plan and (exhausted or parameters.cost_weight == 1.0)
 
     def _checked_walk(self, path: NodePath, stage: SearchStage) -> StatePath | None:
         """Check the edges of a path unless its search did; return its states, None if one fails."""
         lazy_table, branch_sets = self._lazy_table, path.branch_sets
-        if not (lazy_table.is_complete or stage.parameters.lazy):
+        if not (lazy_table.is_complete or stage.parameters.check_when_popped):
             lazy_table.check_edges(path.edges)
             kept = lazy_table.checked_branch_sets(path)
             if kept is None:

@@ -163,7 +163,7 @@ def query_arguments() -> argparse.ArgumentParser:
     option(parser, "--regrasp-price M", text, type=float)
     text = "search method: astar, dijkstra, greedy or algorithm1"
     option(parser, "--method METHOD", text, "astar")
-    text = "cost_to_go, consistent, paper or zero (default: cost_to_go for two limbs, else "
+    text = "relaxed, consistent, paper or zero (default: relaxed for two limbs, else "
     option(parser, "--heuristic HEURISTIC", f"{text}consistent)")
     option(
         parser,

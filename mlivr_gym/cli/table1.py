@@ -238,7 +238,7 @@ def plan_case(
 
 def _distinct_stances(tree: Array, mode: str) -> int | None:
     """Count the stances explored; None for a search in stages, whose tree is of the last one."""
-    if MODES[mode].heuristic == "cost_to_go":
+    if MODES[mode].heuristic == "relaxed":
         return None
     return len(np.unique(tree[:, 1].round(9), axis=0)) + 1
 

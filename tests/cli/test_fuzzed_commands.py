@@ -40,7 +40,7 @@ FILES = [
     "-", "--", "new\udc80", "mlivr3", "mlivr9", "pretrained",
 ]  # fmt: skip
 WORDS = [
-    "astar", "dijkstra", "greedy", "algorithm1", "base", "steps", "weighted", "cost_to_go", "zero",
+    "astar", "dijkstra", "greedy", "algorithm1", "base", "steps", "weighted", "relaxed", "zero",
     "consistent", "paper", "bc", "ppo", "finetune", "pointer", "mlp", "same", "half", "random",
     "local", "mcts", "mlivr/x-v0", "foo", "", "x" * 300, "\ud800", "a\nb",
 ]  # fmt: skip

@@ -191,6 +191,6 @@ def test_inflation_limit_and_progress(small_graph):
 
 
 def test_the_table_of_costs_to_go_is_not_for_it(small_graph):
-    how = {"method": "algorithm1", "heuristic": "cost_to_go"}
+    how = {"method": "algorithm1", "heuristic": "relaxed"}
     with pytest.raises(SettingError, match="algorithm1"):
         Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), **how)

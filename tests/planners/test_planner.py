@@ -55,7 +55,7 @@ def branch_graph(graph):
 
 def all_cost(expected, planner, query, price):
     """Plans by every heuristic that is a lower bound cost so much; infinite where there is none."""
-    for heuristic in ("cost_to_go", "consistent", "zero"):
+    for heuristic in ("relaxed", "consistent", "zero"):
         plan = planner.plan(*query, regrasp_price=price, heuristic=heuristic).plan
         found = plan.statistics.cost if plan else np.inf
         assert found == pytest.approx(expected, abs=1e-9)
@@ -233,6 +233,7 @@ def test_bad_arguments_are_named(graph):
         (SettingError, "regrasp_price is -1", {"cost": "weighted", "regrasp_price": -1}),
         (SettingError, "greedy", {"method": "greedy", "heuristic": "zero"}),
         (SettingError, "heuristic is 'paper'", {"method": "dijkstra", "heuristic": "paper"}),
+        (SettingError, "now called 'relaxed'", {"heuristic": "cost_to_go"}),
         (SettingError, "inflation is 0.5", {"inflation": 0.5}),
         (GoalError, "outside the cabin", {"goal": (60.0, 0.0, 0.0)}),
     ):
