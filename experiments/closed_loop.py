@@ -22,7 +22,7 @@ from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.walk import ARRIVED, FAILED, STOPPED, walk
+from mlivr_gym.closed_loop.loop import ARRIVED, FAILED, STOPPED, run_closed_loop
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import ShapeError, StanceError
 from mlivr_gym.planners import Planner
@@ -100,22 +100,22 @@ def measure(graph: TwoLimbGraph, tasks: list[Task], mode: str) -> dict[str, Any]
     setup, rows = Setup.of(disturbances=disturbances), []
     for seed, task in enumerate(tasks):
         try:
-            walked = walk(
+            record = run_closed_loop(
                 graph, task.start, task.goal.tolist(), unknown=task.unknown, camera=camera,
                 setup=setup, seed=seed, max_steps=60,
             )  # fmt: skip
         except ShapeError as error:
             print(f"{mode}, task {seed}: {error}", flush=True)
             continue
-        kind = walked.reason.split(":")[0] if walked.outcome == FAILED else ""
+        kind = record.reason.split(":")[0] if record.outcome == FAILED else ""
         rows.append(
             {
-                "outcome": walked.outcome, "failure": kind, "steps": walked.steps,
-                "in_hindsight": task.in_hindsight, "duration": walked.duration,
-                "peak_force": walked.peak_force, "replanning": walked.replanning_times.tolist(),
+                "outcome": record.outcome, "failure": kind, "steps": record.steps,
+                "in_hindsight": task.in_hindsight, "duration": record.duration,
+                "peak_force": record.peak_force, "replanning": record.replanning_times.tolist(),
             }
         )  # fmt: skip
-        print(f"{mode}, task {seed}: {walked.outcome}, {walked.reason}", flush=True)
+        print(f"{mode}, task {seed}: {record.outcome}, {record.reason}", flush=True)
     return {"walks": rows}
 
 

@@ -24,7 +24,7 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
-from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances
+from mlivr_gym.simulation.disturbances import ALL, NONE, DisturbanceRanges
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
@@ -55,7 +55,7 @@ NAMES = {
     "point_position": "points to 5 mm off",
     "point_angle": "points to 1 deg off",
 }
-"""Disturbances in words, at the sizes of `ALL`."""
+"""The disturbances in words, with the ranges of `ALL`."""
 
 HEAD = (
     "disturbance | walks | carried out | interval [%] | failures | tried again | "
@@ -63,7 +63,7 @@ HEAD = (
 )
 
 
-def studies() -> dict[str, tuple[str, Disturbances]]:
+def studies() -> dict[str, tuple[str, DisturbanceRanges]]:
     """Return controller and disturbances of each study by name, those of all disturbances first."""
     found = {f"{name}: all": (name, ALL) for name in CONTROLLERS}
     for name in CONTROLLERS:
@@ -79,7 +79,7 @@ def summary(outcomes: list[RunOutcome]) -> dict[str, Any]:
     return success_rate(outcomes) | {
         "steps": sum(outcome.steps for outcome in outcomes),
         "steps_done": steps,
-        "walks_with_tries": sum(outcome.tries > 1 for outcome in outcomes),
+        "walks_with_tries": sum(outcome.attempts > 1 for outcome in outcomes),
         "grasp_force_N": quantiles([outcome.grasp_force for outcome in outcomes]),
         "capture_mm": quantiles([1e3 * outcome.capture_distance for outcome in outcomes]),
         "base_error_mm": quantiles([1e3 * outcome.base_error for outcome in outcomes]),
@@ -94,7 +94,7 @@ def quantiles(values: list[float]) -> list[float]:
 
 
 def study(
-    graph: StanceGraph, plans: list[Plan], name: str, disturbances: Disturbances, workers: int
+    graph: StanceGraph, plans: list[Plan], name: str, disturbances: DisturbanceRanges, workers: int
 ) -> dict[str, Any]:
     """Simulate each plan once, with its own random disturbances."""
     timing, controller = CONTROLLERS[name]

@@ -39,6 +39,9 @@ from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 LIMBS, STANCES = 13, 17
 """Numbers that stand for N limbs and K stances in schemas that depend on them."""
 
+TRAJECTORY_KEYS = {"point_ids": "points"}
+"""Names in trajectory files of the fields of `Trajectory` that are called otherwise."""
+
 SYMBOLS = {LIMBS: "N", STANCES: "K", STANCES - 1: "K - 1"}
 """Symbols that these numbers are replaced with."""
 
@@ -216,6 +219,9 @@ def tables() -> dict[str, str]:
         ),
         "fields_trajectory": table(
             "field | meaning",
-            ((f"`{name}`", meaning) for name, meaning in attributes(Trajectory).items()),
+            (
+                (f"`{TRAJECTORY_KEYS.get(name, name)}`", meaning)
+                for name, meaning in attributes(Trajectory).items()
+            ),
         ),
     }

@@ -44,7 +44,7 @@ def controller() -> str:
         "on the approaching\ngripper, which sees its point with a noise of "
         f"{1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
         f"guides the limb to it; it waits at most {full.patience:g} s until it is close, "
-        f"and at most {full.tries} approaches are made. Gains\n"
+        f"and at most {full.attempts} approaches are made. Gains\n"
         "differ for supporting and free limbs: in a sampled controller, the velocity gain of a "
         "joint must stay below its inertia divided by the period.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "

@@ -30,7 +30,7 @@ from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
-from mlivr_gym.simulation.execution import execute_walk, timed_walk
+from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -74,8 +74,10 @@ def plan_results(graph: TwoLimbGraph, plan: Plan, seed: int) -> Measure:
         "w_b": [float(posture.w_b[0]) for posture in postures],
     }
     for name, setup in SETUPS.items():
-        walk = timed_walk(graph, plan, setup.timing, setup.physics.timestep)
-        done = execute_walk(setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk)
+        walk = timed_plan(graph, plan, setup.timing, setup.physics.timestep)
+        done = execute_timed_plan(
+            setup.simulation(graph.grasp_map, graph.robot, seed=seed + 1), walk
+        )
         steps = done[: len(plan.steps)]
         results[name] = {
             "failure": None if done[-1].failure is None else done[-1].failure.kind,

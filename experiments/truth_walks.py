@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.dynamics import physical_walk
+from mlivr_gym.envs.dynamics import step_executor
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
@@ -78,7 +78,7 @@ def executed_walk(seed: int) -> tuple[str, int]:
 def executed_step(seed: int) -> tuple[str, int]:
     """Return how a random step from a random state ends in the simulation, and 1 (0 if none)."""
     graph, rng = whole_graph(), np.random.default_rng([3, seed])
-    robot = physical_walk(graph)
+    robot = step_executor(graph)
     robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
     steps_from = graph.successors(robot.state)
     if not steps_from:

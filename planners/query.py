@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Reader
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
@@ -43,7 +43,7 @@ def _heuristic_name(name: object, at: FieldPath) -> str:
 
 
 QUERY: Kinds = {
-    **WALK,
+    **ARGUMENTS,
     **COST_KINDS,
     "start": Reader(
         lambda start, at: start if isinstance(start, State) else STANCE.read(start, at)

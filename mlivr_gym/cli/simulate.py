@@ -90,8 +90,8 @@ def add_command(add: Add) -> None:
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
     text = (
-        "feedforward with sensor guidance on approach, feedforward alone, the paper's PD control, "
-        "or guidance with gains for the arms of a station"
+        "full: feedforward, and a sensor guides the approach; feedforward: the paper's PD control "
+        "with feedforward; paper: the paper's PD control; station: full, for a station's arms"
     )
     controllers = ("full", "feedforward", "paper", "station")
     option(parser, "--controller CONTROLLER", text, "full", choices=controllers)

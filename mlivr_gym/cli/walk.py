@@ -24,7 +24,7 @@ from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.world.boxes import Box
 
 if TYPE_CHECKING:
-    from mlivr_gym.closed_loop.walk import Event
+    from mlivr_gym.closed_loop.loop import Event
 
 
 COSTS = ("steps", "base")
@@ -61,7 +61,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> int:
     """Walk, describe the walk and write the requested files."""
     from mlivr_gym.closed_loop.depth_camera import DepthCamera
-    from mlivr_gym.closed_loop.walk import ARRIVED, STOPPED, walk
+    from mlivr_gym.closed_loop.loop import ARRIVED, STOPPED, run_closed_loop
     from mlivr_gym.simulation.setup import Setup
 
     check_counts(args)
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
         Box.between(f"unknown{k}", "obstacle", box[:3], box[3:])
         for k, box in enumerate(args.unknown)
     ]
-    walked = walk(
+    record = run_closed_loop(
         graph, start, goal, args.cost,
         goal_tolerance=args.tolerance,
         unknown=unknown,
@@ -86,17 +86,17 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         show=_show,
     )  # fmt: skip
-    args.result |= walked.to_dict()
-    times = 1e3 * walked.replanning_times
+    args.result |= record.to_dict()
+    times = 1e3 * record.replanning_times
     print(
-        f"{walked.outcome}: {walked.reason}\n{walked.steps} steps in {walked.duration:.1f} s, "
-        f"at most {walked.peak_force:.0f} N at a grasp"
+        f"{record.outcome}: {record.reason}\n{record.steps} steps in {record.duration:.1f} s, "
+        f"at most {record.peak_force:.0f} N at a grasp"
         + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
     )
     if args.out:
-        write_whole(args.out, json.dumps(walked.to_dict(), indent=1))
+        write_whole(args.out, json.dumps(record.to_dict(), indent=1))
         print(f"record: {args.out}")
-    if pictures and walked.plans:
+    if pictures and record.plans:
         from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure  # imports matplotlib
 
         plans = [
@@ -104,20 +104,20 @@ def run(args: argparse.Namespace) -> int:
                 replace(plan, world=replace(plan.world, obstacles=(*graph.obstacles, *unknown))),
                 taken,
             )
-            for plan, taken in walked.plans
+            for plan, taken in record.plans
         ]
         walk_figure(graph.grasp_map, plans, args.picture)
         print(f"picture: {pictures[0]}, {pictures[1]}")
-    return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(walked.outcome, FAILED)
+    return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
 
 
 def _show(event: Event) -> None:
     """Print an event in one line."""
     values = event.values
     line = {
-        "sensed": "sees {points} points, {boxes} boxes beside the map",
+        "sensed": "sees {hits} surface points, {boxes} boxes beside the map",
         "planned": "plans {steps} steps",
-        "step": "limb {limb} takes {point} in {seconds:.1f} s",
+        "step": "limb {limb} takes {point} in {duration:.1f} s",
         "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
         "end": "{outcome}",
     }[event.kind]

@@ -1,9 +1,9 @@
 """What the robot believes of the world: its map, what it has seen beside it, and what refused it.
 
-Measured points that no box of the map explains are counted in a grid of cubes. Cubes with enough
-points are obstacles, merged into boxes. Counts are kept: what was seen lasts. Where the robot is at
-present there is nothing else, so cubes that may be nearer to it than the clearance are left out as
-long as it is there.
+Hits are the surface points that rays of the depth cameras measured. Those that no box of the map
+explains are counted in a grid of cubes. Cubes with enough hits are obstacles, merged into boxes.
+Counts are kept: what was seen lasts. Where the robot is at present there is nothing else, so cubes
+that may be nearer to it than the clearance are left out as long as it is there.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mlivr_gym.world.mesh_boxes import merged_cells
 CUBE = 0.05
 """Edge of the cubes [m]."""
 
-MIN_POINTS = 3
-"""Number of measured points that make a cube an obstacle."""
+MIN_HITS = 3
+"""Number of hits that make a cube an obstacle."""
 
 EXPLAINED_DEVIATIONS = 4.0
-"""Distance from a box of the map within which a point belongs to it, in standard deviations."""
+"""Distance from a box of the map within which a hit belongs to it, in standard deviations."""
 
 ROUNDING = 1e-4
 """Distance added to this for the rounding of numbers [m]."""
 
-MARGIN = 0.5
+GRID_BORDER = 0.5
 """Distance by which the grid extends beyond the cabin [m]."""
 
 SENSED = "sensed"
@@ -58,13 +58,13 @@ class Belief:
         graph
             The stance graph.
         noise
-            Standard deviation of the distance of a measured point [m].
+            Standard deviation of a measured distance [m].
         """
         self.graph, self.refused = graph, set[int]()
         self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
         cabin = graph.grasp_map.cabin
-        self._origin = cabin[0] - MARGIN
-        shape = np.ceil((cabin[1] - cabin[0] + 2.0 * MARGIN) / CUBE).astype(np.int64)
+        self._origin = cabin[0] - GRID_BORDER
+        shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
         self._counts = np.zeros(shape, dtype=np.int32)
         self._cubes = np.zeros(shape, dtype=np.bool_)
         self._known = (*graph.grasp_map.boxes, *graph.obstacles)
@@ -74,26 +74,26 @@ class Belief:
         self.refused.add(point)
         self.graph.occupy([point])
 
-    def add_points(self, points: Array, model: Any, data: Any) -> int:
-        """Take in measured points; return the number of cubes that changed.
+    def add_hits(self, hits: Array, model: Any, data: Any) -> int:
+        """Take in hits of rays; return the number of cubes that changed.
 
         Parameters
         ----------
-        points
-            Measured points in the module frame [m], shape (k, 3).
+        hits
+            Measured positions of surfaces in the module frame [m], shape (k, 3).
         model, data
-            The simulation, for the present place of the robot.
+            The simulation, for the present configuration of the robot.
         """
-        unexplained = points[~self._explained(points)]
+        unexplained = hits[~self._explained(hits)]
         cells = np.floor((unexplained - self._origin) / CUBE).astype(np.int64)
         inside = ((cells >= 0) & (cells < self._counts.shape)).all(axis=1)
         np.add.at(self._counts, tuple(cells[inside].T), 1)
-        cubes = self._counts >= MIN_POINTS
+        cubes = self._counts >= MIN_HITS
         if cubes.any():
             where = np.argwhere(cubes)
             centres = self._origin + CUBE * (where + 0.5)
-            margin = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
-            cubes[tuple(where[self._close_to_robot(centres, margin, model, data)].T)] = False
+            reach = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
+            cubes[tuple(where[self._close_to_robot(centres, reach, model, data)].T)] = False
         changed = int((cubes != self._cubes).sum())
         if changed:
             self._cubes = cubes
@@ -119,20 +119,20 @@ class Belief:
         graph.remove_obstacles([box.id for box in graph.obstacles if box.id.startswith(prefix)])
         graph.add_obstacles(self.boxes())
 
-    def _explained(self, points: Array) -> BoolArray:
-        """Return which points, shape (k, 3), lie on or in a known box."""
-        explained = np.zeros(len(points), dtype=np.bool_)
+    def _explained(self, hits: Array) -> BoolArray:
+        """Return which hits, shape (k, 3), lie on or in a known box."""
+        explained = np.zeros(len(hits), dtype=np.bool_)
         for box in self._known:
-            local = (points - np.array(box.centre)) @ np.array(box.rotation)
+            local = (hits - np.array(box.centre)) @ np.array(box.rotation)
             excess = np.maximum(np.abs(local) - np.array(box.half), 0.0)
             explained |= (excess**2).sum(axis=1) <= self._tolerance**2
         return explained
 
-    def _close_to_robot(self, points: Array, margin: float, model: Any, data: Any) -> BoolArray:
-        """Return which points, shape (k, 3), lie within `margin` [m] of the robot."""
-        close = np.zeros(len(points), dtype=np.bool_)
+    def _close_to_robot(self, centres: Array, reach: float, model: Any, data: Any) -> BoolArray:
+        """Return which centres of cubes, shape (k, 3), lie within `reach` [m] of the robot."""
+        close = np.zeros(len(centres), dtype=np.bool_)
         for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
-            local = (points - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+            local = (centres - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
             size = model.geom_size[geom]
             if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
                 # Checks against boxes take the body for capsules that contain it.
@@ -141,5 +141,5 @@ class Belief:
             else:  # a capsule along its z axis
                 local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
                 away = np.linalg.norm(local, axis=1) - size[0]
-            close |= away <= margin
+            close |= away <= reach
         return close

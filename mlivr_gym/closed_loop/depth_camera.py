@@ -73,10 +73,10 @@ class DepthCamera(ParameterSet):
         unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
         return unit
 
-    def points(
+    def measure(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec, rng: np.random.Generator
     ) -> Array:
-        """Return the points that the cameras measure around a simulated robot.
+        """Return the hits: the surface points that the cameras measure around a simulated robot.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class DepthCamera(ParameterSet):
         base = model.body("base").id
         rotation = data.xmat[base].reshape(3, 3)
         of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
-        found = []
+        hits = []
         for (axis, sign), image in zip(FACES, self.rays(), strict=True):
             lens = np.zeros(3)
             lens[axis] = sign * (0.5 * robot.body_edges[axis] + LENS_OFFSET)
@@ -108,5 +108,5 @@ class DepthCamera(ParameterSet):
             hit = (geom >= 0) & (distance <= self.max_range)
             hit[hit] = ~of_robot[geom[hit]]
             distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
-            found.append(position + distance[:, None] * rays[hit])
-        return np.concatenate(found)
+            hits.append(position + distance[:, None] * rays[hit])
+        return np.concatenate(hits)

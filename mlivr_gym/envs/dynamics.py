@@ -15,7 +15,7 @@ from mlivr_gym.schema import FieldPath
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.physical_walk import PhysicalWalk
+    from mlivr_gym.simulation.step_executor import StepExecutor
 
 DYNAMICS = ("kinematic", "mujoco")
 """Names of the dynamics."""
@@ -50,7 +50,7 @@ def simulation_part(given: Any, place: FieldPath) -> Any:
     return given
 
 
-def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
+def step_executor(graph: StanceGraph, **parts: Any) -> StepExecutor:
     """Return the object that executes steps in MuJoCo.
 
     Parameters
@@ -65,7 +65,7 @@ def physical_walk(graph: StanceGraph, **parts: Any) -> PhysicalWalk:
     MlivrError
         If a part cannot be used; the message names it.
     """
-    from mlivr_gym.simulation.physical_walk import PhysicalWalk
     from mlivr_gym.simulation.setup import Setup
+    from mlivr_gym.simulation.step_executor import StepExecutor
 
-    return PhysicalWalk(graph, Setup.of(**parts))
+    return StepExecutor(graph, Setup.of(**parts))

@@ -17,7 +17,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.arguments import ENV_ARGUMENTS
 from mlivr_gym.envs.batch import draw_task_with_tables
-from mlivr_gym.envs.dynamics import check_dynamics, physical_walk
+from mlivr_gym.envs.dynamics import check_dynamics, step_executor
 from mlivr_gym.envs.grasp_failure import failure_probabilities, state_after_failure
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.reset_options import ResetOptions
@@ -40,10 +40,10 @@ from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.controller import ControllerParameters
-    from mlivr_gym.simulation.disturbances import Disturbances
+    from mlivr_gym.simulation.disturbances import DisturbanceRanges
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import Limits
-    from mlivr_gym.simulation.physical_walk import PhysicalWalk
+    from mlivr_gym.simulation.step_executor import StepExecutor
 
 
 class MlivrEnv(StanceGraphEnv):
@@ -130,7 +130,7 @@ class MlivrEnv(StanceGraphEnv):
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
-    `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], `tries`, `step_time` and
+    `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], `attempts`, `step_time` and
     `simulated_time` [s].
 
     ## Arguments
@@ -206,7 +206,7 @@ class MlivrEnv(StanceGraphEnv):
         dynamics: str = "kinematic",
         limits: Limits | dict[str, Any] | str | None = None,
         controller: ControllerParameters | dict[str, Any] | str | None = None,
-        disturbances: Disturbances | dict[str, Any] | str | None = None,
+        disturbances: DisturbanceRanges | dict[str, Any] | str | None = None,
         physics: Physics | dict[str, Any] | str | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
@@ -233,10 +233,10 @@ class MlivrEnv(StanceGraphEnv):
         )  # fmt: skip
         graph = stance_graph(as_map(map), robot_spec(robot), settings)
         super().__init__(graph, goal_tolerance, render_mode, (width, height))
-        self._walk: PhysicalWalk | None = None
+        self._executor: StepExecutor | None = None
         if dynamics == "mujoco":
             parts = {"limits": limits, "controller": controller, "physics": physics}
-            self._walk = physical_walk(graph, **parts, disturbances=disturbances)
+            self._executor = step_executor(graph, **parts, disturbances=disturbances)
         points = len(graph.grasp_map)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         if precompute:
@@ -263,15 +263,15 @@ class MlivrEnv(StanceGraphEnv):
         if not self._seeded and seed is None:
             self._stream, self._seeded = Stream.of_seed(int(self.np_random.integers(2**63))), True
         stream = Stream(self._stream.state) if seed is None else Stream.of_seed(seed)
-        graph, walk = self.graph, self._walk
-        given = ResetOptions.of(options, graph, plans=walk is not None)
+        graph, executor = self.graph, self._executor
+        given = ResetOptions.of(options, graph, plans=executor is not None)
         start, goal = given.start_and_goal(graph, self.tasks, self.goal_tolerance)
         if start is None or goal is None:
             task = draw_task_with_tables(self.moves, self.tasks, stream, self.goal_tolerance, start)
             start, goal = start or task.start, task.goal if goal is None else goal
-        if walk is not None:
-            start = walk.start(start, given.plan, walk.draw(stream))
-            self._simulation_info = walk.measures
+        if executor is not None:
+            start = executor.start(start, given.plan, executor.draw(stream))
+            self._simulation_info = executor.measures
         if not self.moves.successors(start):
             raise StanceError(
                 f"no step leaves the start stance {graph.ids(start.stance)}; choose another start"
@@ -280,7 +280,7 @@ class MlivrEnv(StanceGraphEnv):
         self._enter_state(start)
         self.steps, self.base_translation = 0, 0.0
         self._record_event(
-            "the start", None if walk is None else motion_at_rest(walk.configuration)
+            "the start", None if executor is None else motion_at_rest(executor.configuration)
         )
         return self._observation(), self._info(False)
 
@@ -324,12 +324,15 @@ class MlivrEnv(StanceGraphEnv):
             if failed:
                 displacement *= 2.0
                 after = state_after_failure(self.graph, state, after, limb)
-            if self._walk is not None:
-                base = self._walk.configuration[0]
-                after, executed = self._walk.step(limb, point, after.branch_sets)
-                self._simulation_info, simulated = self._walk.measures, recorded_motion(executed)
-                if self._walk.measures["failure"]:
-                    displacement = float(np.linalg.norm(self._walk.configuration[0] - base))
+            if self._executor is not None:
+                base = self._executor.configuration[0]
+                after, executed = self._executor.step(limb, point, after.branch_sets)
+                self._simulation_info, simulated = (
+                    self._executor.measures,
+                    recorded_motion(executed),
+                )
+                if self._executor.measures["failure"]:
+                    displacement = float(np.linalg.norm(self._executor.configuration[0] - base))
             self._enter_state(after)
             self.base_translation += displacement
         success = self._distance <= self.goal_tolerance

@@ -14,7 +14,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 MAX_PERIOD = 60.0
 """Upper bound of the sampling period of a trajectory [s]."""
 
-WALK: Kinds = {
+ARGUMENTS: Kinds = {
     "graph": InstanceOf(StanceGraph),
     "grasp_map": InstanceOf(GraspMap),
     "robot": InstanceOf(RobotSpec),

@@ -35,7 +35,7 @@ class TimedPath(NamedTuple):
     segments: tuple[PathSegment, ...]
     """The path segments of the step."""
     time_scalings: tuple[scipy.interpolate.PPoly, ...]
-    """Clock of each segment."""
+    """Time scaling of each segment."""
 
     @property
     def ends(self) -> Array:
@@ -78,7 +78,7 @@ class Trajectory:
         Derivatives of the base velocities, shape (k, 6) [m/s^2, rad/s^2].
     grasps
         Point index that each limb holds, or `FREE`, shape (k, N).
-    points
+    point_ids
         Ids of all points of the map.
     """
 
@@ -93,7 +93,7 @@ class Trajectory:
     base_velocities: Array
     base_accelerations: Array
     grasps: IntArray
-    points: tuple[str, ...]
+    point_ids: tuple[str, ...]
 
     @property
     def period(self) -> float:
@@ -111,10 +111,10 @@ class Trajectory:
         }  # fmt: skip
         return replace(self, **joined)
 
-    def at(self, places: IntArray) -> Trajectory:
+    def at(self, indices: IntArray) -> Trajectory:
         """Return the samples at some indices, with new times one period apart from 0."""
-        kept: dict[str, Any] = {name: getattr(self, name)[places] for name in ARRAYS}
-        kept["times"] = self.period * np.arange(len(places), dtype=np.float64)
+        kept: dict[str, Any] = {name: getattr(self, name)[indices] for name in ARRAYS}
+        kept["times"] = self.period * np.arange(len(indices), dtype=np.float64)
         return replace(self, **kept)
 
     def backwards(self, slowness: int) -> Trajectory:
@@ -144,7 +144,7 @@ class Trajectory:
         return replace(self, **kept)
 
 
-ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "points")
+ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "point_ids")
 """Names of the array fields of `Trajectory`."""
 
 MOTION = {
@@ -228,7 +228,7 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
         base_velocities=speeds[:, :6],
         base_accelerations=accelerations[:, :6],
         grasps=grasps,
-        points=tuple(graph.grasp_map.ids),
+        point_ids=tuple(graph.grasp_map.ids),
     )
 
 

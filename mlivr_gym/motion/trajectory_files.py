@@ -57,7 +57,7 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     stream = io.BytesIO()
     np.savez_compressed(
         stream,
-        points=np.array(trajectory.points),
+        points=np.array(trajectory.point_ids),
         joint_names=np.array(joint_names(trajectory)),
         phases=np.array(PHASES),
         **{name: getattr(trajectory, name) for name in ARRAYS},
@@ -186,7 +186,7 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
 def _held(trajectory: Trajectory) -> list[list[str]]:
     """Return the id of the point that each limb holds at each time, empty for a free limb."""
     return [
-        ["" if point == FREE else trajectory.points[point] for point in row]
+        ["" if point == FREE else trajectory.point_ids[point] for point in row]
         for row in trajectory.grasps
     ]
 
@@ -225,4 +225,4 @@ def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
         name: kind.read(arrays[name], FieldPath(name, PlanError)).astype(arrays[name].dtype)
         for name, kind in kinds.items()
     }
-    return values | {"points": points}
+    return values | {"point_ids": points}

@@ -18,7 +18,7 @@ from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError, path_shown
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.camera import Camera
@@ -65,9 +65,9 @@ def _recording(value: Any, place: FieldPath) -> Recording:
 
 @checked(
     {
-        **WALK,
+        **ARGUMENTS,
         "recording": Reader(_recording),
-        "plan": OrNone(WALK["plan"]),
+        "plan": OrNone(ARGUMENTS["plan"]),
         "size": SIZE,
         "speed": OrNone(SPEED),
         "capsules": Flag(),

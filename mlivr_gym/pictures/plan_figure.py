@@ -11,7 +11,7 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import (
     add_heading,
@@ -42,7 +42,7 @@ MAX_TREE_ROWS = 10**8
 """Maximum number of explored base paths that are accepted."""
 
 
-@checked({**WALK, "tree": OrNone(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
+@checked({**ARGUMENTS, "tree": OrNone(Numbers((None, 2, 3), rows=(0, MAX_TREE_ROWS)))})
 def plan_figure(
     grasp_map: GraspMap, plan: Plan, path: str | Path, tree: Array | None = None, title: str = ""
 ) -> None:

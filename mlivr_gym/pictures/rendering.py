@@ -19,7 +19,7 @@ from mlivr_gym.arguments import InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.errors import RenderError, SceneError, SettingError
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.pictures.camera import CAMERA, Camera
 from mlivr_gym.pictures.captions import with_labels
 from mlivr_gym.pictures.route import Route
@@ -68,7 +68,7 @@ class SceneRenderer:
     (540, 960, 3)
     """
 
-    @checked({**WALK, "width": WIDTH, "height": HEIGHT, "capsules": Flag()})
+    @checked({**ARGUMENTS, "width": WIDTH, "height": HEIGHT, "capsules": Flag()})
     def __init__(
         self,
         grasp_map: GraspMap,

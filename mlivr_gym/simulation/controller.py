@@ -6,10 +6,10 @@ In every period the controller reads the encoders and commands each joint the to
 
 saturated at the torque limit and held until the next period. `tau_ff` is the inverse dynamics of
 the trajectory, see `feedforward`. `q_ref` is the trajectory plus an offset. At the beginning of a
-step `rebase` sets the offset such that the references equal the encoder readings; limbs that hold
-the same robot then do not work against each other. During departure and swing the offset decays, so
-that errors do not accumulate over steps. During a `guided` approach the offset of the swing limb
-follows what a sensor on the gripper measures of the point.
+step `align_references` sets the offset such that the references equal the encoder readings; limbs
+that hold the same robot then do not work against each other. During departure and swing the offset
+decays, so that errors do not accumulate over steps. During a `guided` approach the offset of the
+swing limb follows what a sensor on the gripper measures of the point.
 
 A support limb carries the whole robot, about 30 kg m^2 about its joints, and is damped by its
 grasp. A free limb ends in a wrist of little more than its rotor inertia, 0.1 kg m^2. A sampled
@@ -51,8 +51,8 @@ class ControllerParameters(ParameterSet):
     feedforward
         Whether the torques of the inverse dynamics and the deflection of the grasps are fed
         forward, see `feedforward.feedforward`.
-    rebase
-        Whether the references move to the encoder readings at the beginning of a step.
+    align_references
+        Whether the references are set to the encoder readings at the beginning of a step.
     recovery
         Time constant with which the offset of the references decays during departure and
         swing [s].
@@ -65,9 +65,9 @@ class ControllerParameters(ParameterSet):
     patience
         Longest time for which the gripper waits at the end of the approach until the measured
         error is small and the gripper is at rest [s].
-    tries
-        Largest number of approaches. On all but the last the gripper must also be close to the
-        point by its own sensor before it grasps.
+    attempts
+        Largest number of approaches to a point. On all but the last the gripper must also be close
+        to the point by its own sensor before it grasps.
 
     Examples
     --------
@@ -81,15 +81,16 @@ class ControllerParameters(ParameterSet):
     kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
     period: float = 0.002
     feedforward: bool = True
-    rebase: bool = True
+    align_references: bool = True
     recovery: float = 1.0
     guided: bool = True
     sensor_period: float = 0.02
     guidance: float = 1.0
     patience: float = 6.0
-    tries: int = 2
+    attempts: int = 2
 
     label: ClassVar[str] = "controller"
+    renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
@@ -97,21 +98,23 @@ class ControllerParameters(ParameterSet):
         "kd_hold": Tuples((6,), 0.0, 1e6, "N m s/rad"),
         "period": Tuples((), 1e-5, 0.1, "s"),
         "feedforward": Flag(),
-        "rebase": Flag(),
+        "align_references": Flag(),
         "recovery": Tuples((), 1e-3, 1e6, "s"),
         "guided": Flag(),
         "sensor_period": Tuples((), 1e-4, 1.0, "s"),
         "guidance": Tuples((), 0.0, 100.0, "1/s"),
         "patience": Tuples((), 0.0, 60.0, "s"),
-        "tries": Integer(1, 10),
+        "attempts": Integer(1, 10),
     }
 
 
 PAPER = ControllerParameters(
-    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, rebase=False, guided=False, tries=1,
+    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, align_references=False, guided=False,
+    attempts=1,
 )  # fmt: skip
-"""The controller of the paper: PD control along a trajectory, with the same gains for all
-joints."""
+"""The controller of the paper: PD control along a trajectory, with the same gains for all joints.
+
+It has neither feedforward nor guidance, and its references stay those of the trajectory."""
 
 FEEDFORWARD = replace(PAPER, feedforward=True)
 """The gains of the paper with feedforward."""
@@ -130,6 +133,12 @@ beside it with 1e3 kg m^2 about the joints between them, which limits a sampled 
 CONTROLLERS = {
     "full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER, "station": STATION,
 }  # fmt: skip
-"""Controllers by name."""
+"""Controllers by name.
+
+* `"full"`, the default: feedforward, references aligned at each step, and a guided approach.
+* `"feedforward"`: the PD control of the paper with feedforward.
+* `"paper"`: the PD control of the paper.
+* `"station"`: as `"full"`, with gains for arms of the size of a space station's.
+"""
 
 ControllerParameters.presets = CONTROLLERS

@@ -1,12 +1,12 @@
 """Disturbances: a simulated robot and module that differ from the model of the controller.
 
-`Disturbances` gives the range of each parameter; `draw` samples one `Disturbance` from them. `ALL`
-has the ranges that are studied. They are assumptions in the order of magnitude of published values:
-joint friction of the UR5e is identified by Clochiatti, Scalera, Boscariol and Gasparetto,
-"Electro-mechanical modeling and identification of the UR5 e-series robot", Robotica 42, 2024;
-accelerations in the ISS are described by McPherson, Hrovat, Kelly and Keller, "Researcher's Guide
-to: International Space Station Acceleration Environment", NASA, 2015. For encoders, points and
-grasps of this robot no values are published.
+`DisturbanceRanges` has the range of each parameter, and its method `draw` draws the values of one
+`Disturbance` from them. `ALL` has the ranges that are studied. They are assumptions in the order of
+magnitude of published values: joint friction of the UR5e is identified by Clochiatti, Scalera,
+Boscariol and Gasparetto, "Electro-mechanical modeling and identification of the UR5 e-series
+robot", Robotica 42, 2024; accelerations in the ISS are described by McPherson, Hrovat, Kelly and
+Keller, "Researcher's Guide to: International Space Station Acceleration Environment", NASA, 2015.
+For encoders, points and grasps of this robot no values are published.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
-class Disturbances(ParameterSet):
-    """Ranges of the disturbances; 0 (1 for `stiffness`) is the model of the controller.
+class DisturbanceRanges(ParameterSet):
+    """Ranges from which disturbances are drawn; 0 (1 for `stiffness`) is the controller's model.
 
     Attributes
     ----------
@@ -66,9 +66,10 @@ class Disturbances(ParameterSet):
 
     Examples
     --------
-    >>> Disturbances.of("all").payload
+    >>> DisturbanceRanges.of("all").payload
     5.0
-    >>> Disturbances(friction=3.0).draw(seed=1, body_count=17, limbs=2, points=50).friction.shape
+    >>> drawn = DisturbanceRanges(friction=3.0).draw(seed=1, body_count=17, limbs=2, points=50)
+    >>> drawn.friction.shape
     (2, 6)
     """
 
@@ -105,12 +106,12 @@ class Disturbances(ParameterSet):
         "sensor_angle": Tuples((), 0.0, 1.0, "rad"),
     }
 
-    def only(self, name: str) -> Disturbances:
+    def only(self, name: str) -> DisturbanceRanges:
         """Return one of these disturbances, with the others at their defaults."""
-        return replace(Disturbances(), **{name: getattr(self, name)})
+        return replace(DisturbanceRanges(), **{name: getattr(self, name)})
 
     def draw(self, seed: int, body_count: int, limbs: int, points: int) -> Disturbance:
-        """Draw the parameters of one robot and module.
+        """Draw the values for one robot and module.
 
         Each parameter has a random stream of its own, so its draw does not depend on the other
         ranges.
@@ -133,7 +134,7 @@ class Disturbances(ParameterSet):
                 strict=True,
             )
         )
-        joints = (limbs, 6)
+        shape = (limbs, 6)
         ball = streams["point_position"]
         offsets = _directions(ball, points) * ball.uniform(size=(points, 1)) ** (1.0 / 3.0)
         turns = _directions(streams["point_angle"], points)
@@ -141,10 +142,10 @@ class Disturbances(ParameterSet):
         grasps = streams["stiffness"].uniform(-1.0, 1.0, limbs)
         return Disturbance(
             seed=seed,
-            sizes=self,
-            friction=self.friction * streams["friction"].uniform(size=joints),
-            damping=self.damping * streams["damping"].uniform(size=joints),
-            encoder_bias=self.encoder_bias * streams["encoder_bias"].uniform(-1.0, 1.0, joints),
+            ranges=self,
+            friction=self.friction * streams["friction"].uniform(size=shape),
+            damping=self.damping * streams["damping"].uniform(size=shape),
+            encoder_bias=self.encoder_bias * streams["encoder_bias"].uniform(-1.0, 1.0, shape),
             gravity=self.acceleration
             * STANDARD_GRAVITY
             * _directions(streams["acceleration"], 1)[0],
@@ -158,13 +159,13 @@ class Disturbances(ParameterSet):
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Parameters of one disturbed robot and module.
+    """Drawn values of the disturbances of one robot and module.
 
     Attributes
     ----------
     seed
         Seed of the draw, and of the noise of the readings.
-    sizes
+    ranges
         Ranges from which it was drawn.
     friction
         Coulomb friction of each joint, shape (N, 6) [N m].
@@ -181,13 +182,13 @@ class Disturbance:
     stiffness
         Factor of stiffness and damping of each grasp, shape (N,).
     point_offsets
-        Displacement of each point from its place in the map, shape (m, 3) [m].
+        Displacement of each point from its position in the map, shape (m, 3) [m].
     point_turns
         Rotation vector of each point relative to the map, shape (m, 3) [rad].
     """
 
     seed: int
-    sizes: Disturbances
+    ranges: DisturbanceRanges
     friction: Array
     damping: Array
     encoder_bias: Array
@@ -236,10 +237,10 @@ def _directions(rng: np.random.Generator, count: int) -> Array:
     return unit
 
 
-NONE = Disturbances()
+NONE = DisturbanceRanges()
 """No disturbance other than the noise of the gripper sensor."""
 
-ALL = Disturbances(
+ALL = DisturbanceRanges(
     friction=3.0,
     damping=1.0,
     encoder_bias=float(np.deg2rad(0.5)),
@@ -256,6 +257,6 @@ ALL = Disturbances(
 """All disturbances together, in the ranges that are studied."""
 
 DISTURBANCES = {"none": NONE, "all": ALL}
-"""Disturbances by name."""
+"""Ranges of disturbances by name."""
 
-Disturbances.presets = DISTURBANCES
+DisturbanceRanges.presets = DISTURBANCES

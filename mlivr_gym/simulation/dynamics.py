@@ -64,7 +64,7 @@ class Physics(ParameterSet):
         Largest torque that a grasp holds [N m].
     saturation_time
         Time for which a joint torque may be at its limit before the joint fails [s].
-    limit_margin
+    joint_limit_tolerance
         Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
         controller stops there.
     """
@@ -79,16 +79,17 @@ class Physics(ParameterSet):
     hold_force: float = 200.0
     hold_torque: float = 100.0
     saturation_time: float = 0.1
-    limit_margin: float = float(np.deg2rad(3.0))
+    joint_limit_tolerance: float = float(np.deg2rad(3.0))
 
     label: ClassVar[str] = "physics"
+    renamed: ClassVar[Mapping[str, str]] = {"limit_margin": "joint_limit_tolerance"}
     kinds: ClassVar[Mapping[str, Kind[Any]]] = {
         "timestep": Tuples((), 1e-5, 0.1, "s"),
         **dict.fromkeys(
             (
                 "grasp_stiffness", "grasp_damping", "grasp_rotational_stiffness",
                 "grasp_rotational_damping", "capture_distance", "capture_angle", "hold_force",
-                "hold_torque", "saturation_time", "limit_margin",
+                "hold_torque", "saturation_time", "joint_limit_tolerance",
             ),
             Tuples((), 1e-12, 1e12),
         ),

@@ -16,7 +16,7 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import Trajectory
@@ -45,7 +45,7 @@ class Execution:
     timing
         Limits or durations that determine the time scaling.
     controller
-        The joint controller.
+        Parameters of the joint controller.
     physics
         Parameters of grasps and failures.
     disturbance
@@ -57,7 +57,7 @@ class Execution:
     captures
         The captures, one for each step that ended with a grasp.
     failure
-        The failure that ended the walk, or None if it was executed to its end.
+        The failure that ended the execution, or None if it reached the end of the plan.
     simulated_time
         Time at the end of the simulation [s].
     trajectory_computing_time
@@ -95,7 +95,7 @@ class Execution:
             "steps": len(self.plan.steps),
             "steps_done": len(self.captures),
             "step_times_s": self.step_times.tolist(),
-            "tries": [capture.tries for capture in self.captures],
+            "attempts": [capture.attempts for capture in self.captures],
             "simulated_time_s": self.simulated_time,
             "preparation_time_s": self.trajectory_computing_time,
             "simulation_time_s": self.simulation_computing_time,
@@ -107,7 +107,7 @@ class Execution:
             "timing": {"kind": type(self.timing).__name__} | asdict(self.timing),
             "controller": asdict(self.controller),
             "physics": asdict(self.physics),
-            "disturbances": {"seed": self.disturbance.seed} | asdict(self.disturbance.sizes),
+            "disturbances": {"seed": self.disturbance.seed} | asdict(self.disturbance.ranges),
         }
 
     def save(self, path: str | Path) -> None:
@@ -131,7 +131,7 @@ class Execution:
 
 @checked(
     {
-        **WALK,
+        **ARGUMENTS,
         "timing": TIMING,
         "physics": OrNone(InstanceOf(Physics)),
         "simulation": OrNone(InstanceOf(Simulation)),
@@ -190,11 +190,11 @@ def execute(
     timing = timing or Limits()
     start = time.perf_counter()
     used = simulation.physics if simulation is not None else physics or Physics()
-    walk = timed_walk(graph, plan, timing, used.timestep)
+    timed = timed_plan(graph, plan, timing, used.timestep)
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = execute_walk(simulation, walk, progress)
+    done = execute_timed_plan(simulation, timed, progress)
     return Execution(
         plan=plan,
         timing=timing,
@@ -211,7 +211,7 @@ def execute(
     )
 
 
-class TimedWalk(NamedTuple):
+class TimedPlan(NamedTuple):
     """A plan with a time scaling: everything that the simulation needs."""
 
     start: tuple[Array, Array, Array]
@@ -222,9 +222,9 @@ class TimedWalk(NamedTuple):
     """Trajectory of each step on the time grid of the simulation."""
 
 
-def timed_walk(
+def timed_plan(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
-) -> TimedWalk:
+) -> TimedPlan:
     """Compute the trajectories of all steps of a plan on a time grid with spacing `period` [s].
 
     Raises
@@ -239,20 +239,20 @@ def timed_walk(
     steps = (
         step_trajectory(graph, plan, index, timing, period) for index in range(len(plan.steps))
     )
-    return TimedWalk(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
+    return TimedPlan(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
 
 
-def execute_walk(
-    simulation: Simulation, walk: TimedWalk, progress: Callable[[int], None] | None = None
+def execute_timed_plan(
+    simulation: Simulation, timed: TimedPlan, progress: Callable[[int], None] | None = None
 ) -> list[SimulatedInterval]:
-    """Execute a walk up to its end or first failure; return each step and the rest at the end."""
-    simulation.reset(*walk.start, walk.points)
+    """Execute a plan up to its end or first failure; return each step and the rest at the end."""
+    simulation.reset(*timed.start, timed.points)
     done: list[SimulatedInterval] = []
-    for index, trajectory in enumerate(walk.steps):
+    for index, trajectory in enumerate(timed.steps):
         done.append(simulation.execute(trajectory, index))
         if progress is not None:
             progress(index + 1)
         if done[-1].failure is not None:
             return done
-    done.append(simulation.stand_still(walk.steps[-1], FINAL_REST, len(walk.steps) - 1))
+    done.append(simulation.stand_still(timed.steps[-1], FINAL_REST, len(timed.steps) - 1))
     return done

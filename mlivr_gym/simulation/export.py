@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import checked_configuration
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Anything
 from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
@@ -26,7 +26,7 @@ CAMERA = "cabin"
 """Name of the camera inside the cabin, which looks at the robot."""
 
 
-@checked({**WALK, "configuration": Anything(), "points": STANCE})
+@checked({**ARGUMENTS, "configuration": Anything(), "points": STANCE})
 def exported_model(
     grasp_map: GraspMap,
     robot: RobotSpec,

@@ -21,7 +21,7 @@ SATURATION_SHARE = 0.999
 
 
 class FailureMonitor:
-    """Detects the first failure during one run of a step: its motion, a wait, or a second try."""
+    """Detects the first failure of a step: in its motion, in a wait, or in a further approach."""
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
         """Monitor step number `step` of a walk of `robot`."""
@@ -93,10 +93,10 @@ class FailureMonitor:
             torque = float(recording.joint_torques[k, limb, joint])
             values = {"joint": joint + 1.0, "torque_N_m": torque, "allowed_time_s": allowed}
             yield k, "saturation", limb, message, values
-        joints, limits = recording.joint_positions, self.limits
-        excess = np.maximum(limits[..., 0] - joints, joints - limits[..., 1])
-        for k, limb, joint in np.argwhere(excess > self.physics.limit_margin)[:1].tolist():
-            angle = float(joints[k, limb, joint])
+        angles, limits = recording.joint_positions, self.limits
+        excess = np.maximum(limits[..., 0] - angles, angles - limits[..., 1])
+        for k, limb, joint in np.argwhere(excess > self.physics.joint_limit_tolerance)[:1].tolist():
+            angle = float(angles[k, limb, joint])
             message = (
                 f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, "
                 "outside its limits"

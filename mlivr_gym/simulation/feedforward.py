@@ -32,8 +32,8 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
     count, limbs = coarse.grasps.shape
     times, holding = coarse.times, np.flatnonzero(coarse.grasps[1] != FREE)
 
-    def stacked(base: Array, joints: Array) -> Array:
-        return np.column_stack([base, joints.reshape(count, -1)])
+    def stacked(base: Array, of_joints: Array) -> Array:
+        return np.column_stack([base, of_joints.reshape(count, -1)])
 
     base = np.column_stack([coarse.base_positions, coarse.base_quaternions])
     dynamics = compute_inverse_dynamics(

@@ -1,6 +1,6 @@
 """The grippers of a simulated robot: grasps, allowed contacts, and errors relative to points.
 
-Points are at the places to which the disturbance moves them; the controller does not know these.
+Points are where the disturbance moves them, which the controller does not know.
 """
 
 from __future__ import annotations
@@ -62,15 +62,15 @@ class Grippers:
         self.reset()
 
     def reset(self) -> None:
-        """Release all points, and move each to the place that the disturbance gives it."""
+        """Release all points, and displace each by the disturbance."""
         self._turns: Array = self._disturbance.turned.as_matrix()
         self._positions: Array = self._map.positions + self._disturbance.point_offsets
         self._model.geom_contype[:] = self._contype
         for limb in range(len(self.points)):
-            self.release(limb)
+            self.detach(limb)
 
     def reset_point(self, point: int) -> None:
-        """Move a point back to its place in the map."""
+        """Move a point back to its position in the map."""
         self._turns[point] = np.eye(3)
         self._positions[point] = self._map.positions[point]
 
@@ -85,20 +85,20 @@ class Grippers:
         mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
         return both
 
-    def relative_speed(self, limb: int, joints: Array) -> tuple[float, float]:
+    def relative_speed(self, limb: int, joint_speeds: Array) -> tuple[float, float]:
         """Return linear [m/s] and angular speed [rad/s] of a gripper while the others stand still.
 
         Parameters
         ----------
         limb
             Limb of the gripper.
-        joints
+        joint_speeds
             Velocities of all joints, shape (6 N,) [rad/s].
         """
         holding = [other for other, point in enumerate(self.points) if point != FREE]
         held, here = np.concatenate([self.jacobian(i) for i in holding]), self.jacobian(limb)
-        base = np.linalg.lstsq(held[:, :6], -held[:, 6:] @ joints)[0]
-        speed = here[:, :6] @ base + here[:, 6:] @ joints
+        base = np.linalg.lstsq(held[:, :6], -held[:, 6:] @ joint_speeds)[0]
+        speed = here[:, :6] @ base + here[:, 6:] @ joint_speeds
         return float(np.linalg.norm(speed[:3])), float(np.linalg.norm(speed[3:]))
 
     def error(self, limb: int, point: int) -> tuple[float, float]:
@@ -121,7 +121,7 @@ class Grippers:
         rotation, tool = self.pose(limb)[1], self._turns[point] @ self._tools[point]
         return max(tool, tool @ HALF_TURN, key=lambda tool: float(np.trace(tool.T @ rotation)))
 
-    def grasp(self, limb: int, point: int) -> None:
+    def attach(self, limb: int, point: int) -> None:
         """Move the anchor of a limb to a point and switch its compliant grasp on."""
         anchor, rotation = self._anchors[limb], self._tool(limb, point)
         self._model.body_pos[anchor] = self._positions[point]
@@ -129,7 +129,7 @@ class Grippers:
         self._model.opt.disableactuator &= ~(2 << limb)
         self.points[limb] = point
 
-    def release(self, limb: int) -> None:
+    def detach(self, limb: int) -> None:
         """Switch the compliant grasp of a limb off."""
         self._model.opt.disableactuator |= 2 << limb
         self.points[limb] = FREE

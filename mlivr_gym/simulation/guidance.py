@@ -37,17 +37,17 @@ class Guidance:
     def __init__(
         self,
         robot: RobotSpec,
-        controller: ControllerParameters,
+        parameters: ControllerParameters,
         disturbance: Disturbance,
         grippers: Grippers,
-        joints: JointController,
+        controller: JointController,
     ) -> None:
         """Prepare the guidance of the limbs of a simulated robot."""
-        self._controller, self._grippers, self._joints = controller, grippers, joints
+        self._parameters, self._grippers, self._controller = parameters, grippers, controller
         self._model = robot_model(robot)
         self._planned = mujoco.MjData(self._model)
         self._noise = np.repeat(
-            [disturbance.sizes.sensor_position, disturbance.sizes.sensor_angle], 3
+            [disturbance.ranges.sensor_position, disturbance.ranges.sensor_angle], 3
         )
         self._rng = np.random.default_rng([disturbance.seed, 2])
         self._filtered: Array | None = None
@@ -67,7 +67,7 @@ class Guidance:
         if self._filtered is None:
             return False
         away, turned = np.linalg.norm(self._filtered[:3]), np.linalg.norm(self._filtered[3:])
-        moves, turns = self._grippers.relative_speed(self._limb, self._joints.speeds)
+        moves, turns = self._grippers.relative_speed(self._limb, self._controller.speeds)
         small = away < CLOSE_POSITION and turned < CLOSE_ANGLE
         return bool(small and moves < REST_SPEEDS[0] and turns < REST_SPEEDS[1])
 
@@ -80,12 +80,12 @@ class Guidance:
             else FILTER_MEMORY * self._filtered + (1.0 - FILTER_MEMORY) * error
         )
         self._filtered = filtered
-        share = self._controller.guidance * self._controller.sensor_period
+        fraction = self._parameters.guidance * self._parameters.sensor_period
         first = 6 * self._limb
         jacobian = self._grippers.jacobian(self._limb)[:, 6 + first : 12 + first]
-        change = share * np.linalg.lstsq(jacobian, filtered)[0]
+        change = fraction * np.linalg.lstsq(jacobian, filtered)[0]
         change *= min(1.0, MAX_CHANGE / max(float(np.abs(change).max()), 1e-12))
-        self._joints.offset[first : first + 6] += change
+        self._controller.offset[first : first + 6] += change
 
     def _error(self, trajectory: Trajectory, k: int) -> Array:
         """Return displacement and rotation from the gripper to its reference, (6,) [m, rad]."""

@@ -19,7 +19,7 @@ RECORD_PERIOD = 0.02
 """Spacing of the recorded samples [s]."""
 
 
-JOINTS = [f"joint{k}" for k in range(1, 7)]
+JOINT_NAMES = [f"joint{k}" for k in range(1, 7)]
 """Names of a limb's joints in the model, which has base and limbs in their order."""
 
 
@@ -51,7 +51,7 @@ class Instruments:
         self.mass = float(model.body_mass.sum())
         self._torques, self._wrenches = (
             np.array([[self._sensor(f"limb{i}/{name}") for name in names] for i in range(limbs)])
-            for names in (JOINTS, [f"grasp/{axis}" for axis in AXES])
+            for names in (JOINT_NAMES, [f"grasp/{axis}" for axis in AXES])
         )
         self._contact, self._velocity, self._momentum = (
             self._sensor(name) for name in ("contact", "velocity", "angular_momentum")

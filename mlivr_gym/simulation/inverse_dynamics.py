@@ -79,12 +79,12 @@ def compute_inverse_dynamics(
     stacked = jacobians.reshape(count, -1, model.nv)
     base = stacked[:, :, :6]
     # A gripper that holds can put any wrench on the base, so the rows of these are independent.
-    shares = np.linalg.solve(base.swapaxes(1, 2) @ base, forces[:, :, :6, None])
-    wrench = (base @ shares)[..., 0]
+    multipliers = np.linalg.solve(base.swapaxes(1, 2) @ base, forces[:, :, :6, None])
+    wrench = (base @ multipliers)[..., 0]
     torques = forces[..., 6:] - (wrench[:, :, None] @ stacked[..., 6:])[:, :, 0]
-    joints = [jacobians[:, n, :, 6 + 6 * i : 12 + 6 * i] for n, i in enumerate(holding)]
+    by_limb = [jacobians[:, n, :, 6 + 6 * i : 12 + 6 * i] for n, i in enumerate(holding)]
     return InverseDynamics(
         torques.reshape(*torques.shape[:2], robot.limbs, 6),
         wrench.reshape(*wrench.shape[:2], len(sites), 6),
-        np.stack(joints, axis=1),
+        np.stack(by_limb, axis=1),
     )

@@ -28,9 +28,11 @@ class Reference(NamedTuple):
     torques: Array
     """Feedforward torques, shape (k, 6 N) [N m]."""
 
-    def at(self, places: IntArray, sense: float = 1.0) -> Reference:
+    def at(self, indices: IntArray, sense: float = 1.0) -> Reference:
         """Return the reference at some indices; `sense` scales velocities, -1 runs backwards."""
-        return Reference(self.positions[places], sense * self.speeds[places], self.torques[places])
+        return Reference(
+            self.positions[indices], sense * self.speeds[indices], self.torques[indices]
+        )
 
     @classmethod
     def of(
@@ -69,7 +71,7 @@ class JointController:
     ) -> None:
         """Control the joints of a model by the motors of the same names."""
         self._model, self._data = model, data
-        self._controller, self._sizes = controller, disturbance.sizes
+        self._controller, self._ranges = controller, disturbance.ranges
         self._bias = disturbance.encoder_bias.ravel()
         self._rng = np.random.default_rng([disturbance.seed, 1])
         count, time_step = len(self._bias), model.opt.timestep
@@ -77,7 +79,7 @@ class JointController:
             [model.actuator(model.joint(k + 1).name).id for k in range(count)]
         )
         self._period = max(round(controller.period / time_step), 1)
-        self._delay = round(disturbance.sizes.delay / time_step)
+        self._delay = round(disturbance.ranges.delay / time_step)
         self.reset()
 
     def reset(self) -> None:
@@ -87,7 +89,7 @@ class JointController:
         self._past: deque[tuple[Array, Array]] = deque(maxlen=self._delay + 1)
         self._ticks = 0
 
-    def rebase(self, positions: Array) -> None:
+    def align_references(self, positions: Array) -> None:
         """Set the offset such that the references `positions` equal the encoder readings [rad]."""
         self.offset = self._data.qpos[7:] + self._bias - positions
 
@@ -125,11 +127,14 @@ class JointController:
             Time, positions and velocities before each time step, and the sensor data at it.
         """
         model, data, controller = self._model, self._data, self._controller
-        count, joints = reference.positions.shape
+        count, joint_count = reference.positions.shape
         states = np.empty((count, 1 + model.nq + model.nv))
         sensors = np.empty((count, model.nsensordata))
-        noise = self._sizes.encoder_noise * self._rng.standard_normal((count, joints)) + self._bias
-        speed_noise = self._sizes.speed_noise * self._rng.standard_normal((count, joints))
+        noise = (
+            self._ranges.encoder_noise * self._rng.standard_normal((count, joint_count))
+            + self._bias
+        )
+        speed_noise = self._ranges.speed_noise * self._rng.standard_normal((count, joint_count))
         kp = np.ravel([controller.kp_hold if holds else controller.kp_free for holds in held])
         kd = np.ravel([controller.kd_hold if holds else controller.kd_free for holds in held])
         targets = reference.positions + self._offsets(count, recovering)

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 from scipy.stats import binomtest
 
 from mlivr_gym.arguments import InstanceOf, checked
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Integer, ListOf, OrNone
-from mlivr_gym.simulation.execution import TimedWalk, execute_walk, timed_walk
+from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -40,8 +40,8 @@ class RunOutcome(NamedTuple):
     """Number of steps of the plan."""
     done: int
     """Number of steps that ended with a grasp."""
-    tries: int
-    """Largest number of approaches of a grasp."""
+    attempts: int
+    """Largest number of approaches to a point."""
     time: float
     """Time at the end of the simulation [s]."""
     capture_distance: float
@@ -60,7 +60,7 @@ class _Work(NamedTuple):
     """One plan to be executed with several seeds."""
 
     plan: int
-    walk: TimedWalk
+    timed: TimedPlan
     grasp_map: GraspMap
     robot: RobotSpec
     obstacles: tuple[Box, ...]
@@ -70,7 +70,7 @@ class _Work(NamedTuple):
 
 @checked(
     {
-        **WALK,
+        **ARGUMENTS,
         "plans": ListOf(InstanceOf(Plan)),
         "setup": OrNone(InstanceOf(Setup)),
         "samples": Integer(1, 10**6),
@@ -136,7 +136,7 @@ def execute_many(
     works = (
         _Work(
             number,
-            timed_walk(graph, plan, setup.timing, setup.physics.timestep),
+            timed_plan(graph, plan, setup.timing, setup.physics.timestep),
             graph.grasp_map,
             plan.world.robot,
             plan.world.obstacles,
@@ -159,7 +159,7 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
     outcomes = []
     for seed in work.seeds:
         simulation = work.setup.simulation(work.grasp_map, work.robot, work.obstacles, seed)
-        done = execute_walk(simulation, work.walk)
+        done = execute_timed_plan(simulation, work.timed)
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
         outcomes.append(
@@ -168,9 +168,9 @@ def _outcomes(work: _Work) -> list[RunOutcome]:
                 seed=seed,
                 failure=None if failure is None else failure.kind,
                 message=None if failure is None else failure.message,
-                steps=len(work.walk.steps),
+                steps=len(work.timed.steps),
                 done=len(captures),
-                tries=max((capture.tries for capture in captures), default=0),
+                attempts=max((capture.attempts for capture in captures), default=0),
                 time=simulation.time,
                 capture_distance=max((capture.distance for capture in captures), default=0.0),
                 grasp_force=float(peaks.grasp_force.max()),

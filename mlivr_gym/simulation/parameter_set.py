@@ -18,6 +18,8 @@ class ParameterSet:
     """Kind of each field."""
     presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """New name of each field that had another name in an earlier version."""
 
     def __post_init__(self) -> None:
         """Check every parameter."""
@@ -32,5 +34,8 @@ class ParameterSet:
         SettingError
             If no parameter set has this name, or a field is unknown or invalid.
         """
+        for old, new in cls.renamed.items():
+            if isinstance(given, dict) and old in given:
+                raise SettingError(f"{cls.label} has the field {old!r}, whose name is now {new!r}")
         known = cls.presets or None
         return Struct(cls, cls.kinds).given(given, FieldPath(cls.label, SettingError), known)

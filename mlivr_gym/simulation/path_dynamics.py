@@ -80,33 +80,33 @@ class SegmentDynamics(NamedTuple):
             [self.torques.reshape(count, -1), self.wrenches.reshape(count, -1), self.speeds], axis=1
         )
         coefficients = CubicSpline(self.shares, both)(np.clip(share, 0.0, 1.0))
-        joints, grasps = self.torques.shape[2], self.wrenches.shape[2]
+        joint_count, grasp_count = self.torques.shape[2], self.wrenches.shape[2]
         torques, wrenches, speeds = np.split(
-            coefficients, [2 * joints, 2 * joints + 6 * grasps], axis=1
+            coefficients, [2 * joint_count, 2 * joint_count + 6 * grasp_count], axis=1
         )
         factors = np.stack([change, rate**2], axis=1)
         torque = (factors[:, :, None] * torques.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
         wrench = (factors[:, :, None] * wrenches.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
-        sizes = np.linalg.norm(wrench.reshape(TIME_SAMPLES, grasps, 3), axis=2)
-        return np.column_stack([np.abs(torque), sizes]), np.abs(rate[:, None] * speeds)
+        magnitudes = np.linalg.norm(wrench.reshape(TIME_SAMPLES, grasp_count, 3), axis=2)
+        return np.column_stack([np.abs(torque), magnitudes]), np.abs(rate[:, None] * speeds)
 
     def binding(self, scaling: PPoly) -> Binding:
         """Return the shortest duration of a time scaling of this shape, and its limit."""
         loads, speeds = self.loads(scaling)
-        joints, duration = self.torques.shape[2], float(scaling.x[-1])
+        joint_count, duration = self.torques.shape[2], float(scaling.x[-1])
         load, speed = loads.max(axis=0), speeds.max(axis=0)
         heaviest, fastest = int(np.argmax(load)), int(np.argmax(speed))
         if speed[fastest] > np.sqrt(load[heaviest]):
             limb, joint = divmod(fastest, 6)
             shortest = duration * float(speed[fastest])
-            if fastest == joints:
+            if fastest == joint_count:
                 return Binding(shortest, "surface_speed", self.limb, 0)
             return Binding(shortest, "speed", limb, joint + 1)
         shortest = duration * float(np.sqrt(load[heaviest]))
-        if heaviest < joints:
+        if heaviest < joint_count:
             limb, joint = divmod(heaviest, 6)
             return Binding(shortest, "torque", limb, joint + 1)
-        kind, n = divmod(heaviest - joints, len(self.holding))
+        kind, n = divmod(heaviest - joint_count, len(self.holding))
         return Binding(shortest, ("grasp_force", "grasp_torque")[kind], self.holding[n], 0)
 
 

@@ -70,7 +70,7 @@ class Capture:
         Distance between gripper and point just before [m].
     angle
         Angle between gripper and grasp just before, modulo half turns about the normal [rad].
-    tries
+    attempts
         Number of approaches.
     """
 
@@ -80,7 +80,7 @@ class Capture:
     point: str
     distance: float
     angle: float
-    tries: int = 1
+    attempts: int = 1
 
 
 @dataclass(frozen=True)

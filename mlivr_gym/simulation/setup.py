@@ -8,12 +8,12 @@ from typing import Any
 
 from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Struct
 from mlivr_gym.simulation.controller import ControllerParameters
-from mlivr_gym.simulation.disturbances import Disturbances
+from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.limits import Limits
@@ -31,7 +31,7 @@ class Setup:
     timing
         `Limits` for a time-optimal execution, or fixed `Durations`.
     controller
-        The joint controller.
+        Parameters of the joint controller.
     physics
         Parameters of grasps and failures.
     disturbances
@@ -47,7 +47,7 @@ class Setup:
     timing: Limits | Durations = field(default_factory=Limits)
     controller: ControllerParameters = field(default_factory=ControllerParameters)
     physics: Physics = field(default_factory=Physics)
-    disturbances: Disturbances = field(default_factory=Disturbances)
+    disturbances: DisturbanceRanges = field(default_factory=DisturbanceRanges)
 
     def __post_init__(self) -> None:
         """Check the type of each part."""
@@ -59,7 +59,7 @@ class Setup:
         limits: Limits | dict[str, Any] | str | None = None,
         controller: ControllerParameters | dict[str, Any] | str | None = None,
         physics: Physics | dict[str, Any] | str | None = None,
-        disturbances: Disturbances | dict[str, Any] | str | None = None,
+        disturbances: DisturbanceRanges | dict[str, Any] | str | None = None,
     ) -> Setup:
         """Return a setup from instances, plain data or names; a part that is None has its defaults.
 
@@ -72,7 +72,7 @@ class Setup:
         physics
             `Physics`, their fields, or a name in `dynamics.PHYSICS`.
         disturbances
-            `Disturbances`, their fields, or a name in `disturbances.DISTURBANCES`.
+            `DisturbanceRanges`, their fields, or a name in `disturbances.DISTURBANCES`.
 
         Raises
         ------
@@ -83,10 +83,10 @@ class Setup:
             Limits.of(limits),
             ControllerParameters.of(controller),
             Physics.of(physics),
-            Disturbances.of(disturbances),
+            DisturbanceRanges.of(disturbances),
         )
 
-    @checked({**WALK, "seed": SEED})
+    @checked({**ARGUMENTS, "seed": SEED})
     def simulation(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), seed: int = 0
     ) -> Simulation:
@@ -128,7 +128,7 @@ SETUP = Struct(
         "timing": InstanceOf(Limits, Durations),
         "controller": InstanceOf(ControllerParameters),
         "physics": InstanceOf(Physics),
-        "disturbances": InstanceOf(Disturbances),
+        "disturbances": InstanceOf(DisturbanceRanges),
     },
 )
 """Schema of the fields of a `Setup`."""

@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import SimulationError
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
@@ -69,7 +69,7 @@ class Simulation:
     physics
         Parameters of grasps and failures.
     controller
-        The joint controller.
+        Parameters of the joint controller.
     disturbance
         Difference between the simulated robot and module and the model of the controller.
     time
@@ -82,7 +82,7 @@ class Simulation:
 
     @checked(
         {
-            **WALK,
+            **ARGUMENTS,
             "physics": OrNone(InstanceOf(Physics)),
             "controller": OrNone(InstanceOf(ControllerParameters)),
             "disturbance": OrNone(InstanceOf(Disturbance)),
@@ -114,9 +114,9 @@ class Simulation:
         self._grippers = Grippers(
             model, data, grasp_map, robot, self.disturbance, (*grasp_map.boxes, *obstacles)
         )
-        self._joints = JointController(model, data, self.controller, self.disturbance)
+        self._joint_controller = JointController(model, data, self.controller, self.disturbance)
         self._guidance = Guidance(
-            robot, self.controller, self.disturbance, self._grippers, self._joints
+            robot, self.controller, self.disturbance, self._grippers, self._joint_controller
         )
 
     @property
@@ -149,7 +149,7 @@ class Simulation:
         self._time_steps, self.time = 0, 0.0
         set_configuration(self.model, self.data, position, quaternion, joints)
         self._grippers.reset()
-        self._joints.reset()
+        self._joint_controller.reset()
         for limb, point in enumerate(points):
             if point != FREE:
                 self._grippers.reset_point(point)
@@ -159,7 +159,7 @@ class Simulation:
                         f"limb {limb} is {1e3 * distance:.1f} mm and {np.rad2deg(angle):.2f} deg "
                         f"from point {self.grasp_map.ids[point]!r} and cannot hold it"
                     )
-                self._grippers.grasp(limb, point)
+                self._grippers.attach(limb, point)
                 self._grippers.set_contacts(limb, (point,))
         mujoco.mj_forward(self.model, self.data)
 
@@ -191,7 +191,7 @@ class Simulation:
         """
         limb, point = self._moving(trajectory)
         origin = self.points[limb]
-        self._grippers.release(limb)
+        self._grippers.detach(limb)
         return self._reach(trajectory, (origin, point), step)
 
     def retreat(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
@@ -214,22 +214,22 @@ class Simulation:
         """Move the free limb from one point to another along a trajectory, and grasp that one."""
         limb, (origin, point) = self.points.index(FREE), ends
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
-        if self.controller.rebase:
-            self._joints.rebase(reference.positions[0])
+        if self.controller.align_references:
+            self._joint_controller.align_references(reference.positions[0])
         self._plan_step, allowed = step, ((origin,), (), (point,))
         self._guidance.start(limb, point)
 
         def enter(phase: int) -> None:
             self._grippers.set_contacts(limb, allowed[phase])
 
-        runs, tries = [self._run(trajectory, reference, enter)], 1
+        runs, attempts = [self._run(trajectory, reference, enter)], 1
         while runs[-1].failure is None:
             runs += self._wait_until_close(trajectory, reference)
             captured = can_capture(self.physics, *self.grasp_error(limb, point))
             sure = captured and (self._guidance.is_close or not self.controller.guided)
-            if sure or tries == self.controller.tries or runs[-1].failure is not None:
+            if sure or attempts == self.controller.attempts or runs[-1].failure is not None:
                 break
-            tries += 1
+            attempts += 1
             runs += self._repeat_approach(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
@@ -237,9 +237,9 @@ class Simulation:
         if failure is not None:
             return SimulatedInterval(recording, peaks, None, failure)
         distance, angle = self.grasp_error(limb, point)
-        self._grippers.grasp(limb, point)
+        self._grippers.attach(limb, point)
         name = self.grasp_map.ids[point]
-        capture = Capture(self.time, step, limb, name, distance, angle, tries)
+        capture = Capture(self.time, step, limb, name, distance, angle, attempts)
         return SimulatedInterval(recording, peaks, capture, None)
 
     def stand_still(
@@ -257,8 +257,8 @@ class Simulation:
             Index of the step, for the recording.
         """
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
-        if self.controller.rebase:
-            self._joints.rebase(reference.positions[-1])
+        if self.controller.align_references:
+            self._joint_controller.align_references(reference.positions[-1])
         self._plan_step = step
         return self._stand_still(trajectory, reference, duration)
 
@@ -270,8 +270,8 @@ class Simulation:
         until: Callable[[], bool] = lambda: False,
     ) -> SimulatedInterval:
         """Stay at the end of a trajectory for some time [s], or until a condition holds."""
-        places = np.full(self._count_time_steps(duration) + 1, len(trajectory.times) - 1)
-        return self._run(trajectory.at(places), reference.at(places, 0.0), until=until)
+        last = np.full(self._count_time_steps(duration) + 1, len(trajectory.times) - 1)
+        return self._run(trajectory.at(last), reference.at(last, 0.0), until=until)
 
     def _wait_until_close(
         self, trajectory: Trajectory, reference: Reference
@@ -344,7 +344,7 @@ class Simulation:
         for start in range(first, last, period):
             here = np.arange(start, min(start + period, last))
             recovering = free and phase != "approach"
-            followed.append(self._joints.run(reference.at(here), held, recovering))
+            followed.append(self._joint_controller.run(reference.at(here), held, recovering))
             if guides:
                 mujoco.mj_forward(self.model, self.data)
                 self._guidance.correct(trajectory, int(here[-1]) + 1)

@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.errors import PlanError, TimingError
-from mlivr_gym.motion.arguments import WALK
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
@@ -100,7 +100,7 @@ def _check(
         )
 
 
-@checked({**WALK, "timing": TIMING})
+@checked({**ARGUMENTS, "timing": TIMING})
 def step_trajectory(
     graph: StanceGraph,
     plan: Plan,
@@ -134,7 +134,7 @@ def step_trajectory(
     return trajectory(timed_path(path, timing), period)
 
 
-@checked({**WALK, "timing": TIMING})
+@checked({**ARGUMENTS, "timing": TIMING})
 def plan_trajectory(
     graph: StanceGraph,
     plan: Plan,

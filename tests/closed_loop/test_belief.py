@@ -24,8 +24,8 @@ def seen(jem, plan):
         )
         belief, rng = Belief(graph, CAMERA.noise), np.random.default_rng(5)
         for _ in range(times):
-            found = CAMERA.points(simulation.model, simulation.data, graph.robot, rng)
-            belief.add_points(found, simulation.model, simulation.data)
+            hits = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
+            belief.add_hits(hits, simulation.model, simulation.data)
         return belief
 
     yield look

@@ -38,7 +38,7 @@ def first_hit(origin, direction, boxes):
 
 def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     camera, robot = DepthCamera(pixels=9, noise=0.0), checked_graph.robot
-    points = camera.points(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    points = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
     base = simulation.data.body("base")
     rotation = base.xmat.reshape(3, 3)
     boxes, expected = [*checked_graph.grasp_map.boxes, WALL], []
@@ -60,8 +60,8 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
 def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_graph):
     robot = checked_graph.robot
     one = DepthCamera(noise=0.0)
-    exact = one.points(simulation.model, simulation.data, robot, np.random.default_rng(0))
-    noisy = DepthCamera(noise=0.01).points(
+    exact = one.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    noisy = DepthCamera(noise=0.01).measure(
         simulation.model, simulation.data, robot, np.random.default_rng(0)
     )
     error = np.linalg.norm(noisy - exact, axis=1)

@@ -155,12 +155,12 @@ def test_a_plan_is_replayed_in_simulation(checked_graph, plan):
         assert info["failure"] is None
         assert info["stance"] == plan.stances[k + 1]
         assert 0.0 < info["capture_distance"] < 0.01
-        assert info["tries"] == 1
+        assert info["attempts"] == 1
         total_time += info["step_time"]
         assert 0.0 < info["peak_torque"] < 0.8 * 150.0
         assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()
         np.testing.assert_allclose(
-            physical_env._walk.configuration[2], plan.motion.joint_positions[k + 1], atol=0.05
+            physical_env._executor.configuration[2], plan.motion.joint_positions[k + 1], atol=0.05
         )
     assert terminated
     assert info["is_success"]
@@ -186,7 +186,7 @@ def test_sampled_steps_are_executed_and_keep_the_limits(physical_env):
             assert data_equivalence(done, other.step(action))
         _, _, terminated, _, info = done
         assert info["failure"] is None
-        joints = physical_env._walk.configuration[2]
+        joints = physical_env._executor.configuration[2]
         assert (joints >= limits[:, 0] - 0.05).all()
         assert (joints <= limits[:, 1] + 0.05).all()
         if terminated:

@@ -96,7 +96,7 @@ def test_a_simulated_step_is_shown_as_it_went():
     for shot, values in zip(film[1][-1], simulated, strict=True):
         np.testing.assert_array_equal(shot, values[-1])
     # The last sample of a recording is up to a hundredth of a second old.
-    here = environment.unwrapped._walk.configuration[2]
+    here = environment.unwrapped._executor.configuration[2]
     np.testing.assert_allclose(film[1][-1][2], here, atol=1e-3)
 
 

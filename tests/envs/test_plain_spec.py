@@ -46,7 +46,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     assert theirs.graph.robot == robot
     assert theirs.graph.robot.fingerprint == robot.fingerprint
     assert theirs.graph.settings == ours.graph.settings
-    assert (theirs._walk.setup.physics, theirs._walk.setup.timing) == (physics, limits)
+    assert (theirs._executor.setup.physics, theirs._executor.setup.timing) == (physics, limits)
     assert again.spec == env.spec
     assert type(env.spec.kwargs["map"]) is dict
     np.testing.assert_array_equal(theirs.graph.base_in_world, ours.graph.base_in_world)

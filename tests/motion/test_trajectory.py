@@ -216,7 +216,7 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     save_npz(coarse, tmp_path / "walk.npz")
     loaded = load_npz(tmp_path / "walk.npz")
     assert np.array_equal(loaded.joint_positions, coarse.joint_positions)
-    assert loaded.points == coarse.points
+    assert loaded.point_ids == coarse.point_ids
     save_csv(coarse, tmp_path / "walk.csv")
     with (tmp_path / "walk.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -232,7 +232,7 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
         ("base_wx_rad_s", coarse.base_velocities[k, 3]),
     ):  # fmt: skip
         assert float(rows[k][name]) == pytest.approx(value, abs=1e-7)
-    held = ["" if point == FREE else coarse.points[point] for point in coarse.grasps[k]]
+    held = ["" if point == FREE else coarse.point_ids[point] for point in coarse.grasps[k]]
     assert [rows[k]["limb0/grasp"], rows[k]["limb1/grasp"]] == held
     with pytest.raises(PlanError, match="cannot read"):
         load_npz(tmp_path / "walk.csv")

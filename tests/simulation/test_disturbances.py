@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
-from mlivr_gym.simulation.disturbances import ALL, NONE, Disturbances, robot_body_ids
-from mlivr_gym.simulation.execution import execute_walk, timed_walk
+from mlivr_gym.simulation.disturbances import ALL, NONE, DisturbanceRanges, robot_body_ids
+from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
@@ -41,7 +41,7 @@ def test_draws_stay_within_their_sizes_and_fill_them():
 
 def test_one_disturbance_does_not_move_the_others():
     whole = ALL.draw(3, 17, 2, 50)
-    for field in fields(Disturbances):
+    for field in fields(DisturbanceRanges):
         alone = ALL.only(field.name).draw(3, 17, 2, 50)
         if hasattr(whole, field.name):
             np.testing.assert_array_equal(getattr(alone, field.name), getattr(whole, field.name))
@@ -72,8 +72,8 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
 def test_friction_holds_a_joint_up_to_its_torque(jem, plan):
     """A torque below the friction does not turn the joint, one above does."""
     for torque, turns in ((2.0, False), (4.0, True)):
-        sizes = Disturbances(friction=3.0)
-        drawn = replace(sizes.draw(1, 17, 2, len(jem)), friction=np.full((2, 6), 3.0))
+        ranges = DisturbanceRanges(friction=3.0)
+        drawn = replace(ranges.draw(1, 17, 2, len(jem)), friction=np.full((2, 6), 3.0))
         simulation = replace_disturbance(jem, plan, drawn)
         simulation.reset(*plan.configuration(0), [FREE, FREE])
         data = simulation.data
@@ -90,9 +90,9 @@ def replace_disturbance(jem, plan, drawn):
 
 def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, plan):
     """5 mm off, every point: a limb that follows the map comes to rest as far from its point."""
-    walk = timed_walk(checked_graph, plan, GENTLE, 0.002)
+    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     robot, points = plan.world.robot, len(checked_graph.grasp_map)
-    drawn = Disturbances(point_position=0.005).draw(2, 17, 2, points)
+    drawn = DisturbanceRanges(point_position=0.005).draw(2, 17, 2, points)
     away = drawn.point_offsets / np.linalg.norm(drawn.point_offsets, axis=1, keepdims=True)
     drawn = replace(drawn, point_offsets=0.005 * away)
     found = {}
@@ -100,22 +100,22 @@ def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, p
         simulation = Simulation(
             checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
         )
-        done = execute_walk(simulation, walk)
+        done = execute_timed_plan(simulation, walk)
         assert done[-1].failure is None
         found[name] = done[0].capture.distance
     assert found["blind"] == pytest.approx(0.005, abs=5e-4)
     assert found["guided"] < 0.0015
 
 
-def test_a_grasp_that_misses_is_tried_again(checked_graph, plan):
-    """Without a sensor every try misses in the same way, and each is an approach of its own."""
-    walk = timed_walk(checked_graph, plan, GENTLE, 0.002)
+def test_a_grasp_that_misses_is_attempted_again(checked_graph, plan):
+    """Without a sensor every attempt misses in the same way, and each is an approach of its own."""
+    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     times = []
-    for tries in (1, 2, 3):
-        controller = replace(FEEDFORWARD, tries=tries)
+    for attempts in (1, 2, 3):
+        controller = replace(FEEDFORWARD, attempts=attempts)
         setup = Setup.of(controller=controller, physics={"capture_distance": 1e-9})
         simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
-        done = execute_walk(simulation, walk)
+        done = execute_timed_plan(simulation, walk)
         assert done[-1].failure.kind == "missed grasp"
         times.append(simulation.time)
     approach = (walk.steps[0].phase == 2).sum() * 0.002
@@ -144,7 +144,20 @@ def test_no_disturbance_is_the_robot_that_the_controller_knows(jem, plan):
     np.testing.assert_array_equal(drawn.masses, 1.0)
     np.testing.assert_array_equal(drawn.stiffness, 1.0)
     with pytest.raises(SettingError, match=r"disturbances.friction is -1.*from 0 to 1000 N m"):
-        Disturbances(friction=-1.0)
+        DisturbanceRanges(friction=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("part", "old", "new"),
+    [
+        ("controller", "rebase", "align_references"),
+        ("controller", "tries", "attempts"),
+        ("physics", "limit_margin", "joint_limit_tolerance"),
+    ],
+)
+def test_the_new_name_of_a_renamed_field_is_named(part, old, new):
+    with pytest.raises(SettingError, match=f"{part} has the field '{old}'.* now '{new}'"):
+        Setup.of(**{part: {old: 1}})
 
 
 def test_a_gripper_moves_with_the_limbs_that_hold(jem, plan):
@@ -153,7 +166,7 @@ def test_a_gripper_moves_with_the_limbs_that_hold(jem, plan):
     limb, rng, moment = plan.steps[0].limb, np.random.default_rng(3), 1e-6
     simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
     grippers, data = simulation._grippers, simulation.data
-    grippers.release(limb)
+    grippers.detach(limb)
     speeds = rng.uniform(-0.5, 0.5, 12)
     found = grippers.relative_speed(limb, speeds)
     held, here = (pose_of(grippers, each) for each in (1 - limb, limb))
@@ -176,12 +189,12 @@ def test_a_gripper_is_close_only_while_the_robot_rests_on_the_limb_that_holds(je
     """Joints of the limb that approaches stand still; those of the other one turn, or do not."""
     simulation, step = Simulation(jem, plan.world.robot), plan.steps[0]
     simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
-    simulation._grippers.release(step.limb)
-    guidance, joints = simulation._guidance, simulation._joints
+    simulation._grippers.detach(step.limb)
+    guidance, controller = simulation._guidance, simulation._joint_controller
     guidance.start(step.limb, jem.index(step.to_point))
     guidance._filtered = np.zeros(6)
     for turning in (0.0, 0.02):
         speeds = np.zeros((2, 6))
         speeds[1 - step.limb, 0] = turning
-        joints._past.append((np.zeros(12), speeds.ravel()))
+        controller._past.append((np.zeros(12), speeds.ravel()))
         assert guidance.is_close == (turning == 0.0)

@@ -12,7 +12,7 @@ from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.controller import FEEDFORWARD
-from mlivr_gym.simulation.disturbances import NONE, Disturbances
+from mlivr_gym.simulation.disturbances import NONE, DisturbanceRanges
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.failures import FailureMonitor
@@ -47,7 +47,7 @@ def test_a_lost_hold_and_a_limb_at_its_torque_limit_are_failures(checked_graph, 
     assert failure.kind == "lost hold"
     assert failure.limb == 1 - plan.steps[0].limb
     assert 0.1 < failure.values["force_N"] < 0.15
-    stuck = Disturbances(friction=500.0)
+    stuck = DisturbanceRanges(friction=500.0)
     failure = failed(
         checked_graph, plan, stuck, hold_force=1e4, hold_torque=1e4, saturation_time=0.02
     )
@@ -83,7 +83,7 @@ def test_divergence_is_a_failure(checked_graph, plan, jem, tmp_path, monkeypatch
     """The damping of a grasp is too stiff for an explicit integrator."""
     monkeypatch.chdir(tmp_path)  # MuJoCo leaves a log file
     simulation = Simulation(
-        jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9, limit_margin=1e11)
+        jem, plan.world.robot, Physics(hold_force=1e9, hold_torque=1e9, joint_limit_tolerance=1e11)
     )
     simulation.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     simulation.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT

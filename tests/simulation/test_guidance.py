@@ -22,9 +22,9 @@ def test_no_reading_changes_a_joint_by_more_than_it_may_either_way(checked_graph
         simulation.reset(*plan.configuration(stance), points)
         for k in (at, len(trajectory.times) // 2):
             guidance.start(limb, jem.index(step.to_point))
-            before = simulation._joints.offset.copy()
+            before = simulation._joint_controller.offset.copy()
             guidance.correct(trajectory, k)
-            change = (simulation._joints.offset - before)[6 * limb : 6 * limb + 6]
+            change = (simulation._joint_controller.offset - before)[6 * limb : 6 * limb + 6]
             assert np.abs(change).max() == pytest.approx(MAX_CHANGE)
             ways.add(float(np.sign(change[np.abs(change).argmax()])))
     assert ways == {-1.0, 1.0}

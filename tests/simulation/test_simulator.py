@@ -12,7 +12,7 @@ from mlivr_gym.errors import PlanError, SettingError, SimulationError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
-from mlivr_gym.simulation.disturbances import Disturbances
+from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.joint_controller import JointController, Reference
@@ -93,7 +93,7 @@ def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_lim
     """The law is written out here with encoders that read 0.01 rad too much."""
     rng = np.random.default_rng(0)
     controller = ControllerParameters()
-    bias = Disturbances(encoder_bias=0.02).draw(7, 17, 2, len(jem))
+    bias = DisturbanceRanges(encoder_bias=0.02).draw(7, 17, 2, len(jem))
     simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=bias)
     q, speed = rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12)
     model, data = simulation.model, simulation.data
@@ -119,7 +119,7 @@ def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_lim
 
 @pytest.mark.parametrize(("period", "delay"), [(0.002, 0.0), (0.006, 0.0), (0.002, 0.004)])
 def test_torques_change_with_the_period_and_late_by_the_delay(jem, plan, period, delay):
-    late = Disturbances(delay=delay).draw(1, 17, 2, len(jem))
+    late = DisturbanceRanges(delay=delay).draw(1, 17, 2, len(jem))
     controller = replace(PAPER, period=period)
     simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=late)
     simulation.reset(*plan.configuration(0), [FREE, FREE])

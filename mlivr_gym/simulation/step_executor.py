@@ -1,8 +1,11 @@
-"""Execution of a walk in MuJoCo, one regrasp at a time.
+"""Execution of single steps in MuJoCo, each chosen when the one before has ended.
+
+Environments with dynamics and the closed loop choose the next step when they see the result of the
+last one; a whole plan is executed by `execution.execute`.
 
 The states of the stance graph hold sets of inverse-kinematics branches; a robot is on one of them.
-A `PhysicalWalk` commits to a branch when a limb grasps. Every step that leaves its state has
-a swing by construction; `step` says so where none, or no timing of it, is found.
+A `StepExecutor` commits to a branch when a limb grasps. Every step that leaves its state has a
+swing by construction; `step` reports a failure where none, or no timing of it, is found.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
-from mlivr_gym.simulation.disturbances import Disturbances
+from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import SimulatedInterval, Simulation
@@ -34,11 +37,11 @@ MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
     "peak_grasp_torque", "base_error", "step_time", "simulated_time",
 )  # fmt: skip
-"""Keys of `PhysicalWalk.measures` in addition to `failure` and `tries`."""
+"""Keys of `StepExecutor.measures` in addition to `failure` and `attempts`."""
 
 
-class PhysicalWalk:
-    """Execution of single steps of a stance graph.
+class StepExecutor:
+    """Executor of single steps of a stance graph in MuJoCo.
 
     Attributes
     ----------
@@ -50,6 +53,9 @@ class PhysicalWalk:
         The present state, with one branch for each limb.
     joints
         Joint angles of the present stance, shape (N, 6) [rad].
+    steps_done
+        Number of steps since `start` that ended with a grasp, which is the index of the next step
+        in its captures, failures and recordings.
     simulation
         The simulation, made by `start`.
     measures
@@ -60,13 +66,14 @@ class PhysicalWalk:
     simulation: Simulation
     state: State
     joints: Array
+    steps_done: int
     measures: dict[str, Any]
     _executed: Trajectory
 
     def __init__(
         self, graph: StanceGraph, setup: Setup, obstacles: Sequence[Box] | None = None
     ) -> None:
-        """Prepare walks; `start` begins one.
+        """Prepare the execution; `start` puts the robot into its first stance.
 
         Parameters
         ----------
@@ -96,8 +103,8 @@ class PhysicalWalk:
         state
             The state to start from.
         plan
-            A plan from this stance. As long as the walk follows it, its branches, joint angles and
-            swings are used.
+            A plan from this stance. As long as the steps are those of the plan, its branches, joint
+            angles and swings are used.
         seed
             Seed of the disturbance.
 
@@ -111,7 +118,7 @@ class PhysicalWalk:
             boxes = graph.obstacles if self._obstacles is None else self._obstacles
             self.simulation = self.setup.simulation(graph.grasp_map, graph.robot, boxes, seed)
             self._simulated = graph.version, seed
-        self._plan, self._next = plan, 0
+        self._plan, self._next, self.steps_done = plan, 0, 0
         if plan is not None:
             self.joints = planned_regrasp(graph, plan, 0).joints.copy()
             self.state = self._on_branches(state, plan.motion.branches[0])
@@ -122,12 +129,12 @@ class PhysicalWalk:
             self.joints = graph.configuration(self.state)[2]
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
-        self.measures = {"failure": None, "tries": 0} | dict.fromkeys(MEASURES, 0.0)
+        self.measures = {"failure": None, "attempts": 0} | dict.fromkeys(MEASURES, 0.0)
         return self.state
 
     def draw(self, stream: Any) -> int:
         """Return a seed of the disturbance from a random stream; 0 if the setup has none."""
-        if self.setup.disturbances == Disturbances():
+        if self.setup.disturbances == DisturbanceRanges():
             return 0
         return 1 + int(stream.integers(2**31))
 
@@ -167,8 +174,9 @@ class PhysicalWalk:
         except (PlanError, TimingError) as error:
             return self._no_swing(limb, point, str(error))
         begin, self._executed = self.simulation.time, timed
-        executed = self.simulation.execute(timed)
+        executed = self.simulation.execute(timed, self.steps_done)
         if executed.failure is None:
+            self.steps_done += 1
             self.state, self.joints = reached, timed.joint_positions[-1]
         self.measures = _measures(executed, begin, self.simulation.time)
         return self.state, executed
@@ -184,15 +192,15 @@ class PhysicalWalk:
     def retreat(self) -> SimulatedInterval:
         """Go back to the present state from a step at whose end nothing was grasped."""
         self._plan = None
-        return self.simulation.retreat(self._executed)
+        return self.simulation.retreat(self._executed, self.steps_done)
 
     def _no_swing(self, limb: int, point: int, why: str) -> tuple[State, Failure]:
         """Return the unchanged state, and the failure of a step that could not start."""
         message = f"limb {limb} to {self.graph.grasp_map.ids[point]!r}: {why}"
-        time = self.simulation.time
-        failure = Failure("no swing", time, 0, "departure", limb, message, {})
+        time, step = self.simulation.time, self.steps_done
+        failure = Failure("no swing", time, step, "departure", limb, message, {})
         measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": time}
-        self.measures = {"failure": failure.to_dict(), "tries": 0} | measures
+        self.measures = {"failure": failure.to_dict(), "attempts": 0} | measures
         return self.state, failure
 
     def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:
@@ -290,7 +298,7 @@ def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[st
         "peak_grasp_force": float(peaks.grasp_force.max()),
         "peak_grasp_torque": float(peaks.grasp_torque.max()),
         "base_error": peaks.base_error,
-        "tries": 0 if capture is None else capture.tries,
+        "attempts": 0 if capture is None else capture.attempts,
         "step_time": time - begin,
         "simulated_time": time,
     }

@@ -1,11 +1,14 @@
 """The closed loop: sense, plan, take one step, and so on until the goal is reached.
 
+Here "walk" is what the robot does until it arrives, stops or fails; `run_closed_loop` simulates
+one, and `mlivr-gym walk` is its command.
+
 The robot knows a map and a goal. Boxes that its map lacks, and points that refuse a grasp, exist
 only in the simulation. At every grasp the cameras look round, what they see beside the map becomes
 an obstacle, and the remainder of the walk is planned anew from the branches on which the limbs are.
-A limb that is refused, or misses its point, goes back to where it was and tries once more; then the
-point counts as occupied. If no plan is left in the world that the robot believes in, it stops where
-it is and holds all its points.
+A limb that is refused, or misses its point, goes back to where it was and makes one more attempt;
+then the point counts as occupied. If no plan is left in the world that the robot believes in, it
+stops where it is and holds all its points.
 """
 
 from __future__ import annotations
@@ -26,17 +29,20 @@ from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import Integer, ListOf, OrNone
-from mlivr_gym.simulation.physical_walk import PhysicalWalk
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE
 
-TRIES = 2
-"""Number of times that a limb reaches for a point before the point counts as occupied."""
+ATTEMPTS = 2
+"""Number of times that a limb reaches for a point before the point counts as occupied.
+
+In each of them the controller may approach several times, see `ControllerParameters.attempts`.
+"""
 
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 """Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
@@ -44,7 +50,7 @@ ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened on a walk.
+    """Something that happened in a closed loop.
 
     Attributes
     ----------
@@ -53,7 +59,10 @@ class Event:
     time
         Simulated time [s].
     values
-        Numbers and words that belong to it.
+        What belongs to it: `"sensed"` has `hits`, the number of rays that measured a surface, and
+        `boxes`, the number of boxes sensed so far; `"planned"` has `steps` and `computing_time`
+        [s]; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` has `limb`, `point` and
+        `failure`, its kind; `"end"` has `outcome` and `reason`.
     """
 
     kind: str
@@ -62,8 +71,8 @@ class Event:
 
 
 @dataclass
-class ClosedLoopWalk:
-    """The record of a walk.
+class ClosedLoopRecord:
+    """The record of a closed loop.
 
     Attributes
     ----------
@@ -74,7 +83,8 @@ class ClosedLoopWalk:
     events
         What happened, in order.
     plans
-        Each plan that changed the walk, with the number of its steps that were taken.
+        Each plan that led the robot elsewhere than the one before, with the number of its steps
+        that were taken.
     sensed
         Boxes that were sensed.
     refused
@@ -102,7 +112,9 @@ class ClosedLoopWalk:
     @property
     def replanning_times(self) -> Array:
         """Computing time of each plan after the first [s]."""
-        planned = [event.values["seconds"] for event in self.events if event.kind == "planned"]
+        planned = [
+            event.values["computing_time"] for event in self.events if event.kind == "planned"
+        ]
         return np.array(planned[1:])
 
     def add_step(self, plan: Plan) -> None:
@@ -142,7 +154,7 @@ class ClosedLoopWalk:
         "show": OrNone(Function()),
     }
 )
-def walk(
+def run_closed_loop(
     graph: StanceGraph,
     start: Sequence[str | int],
     goal: Sequence[float],
@@ -156,8 +168,8 @@ def walk(
     seed: int = 0,
     max_steps: int = 200,
     show: Callable[[Event], None] | None = None,
-) -> ClosedLoopWalk:
-    """Walk to a goal in a simulated module of which the robot does not know everything.
+) -> ClosedLoopRecord:
+    """Sense, plan and step until the goal, in a module of which the robot does not know all.
 
     Parameters
     ----------
@@ -189,7 +201,7 @@ def walk(
 
     Returns
     -------
-    ClosedLoopWalk
+    ClosedLoopRecord
         The record of the walk.
 
     Raises
@@ -200,23 +212,23 @@ def walk(
     Examples
     --------
     >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.closed_loop.walk import walk
-    >>> walked = walk(stance_graph(), ("D2a:4", "D2b:4"), (3.0, 0.0, 0.42))
-    >>> walked.outcome
+    >>> from mlivr_gym.closed_loop.loop import run_closed_loop
+    >>> record = run_closed_loop(stance_graph(), ("D2a:4", "D2b:4"), (3.0, 0.0, 0.42))
+    >>> record.outcome
     'arrived'
     """
     before = graph.obstacles, graph.occupied
-    points = frozenset(graph.grasp_map.index(point) for point in refusing)
-    if held := points.intersection(graph.indices(start)):
+    refusing_points = frozenset(graph.grasp_map.index(point) for point in refusing)
+    if held := refusing_points.intersection(graph.indices(start)):
         raise SettingError(
             f"refusing has {graph.grasp_map.ids[min(held)]!r}, which the robot holds at the start"
         )
-    physical = PhysicalWalk(graph, setup or Setup(), (*graph.obstacles, *unknown))
+    executor = StepExecutor(graph, setup or Setup(), (*graph.obstacles, *unknown))
     planner = Planner(graph)
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
-    loop = _Loop(physical, plan, camera, seed, show)
+    loop = _Loop(executor, plan, camera, seed, show)
     try:
-        loop.run(start, points, max_steps)
+        loop.run(start, refusing_points, max_steps)
     finally:
         graph.remove_obstacles()
         graph.vacate()
@@ -226,109 +238,109 @@ def walk(
 
 
 class _Loop:
-    """A walk in progress."""
+    """A closed loop in progress."""
 
     def __init__(
         self,
-        physical: PhysicalWalk,
+        executor: StepExecutor,
         plan_from: Callable[..., PlanningResult],
         camera: DepthCamera | None,
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
-        self.graph, self.record = physical.graph, ClosedLoopWalk()
-        self._physical, self._plan_from, self._show = physical, plan_from, show
+        self.graph, self.record = executor.graph, ClosedLoopRecord()
+        self._executor, self._plan_from, self._show = executor, plan_from, show
         self._camera, self._seed = camera, seed
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
-        self._tries = dict[int, int]()
+        self._attempts = dict[int, int]()
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
-        physical, record, ids = self._physical, self.record, self.graph.grasp_map.ids
+        executor, record, ids = self._executor, self.record, self.graph.grasp_map.ids
         state = self.graph.state(start)
         first = self._plan_from(state)  # it chooses the branches of the start
         if first.plan is None:
             self._end(STOPPED, first.message)
             return
-        physical.start(state, first.plan if first.plan.steps else None, self._seed)
+        executor.start(state, first.plan if first.plan.steps else None, self._seed)
         self._check_start()
-        physical.simulation.refusing = refusing
+        executor.simulation.refusing = refusing
         attempts = 0
         while not record.reason:
             if self._camera is not None:
                 self._sense(self._camera)
-            plan = self._plan(physical.state)
+            plan = self._plan(executor.state)
             if plan is None:
                 break
             if not plan.steps:
-                away = physical.configuration[0] - np.array(plan.query.goal)
+                away = executor.configuration[0] - np.array(plan.query.goal)
                 self._end(ARRIVED, f"the base is {np.linalg.norm(away):.3f} m from the goal")
             elif attempts == max_steps:
                 self._end(STOPPED, f"no arrival within {max_steps} attempted steps")
             else:
                 self._step(plan)
                 attempts += 1
-        record.sensed, record.duration = self._belief.boxes(), physical.simulation.time
+        record.sensed, record.duration = self._belief.boxes(), executor.simulation.time
         record.refused = tuple(ids[point] for point in sorted(self._belief.refused))
 
     def _check_start(self) -> None:
         """Check that nothing touches the robot at the start."""
-        data, model = self._physical.simulation.data, self._physical.simulation.model
+        data, model = self._executor.simulation.data, self._executor.simulation.model
         if data.ncon:
             names = " and ".join(model.geom(int(geom)).name for geom in data.contact[0].geom)
             raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
 
     def _sense(self, camera: DepthCamera) -> None:
         """Look round, and believe what is seen."""
-        simulation, belief = self._physical.simulation, self._belief
-        points = camera.points(simulation.model, simulation.data, self.graph.robot, self._rng)
-        if belief.add_points(points, simulation.model, simulation.data):
-            self._note("sensed", points=len(points), boxes=len(belief.boxes()))
+        simulation, belief = self._executor.simulation, self._belief
+        hits = camera.measure(simulation.model, simulation.data, self.graph.robot, self._rng)
+        if belief.add_hits(hits, simulation.model, simulation.data):
+            self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk; end the walk if there is no plan."""
         began = time.perf_counter()
         result = self._plan_from(state)
-        seconds = time.perf_counter() - began
+        computing_time = time.perf_counter() - began
         if result.plan is None:
             self._end(STOPPED, result.message)
             return None
-        self._note("planned", steps=len(result.plan.steps), seconds=seconds)
+        self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)
         return result.plan
 
     def _step(self, plan: Plan) -> None:
         """Take the first step of a plan, or go back if its point cannot be grasped."""
-        physical, record, (limb, name) = self._physical, self.record, plan.actions[0]
+        executor, record, (limb, name) = self._executor, self.record, plan.actions[0]
         point = self.graph.grasp_map.index(name)
-        physical.follow(plan)
-        moves = self.graph.successors(physical.state)
+        executor.follow(plan)
+        moves = self.graph.successors(executor.state)
         branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
-        _, executed = physical.step(limb, point, branch_sets)
+        _, executed = executor.step(limb, point, branch_sets)
         if isinstance(executed, Failure):
             self._end(STOPPED, executed.message)
             return
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
         failure = executed.failure
         if failure is None:
-            self._note("step", limb=limb, point=name, seconds=physical.measures["step_time"])
+            self._note("step", limb=limb, point=name, duration=executor.measures["step_time"])
             record.add_step(plan)
         elif failure.kind in ("missed grasp", "refused grasp"):
             self._note("refused", limb=limb, point=name, failure=failure.kind)
-            self._tries[point] = self._tries.get(point, 0) + 1
-            back = physical.retreat()
+            self._attempts[point] = self._attempts.get(point, 0) + 1
+            back = executor.retreat()
             record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
             if back.failure is not None:
                 self._end(FAILED, f"on the way back, {back.failure.kind}: {back.failure.message}")
-            elif self._tries[point] == TRIES:
+            elif self._attempts[point] == ATTEMPTS:
                 self._belief.refuse(point)
         else:
             self._end(FAILED, f"{failure.kind}: {failure.message}")
 
     def _note(self, kind: str, **values: Any) -> None:
         """Record an event."""
-        began = hasattr(self._physical, "simulation")
-        event = Event(kind, self._physical.simulation.time if began else 0.0, values)
+        began = hasattr(self._executor, "simulation")
+        event = Event(kind, self._executor.simulation.time if began else 0.0, values)
         self.record.events.append(event)
         if self._show is not None:
             self._show(event)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlivr_gym.envs.dynamics import physical_walk
+from mlivr_gym.envs.dynamics import step_executor
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.regrasp import RegraspPath
 from mlivr_gym.planners import Planner
@@ -14,22 +14,22 @@ from mlivr_gym.transitions.state import State
 
 
 @pytest.fixture(scope="module")
-def walk(small_checked_graph):
-    return physical_walk(small_checked_graph)
+def executor(small_checked_graph):
+    return step_executor(small_checked_graph)
 
 
 def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
-    small_checked_graph, walk
+    small_checked_graph, executor
 ):
     graph, rng = small_checked_graph, np.random.default_rng(0)
     low, high = graph.robot.limb.windows.T
     shares, steps = np.linspace(0.0, 1.0, 41), 0
     for _ in range(6):
-        walk.start(random_state(graph, rng))
-        left = graph.successors(walk.state)
+        executor.start(random_state(graph, rng))
+        left = graph.successors(executor.state)
         for k in rng.choice(len(left.limb), 15):
-            after = left.after(walk.state, int(k))
-            found = walk._committed(State(after.stance, after.branch_sets))
+            after = left.after(executor.state, int(k))
+            found = executor._committed(State(after.stance, after.branch_sets))
             assert found is not None
             path = RegraspPath(graph, found[0])
             parts = [path.departure(shares), path.approach(shares), path._knots[:, 1:]]
@@ -43,7 +43,7 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
 
 
 def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
-    small_checked_graph, walk
+    small_checked_graph, executor
 ):
     """The angles of the state, found from its branches, are the plan's but for whole turns.
 
@@ -54,10 +54,34 @@ def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
         start, goal = sample_task(graph, rng, 0.2)
         plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
         motion = replace(plan.motion, joint_positions=plan.motion.joint_positions.round(6))
-        state = walk.start(graph.state(plan.stances[0]), replace(plan, motion=motion))
+        state = executor.start(graph.state(plan.stances[0]), replace(plan, motion=motion))
         off = np.exp(1j * graph.configuration(state)[2]) - np.exp(
             1j * plan.motion.joint_positions[0]
         )
         assert np.abs(off).max() < 1e-5
         turned |= {branch_set >= 1 << 8 for branch_set in state.branch_sets}
     assert turned == {False, True}
+
+
+def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, executor):
+    """A step that is refused and the way back have the index of the step that is taken next."""
+    graph = small_checked_graph
+    state = executor.start(random_state(graph, np.random.default_rng(0)))
+    for step in range(2):
+        steps = graph.successors(state)
+        limb, point = int(steps.limb[0]), int(steps.point[0])
+        branch_sets = steps.after(state, 0).branch_sets
+        if step == 1:
+            executor.simulation.refusing = frozenset([point])
+            _, executed = executor.step(limb, point, branch_sets)
+            assert (executed.failure.kind, executed.failure.step) == ("refused grasp", 1)
+            assert executor.measures["failure"]["step"] == 1
+            assert executor.retreat().capture.step == 1
+            executor.simulation.refusing = frozenset()
+        state, executed = executor.step(limb, point, branch_sets)
+        assert executed.capture.step == step
+        assert set(executed.recording.step.tolist()) == {step}
+        assert executor.steps_done == step + 1
+    assert executor._no_swing(0, 0, "no reason")[1].step == 2
+    executor.start(state)
+    assert executor.steps_done == 0
