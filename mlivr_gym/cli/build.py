@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, file_size, rough_duration
+from mlivr_gym.cli.outputs import check_outputs, file_size, input_files, rough_duration
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
@@ -32,13 +32,13 @@ def add_command(add: Add) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute the table and store it."""
+    check_outputs(args.out, inputs=input_files(args))
     graph, folder = chosen_graph(args), cache_folder()
     name = name_of(graph)
     if folder is None and args.out is None:
         raise SettingError(
             f"{CACHE_VARIABLE} is empty, so the table would not be stored; name a file with --out"
         )
-    check_outputs(args.out)
     with Progress("estimating time and size", quiet=args.quiet):
         needed = estimate_table(graph)
     if needed is not None:

@@ -6,14 +6,20 @@ command that is refused or fails leaves no files behind.
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from mlivr_gym.files import FileError
 
 MAX_NAMED = 3
 """Maximum number of replaced files that are listed by name; the others are counted."""
+
+INPUTS = ("map", "robot", "obstacles", "plan", "hyperparameters")
+"""Options of commands that may name a file to be read; `init` names a checkpoint without suffix."""
 
 UNITS = ("B", "kB", "MB", "GB", "TB")
 """Units of file sizes, each a thousand times the one before it."""
@@ -34,7 +40,25 @@ def rough_duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def check_outputs(*files: str | Path | None, folder: str | Path | None = None) -> None:
+def input_files(args: argparse.Namespace) -> dict[Path, str]:
+    """Return the option of each file that a command reads, by the resolved path of the file."""
+    found: dict[Path, str] = {}
+    for name in INPUTS:
+        given = getattr(args, name, None)
+        for file in given if isinstance(given, list) else [given]:
+            if isinstance(file, str) and os.path.isfile(file):
+                found[Path(file).resolve()] = f"--{name}"
+    if getattr(args, "init", None):
+        for suffix in (".pt", ".json"):
+            found[Path(args.init).with_suffix(suffix).resolve()] = "--init"
+    return found
+
+
+def check_outputs(
+    *files: str | Path | None,
+    folder: str | Path | None = None,
+    inputs: Mapping[Path, str] = MappingProxyType({}),
+) -> None:
     """Refuse files that cannot be written, and announce which existing files will be replaced.
 
     The announcement goes to standard error, even with `--quiet`, before anything is computed, so
@@ -46,11 +70,13 @@ def check_outputs(*files: str | Path | None, folder: str | Path | None = None) -
         The files; None for those that were not requested.
     folder
         Folder of the files that `make_folder` will make later; other folders must exist.
+    inputs
+        Files that the command reads, from `input_files`.
 
     Raises
     ------
     FileError
-        If a file cannot be written, or if two outputs have the same name.
+        If a file cannot be written, if the command reads it, or if two outputs have the same name.
     """
     replaced: list[str] = []
     seen: set[Path] = set()
@@ -65,6 +91,11 @@ def check_outputs(*files: str | Path | None, folder: str | Path | None = None) -
                 replaced.append(str(path))
         except (OSError, ValueError) as error:  # a ValueError for a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {_reason(error)}") from None
+        if place in inputs:
+            raise FileError(
+                f"cannot write {str(file)!r}: it is the file of {inputs[place]}, which would be "
+                "replaced; give the output another name"
+            )
         if place in seen:
             raise FileError(
                 f"cannot write {str(file)!r}: two outputs have this name; give each its own"

@@ -14,7 +14,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
     search_options,
 )
-from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
@@ -44,7 +44,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write the requested files."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
-    check_outputs(args.out, *pictures)
+    check_outputs(args.out, *pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
     result = find_plan(graph, args)

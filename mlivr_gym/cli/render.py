@@ -19,7 +19,7 @@ from mlivr_gym.cli.arguments import (
     option,
     refuse_ignored,
 )
-from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
@@ -59,7 +59,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if requested."""
     _check(args)
-    check_outputs(args.out, args.mjcf)
+    check_outputs(args.out, args.mjcf, inputs=input_files(args))
     obstacles: Sequence[Box]
     route = None
     if args.plan:

@@ -21,7 +21,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, make_folder
+from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
@@ -127,7 +127,10 @@ def run(args: argparse.Namespace) -> int:
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
     files = [*FILES, *([] if args.no_film else [args.film])]
-    check_outputs(*(Path(args.out) / name for name in files), folder=args.out)
+    inputs = input_files(args)
+    if _is_own_plan(args):  # it stays as it is
+        files.remove("plan.json")
+    check_outputs(*(Path(args.out) / name for name in files), folder=args.out, inputs=inputs)
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
@@ -159,7 +162,8 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
         )
     _report(execution)
     make_folder(out)
-    plan.save(out / "plan.json")
+    if not _is_own_plan(args):
+        plan.save(out / "plan.json")
     save_csv(trajectory, out / "trajectory.csv")
     save_npz(trajectory, out / "trajectory.npz")
     save_ros(trajectory, out / "trajectory.yaml")
@@ -190,6 +194,11 @@ def _setup(args: argparse.Namespace) -> Setup:
             )
         return replace(setup, timing=Durations())
     return replace(setup, timing=replace(PACES[args.pace], step_duration=args.duration))
+
+
+def _is_own_plan(args: argparse.Namespace) -> bool:
+    """Return whether the plan that is executed is the plan file of the folder of the results."""
+    return bool(args.plan) and Path(args.plan).resolve() == (Path(args.out) / "plan.json").resolve()
 
 
 def _check_film(args: argparse.Namespace) -> None:

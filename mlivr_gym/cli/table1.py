@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.arguments import Add, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, make_folder
+from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.envs_assets import asset_path
@@ -76,7 +76,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the table and its pictures; return 1 if a relation fails that every optimum meets."""
     out = Path(args.out)
-    check_outputs(*(out / name for name in FILES), folder=out)
+    check_outputs(*(out / name for name in FILES), folder=out, inputs=input_files(args))
     with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
         plans, data = run_cases(out, progress.show)
     print(report(data))

@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.extras import require
 from mlivr_gym.files import FileError
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
         raise FileError(
             f"cannot write a checkpoint to {args.out!r}: it is a folder; add the name of a file"
         )
-    check_outputs(out.with_suffix(".pt"), out.with_suffix(".json"))
+    check_outputs(*(out.with_suffix(end) for end in (".pt", ".json")), inputs=input_files(args))
     settings = hyperparameters(args.method, args.hyperparameters)
     if "ppo" not in settings:
         refuse_without_effect(

@@ -18,7 +18,7 @@ from mlivr_gym.cli.arguments import (
     search_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
-from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.plan import fastest_cost
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     """Write a page, or serve one until Ctrl-C."""
     require("viser", "trimesh", extra="viewer")
     _check(args)
-    check_outputs(args.out)
+    check_outputs(args.out, inputs=input_files(args))
     with Progress("building the stance graph and planning", quiet=args.quiet):
         live, recording = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)

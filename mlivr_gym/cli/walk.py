@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import figure_files
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.blind:
         refuse_without_effect(args, "with --blind", "noise")
     pictures = figure_files(args.picture) if args.picture is not None else ()
-    check_outputs(args.out, *pictures)
+    check_outputs(args.out, *pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
         start, goal = chosen_task(graph, args)

@@ -1,11 +1,12 @@
 """A command that is refused or fails leaves nothing behind, and replaces nothing in silence."""
 
+import argparse
 import json
 import os
 
 import pytest
 
-from mlivr_gym.cli.outputs import check_outputs, make_folder
+from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
 from mlivr_gym.errors import PlanError, SceneError
 from mlivr_gym.files import FileError
 
@@ -71,6 +72,34 @@ def test_both_files_of_a_picture_are_claimed(run, tmp_path):
     code, _, err = run("plan", "--out", str(old), "--picture", str(picture))
     assert code == 2
     assert "two outputs have this name" in err
+
+
+@pytest.mark.parametrize("command", ["render", "plan", "walk", "build", "view"])
+def test_a_command_does_not_replace_its_own_map(run, tmp_path, monkeypatch, command):
+    """The map is named in another way than the output, and stays as it is."""
+    (tmp_path / "my.json").write_text("{}")
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(command, "--map", str(tmp_path / "my.json"), "--out", "my.json", "--quiet")
+    assert code == 2
+    assert "cannot write 'my.json': it is the file of --map" in err
+    assert (tmp_path / "my.json").read_text() == "{}"
+
+
+def test_the_checkpoint_to_start_from_is_no_output(tmp_path):
+    inputs = input_files(argparse.Namespace(init=str(tmp_path / "policy"), map="jem", plan=[]))
+    with pytest.raises(FileError, match=r"policy\.json': it is the file of --init"):
+        check_outputs(tmp_path / "policy.json", inputs=inputs)
+
+
+def test_the_plan_in_the_folder_of_the_results_stays(run, tmp_path, plan_file):
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    own = folder / "plan.json"
+    own.write_bytes(plan_file.read_bytes())
+    code, _, err = run("simulate", "--plan", str(own), "--out", str(folder), "--no-film", "--quiet")
+    assert code == 0, err
+    assert own.read_bytes() == plan_file.read_bytes()
+    assert {"plan.json", "simulation.json"} <= files(folder)
 
 
 def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
