@@ -199,7 +199,7 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
         steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.base_position[0], posture.base_rotation[0]
         legal[row, steps.limb, steps.point] = True
-        after[row, steps.limb, steps.point] = steps.base_in_world
+        after[row, steps.limb, steps.point] = steps.base_position
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
         onward[row, steps.limb, steps.point] = onward_of(env, state, steps, reach)
     free = np.ones(m, dtype=np.bool_)
@@ -240,14 +240,14 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
     out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
     out[:, : DEPTH + 1] = MAX_REACH
     if env.graph.limbs > 2:
-        away = np.linalg.norm(steps.base_in_world - env.goal, axis=1)
+        away = np.linalg.norm(steps.base_position - env.goal, axis=1)
         out[:, : DEPTH + 1] = np.minimum(away, MAX_REACH)[:, None]
         return out
     for k in range(len(out)):
         after = env.moves.successors(steps.after(state, k))
         if not len(after.limb):
             continue
-        away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
+        away = np.linalg.norm(after.base_position - env.goal, axis=1)
         following = reach[after.limb, after.point]
         out[k, 0] = min(away.min(), MAX_REACH)
         out[k, 1 : DEPTH + 1] = following[:, :DEPTH].min(axis=0)
@@ -263,7 +263,7 @@ class TableFeatures:
         """Take the map, the base rotations and the risks of an environment with two limbs."""
         self.grasp_map, self.rotation = (
             env.graph.grasp_map,
-            env.table_moves().graph.base_axes_in_world,
+            env.table_moves().graph.base_rotation,
         )
         self.risk, self.tolerance = env.failure_probability, env.goal_tolerance
 
@@ -304,7 +304,7 @@ class TableFeatures:
         ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
         onward_of_actions(stances, branch_sets, tables, ahead, onward)
         states = StateBatch(
-            tables.base_in_world[stances],
+            tables.base_position[stances],
             self.rotation[stances],
             tables.points[stances].astype(np.int64),
             legal.view(np.bool_),

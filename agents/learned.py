@@ -138,7 +138,7 @@ def beam_walk(
         for (chance, state, actions), logs in zip(beam, chances, strict=True):
             steps = env.moves.successors(state)
             numbers = steps.limb * m + steps.point
-            there = np.linalg.norm(steps.base_in_world - env.goal, axis=1) <= tolerance
+            there = np.linalg.norm(steps.base_position - env.goal, axis=1) <= tolerance
             arrived += [(chance + float(logs[a]), [*actions, int(a)]) for a in numbers[there]]
             for action in numbers[np.argsort(-logs[numbers], kind="stable")[: 2 * width]].tolist():
                 after = env.moves.take(state, action)

@@ -90,7 +90,7 @@ def configurations(graph: TwoLimbGraph, count: int) -> tuple[Array, Array, Array
         branch_sets = tuple(1 << int(branch) for branch in graph.branch[s])
         joints[k] = graph.configuration(State((a, b), branch_sets))[2]
     joints += rng.normal(0.0, 0.1, joints.shape)
-    return graph.base_in_world[chosen], graph.base_axes_in_world[chosen], joints
+    return graph.base_position[chosen], graph.base_rotation[chosen], joints
 
 
 def single_checks(graph: TwoLimbGraph, count: int) -> dict[str, float]:

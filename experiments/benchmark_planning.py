@@ -87,7 +87,7 @@ def query_times(
 
 def out_of_reach(graph: TwoLimbGraph, rng: np.random.Generator) -> Iterator[Task]:
     """Yield random starts with goals in the cabin that no walk from them reaches."""
-    low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
+    low, high = graph.base_position.min(axis=0), graph.base_position.max(axis=0)
     while True:
         start, goal = sample_task(graph, rng, TOLERANCE).start, rng.uniform(low, high)
         if not Planner(graph).plan(start.stance, goal, "steps"):
@@ -128,14 +128,14 @@ def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
         out[name] = {"build": build, "memory": resident() - before, "lower": 0, "higher": 0}
         times: dict[str, list[float]] = {"A*": [], "Dijkstra": []}
         for (start, goal), plan in zip(tasks, known, strict=True):
-            away = np.linalg.norm(graph.base_in_world - goal, axis=1)
+            away = np.linalg.norm(graph.base_position - goal, axis=1)
             cost, first = Cost.named("base"), graph.find(start.stance)
             h = [*cost.heuristic("consistent", away, TOLERANCE, graph.max_step).tolist(), 0.0]
             for method, heuristic in (("A*", h), ("Dijkstra", None)):
                 goals = np.flatnonzero(away <= TOLERANCE).tolist()
                 seconds, path = table.search(first, goals, heuristic)
                 times[method].append(seconds)
-            length = np.linalg.norm(np.diff(graph.base_in_world[path], axis=0), axis=1).sum()
+            length = np.linalg.norm(np.diff(graph.base_position[path], axis=0), axis=1).sum()
             out[name]["lower"] += bool(length < plan.statistics.cost - 1e-9)
             out[name]["higher"] += bool(length > plan.statistics.cost + 1e-9)
         out[name] |= {method: spread(seconds) for method, seconds in times.items()}

@@ -70,7 +70,7 @@ def planners_of(mode: str) -> dict[int, Planner]:
 def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
     """Return the candidate starts, and the candidate goals of shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
-    close = np.linalg.norm(graph.base_in_world - START, axis=1) < RADIUS
+    close = np.linalg.norm(graph.base_position - START, axis=1) < RADIUS
     starts = []
     for s in np.flatnonzero((faces == "deck").all(axis=1) & close):
         try:
@@ -78,8 +78,8 @@ def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
         except StanceError:
             continue
         starts.append(graph.ids(graph.points[s]))
-    close = np.linalg.norm(graph.base_in_world - GOAL, axis=1) < RADIUS
-    goals = graph.base_in_world[(faces == FACE).all(axis=1) & close]
+    close = np.linalg.norm(graph.base_position - GOAL, axis=1) < RADIUS
+    goals = graph.base_position[(faces == FACE).all(axis=1) & close]
     goals = np.unique(np.round(goals / 0.05) * 0.05, axis=0)
     low, high = graph.grasp_map.cabin
     return starts, goals[((goals >= low) & (goals <= high)).all(axis=1)]

@@ -235,10 +235,10 @@ def swing_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     axes.set_title("the gripper's way, and the limb where it is closest to the knots",
                    fontsize=9.5, loc="left", color="0.25")  # fmt: skip
     right = figure.add_axes((0.57, 0.14, 0.41, 0.68))
-    run, share = RoundedLines(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
-    curve, numbers = run.at(share), range(len(knots))
+    run, sigma = RoundedLines(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
+    curve, numbers = run.at(sigma), range(len(knots))
     for joint in range(1, 7):
-        (line,) = right.plot(np.interp(share, run.knot_shares, numbers), curve[:, joint],
+        (line,) = right.plot(np.interp(sigma, run.knot_sigmas, numbers), curve[:, joint],
                              label=f"joint {joint}")  # fmt: skip
         right.plot(numbers, knots[:, joint], "o:", color=line.get_color(), ms=4, lw=0.8)
     right.set_xticks(numbers, [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))])

@@ -89,8 +89,8 @@ def costs_along(graph: TwoLimbGraph, states: list[State]) -> tuple[Array, Array,
     goal = Goal.from_arguments(graph, GOAL, "base", None, GOAL_TOLERANCE)
     lower_bounds = GraphSearcher(graph).lower_bounds()
     assert lower_bounds is not None
-    shift = np.linalg.norm(np.diff(graph.base_in_world[rows], axis=0), axis=1)
-    straight = np.maximum(goal.distance(graph.base_in_world[rows]) - goal.tolerance, 0.0)
+    shift = np.linalg.norm(np.diff(graph.base_position[rows], axis=0), axis=1)
+    straight = np.maximum(goal.distance(graph.base_position[rows]) - goal.tolerance, 0.0)
     return (
         np.concatenate([[0.0], np.cumsum(shift)]),
         lower_bounds.compute(goal, rows).h[rows],
@@ -138,9 +138,9 @@ def dominated_pair(graph: TwoLimbGraph) -> tuple[State, float, State, float]:
     start, found = graph.state(START), {}
     steps, here = graph.successors(start), graph.posture_of(start).base_position[0]
     for k in range(len(steps.limb)):
-        between, place = steps.after(start, k), steps.base_in_world[k]
+        between, place = steps.after(start, k), steps.base_position[k]
         more = graph.successors(between)
-        costs = np.linalg.norm(more.base_in_world - place, axis=1) + np.linalg.norm(place - here)
+        costs = np.linalg.norm(more.base_position - place, axis=1) + np.linalg.norm(place - here)
         for n, cost in enumerate(costs.tolist()):
             after = more.after(between, n)
             if after.stance != start.stance:

@@ -48,7 +48,7 @@ def edge_paths(graph: TwoLimbGraph) -> Array:
         row = graph.row(held, s)
         others = row[(np.asarray(graph.kept_branches(held, s, row)) > 0) & (row != s)]
         if len(others):
-            found.append([graph.base_in_world[s], graph.base_in_world[int(rng.choice(others))]])
+            found.append([graph.base_position[s], graph.base_position[int(rng.choice(others))]])
     return np.array(found)
 
 

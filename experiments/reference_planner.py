@@ -268,7 +268,7 @@ def map_to_plan(
 
     def known(stance: tuple[int, int]) -> Array | None:
         s = graph.find(stance)
-        return graph.base_in_world[s] if s >= 0 else None
+        return graph.base_position[s] if s >= 0 else None
 
     settings = Settings(**NODES_ONLY)
     counter = ReferencePlanner(grasp_map, graph.robot, settings)

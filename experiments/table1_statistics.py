@@ -59,7 +59,7 @@ def random_pair(seed: int) -> tuple[Start, list[float]]:
     low, high = graph.grasp_map.cabin
     while True:
         s, g = (int(rng.choice(side)) for side in sides)
-        goal, here = graph.base_in_world[g], graph.base_in_world[s]
+        goal, here = graph.base_position[g], graph.base_position[s]
         inside = (goal >= low).all() and (goal <= high).all()
         if inside and np.linalg.norm(goal - here) >= LEAST and graph.branch_sets[s].all():
             return Start.at(graph, graph.ids(graph.points[s])), goal.tolist()

@@ -133,9 +133,9 @@ class StateGraph:
         rows, cols, moved = [], [], []
         bar = tqdm(desc="states", mininterval=5.0)
         for state in todo:
-            here = graph.base_in_world[graph.find(state.stance)]
+            here = graph.base_position[graph.find(state.stance)]
             steps_from = graph.successors(state)
-            away = np.linalg.norm(steps_from.base_in_world - here, axis=1)
+            away = np.linalg.norm(steps_from.base_position - here, axis=1)
             for k in range(len(steps_from.limb)):
                 after = steps_from.after(state, k)
                 if after not in self.index:
@@ -146,7 +146,7 @@ class StateGraph:
             moved.append(away)
             bar.update()
         bar.close()
-        self.places = np.array([graph.base_in_world[graph.find(s.stance)] for s in todo])
+        self.places = np.array([graph.base_position[graph.find(s.stance)] for s in todo])
         self.rows, self.cols, self.moved = np.array(rows), np.array(cols), np.concatenate(moved)
 
     def costs(self, start: State, cost: Cost) -> Array:
@@ -173,7 +173,7 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
         costs = states.costs(start, Cost.named(name, price))
         for _ in range(queries // starts):
             # Most positions in the cabin are far from any stance.
-            goal = graph.base_in_world[rng.integers(len(graph))] + rng.normal(size=3) * 0.05
+            goal = graph.base_position[rng.integers(len(graph))] + rng.normal(size=3) * 0.05
             goal = np.clip(goal, *sparse.cabin)
             radius = float(rng.choice([0.05, 0.2]))
             inside = np.linalg.norm(states.places - goal, axis=1) <= radius
@@ -207,7 +207,7 @@ def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, 
             continue
         done[state] = so_far
         here, steps_from = graph.posture_of(state).base_position[0], graph.successors(state)
-        away = np.linalg.norm(steps_from.base_in_world - here, axis=1)
+        away = np.linalg.norm(steps_from.base_position - here, axis=1)
         for k in range(len(steps_from.limb)):
             after = steps_from.after(state, k)
             total = so_far + cost.base_weight * float(away[k]) + cost.step_weight

@@ -116,14 +116,14 @@ def algorithm1(
         if progress is not None and index % 100 == 0:
             progress(index)
         steps = graph.successors(state)  # line 6
-        distances = np.linalg.norm(steps.base_in_world - here, axis=1)
+        distances = np.linalg.norm(steps.base_position - here, axis=1)
         g = -minus_g + cost.base_weight * distances + cost.step_weight  # line 7
-        f = g + estimate(steps.base_in_world)
+        f = g + estimate(steps.base_position)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
             if after not in closed and g[k] < best_cost.get(after, np.inf):  # line 8
                 best_cost[after] = float(g[k])
                 entry = (float(f[k]), -float(g[k]), tree.generated)
-                heapq.heappush(queue, (*entry, after, steps.base_in_world[k], index))  # line 9
+                heapq.heappush(queue, (*entry, after, steps.base_position[k], index))  # line 9
                 tree.generated += 1
     return tree  # line 10

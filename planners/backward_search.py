@@ -2,7 +2,7 @@
 
 It is the minimum cost if limbs could change their branches. Every step joins a pair of nodes of the
 table, so the minimum over these pairs is a lower bound of the cost of a plan. The search runs
-backward from the goal until the starts are reached, and a margin farther. A node that it did not
+backward from the goal until the starts are reached, and somewhat farther. A node that it did not
 reach costs at least the final estimate of the search minus the lower bound from the start to that
 node.
 """
@@ -43,10 +43,10 @@ class BackwardProgress(Record):
     """Number of starts that the search has not reached."""
     limit: float
     """Estimate at which the search ends; infinite until all starts are reached."""
-    margin_share: float
-    """Margin beyond the starts as a share of their cost."""
-    margin_amount: float
-    """Margin beyond the starts in addition to that share."""
+    extension_fraction: float
+    """How far the search goes beyond the starts, as a fraction of their cost."""
+    extension_amount: float
+    """How far it goes in addition to that."""
     final_estimate: float
     """Estimate at which the search ended; infinite if its queue was exhausted."""
 
@@ -68,7 +68,7 @@ def costs_to_goal(
     weights: CostWeights,
     starts: IntArray,
     start_bounds: Array,
-    margin: tuple[float, float],
+    extension: tuple[float, float],
 ) -> tuple[Array, BoolArray]:
     """Compute lower bounds of the cost from every node to the goal.
 
@@ -85,8 +85,8 @@ def costs_to_goal(
     start_bounds
         Consistent lower bounds of the cost from the start to each node, infinite for nodes that are
         not to be visited, shape (n,).
-    margin
-        How far the search goes beyond the starts: a share of their cost, and an amount.
+    extension
+        How far the search goes beyond the starts: a fraction of their cost, and an amount.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def costs_to_goal(
     queue = NodeQueue.allocate(INITIAL_CAPACITY + int(goals.sum()), low, bucket_width(weights))
     progress = BackwardProgress.row()
     progress["unreached_starts"], progress["limit"] = int(is_start.sum()), np.inf
-    progress["margin_share"], progress["margin_amount"] = margin
+    progress["extension_fraction"], progress["extension_amount"] = extension
     nodes = table, goals, is_start
     while not _search(nodes, weights, estimates, queue, progress):
         queue = queue.doubled()
@@ -154,7 +154,7 @@ def _search(
             progress.unreached_starts -= 1
             if progress.unreached_starts == 0:
                 f = estimates[s].cost + estimates[s].start_bound
-                progress.limit = f * (1.0 + progress.margin_share) + progress.margin_amount
+                progress.limit = f * (1.0 + progress.extension_fraction) + progress.extension_amount
         _relax_predecessors(table, s, weights, estimates, queue)
 
 

@@ -51,7 +51,7 @@ class _Task:
 
     def distance(self, state: State) -> float:
         """Return the distance of the base from the goal [m]."""
-        return distance(self.moves.place(state).base_in_world, self.goal.tolist())
+        return distance(self.moves.stance_properties(state).base_position, self.goal.tolist())
 
     def is_at_goal(self, state: State) -> bool:
         """Return whether the base is within the goal region."""
@@ -78,7 +78,7 @@ def local_walk(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     states, seen = [task.start], {task.start.stance}
     while not task.is_at_goal(states[-1]) and len(states) <= task.max_steps:
         steps = task.steps(states[-1])
-        for k in np.argsort(distances(steps.base_in_world, task.goal), kind="stable"):
+        for k in np.argsort(distances(steps.base_position, task.goal), kind="stable"):
             after = steps.after(states[-1], int(k))
             if after.stance not in seen:
                 states.append(after)
@@ -98,7 +98,7 @@ class _TreeNode:
         self.state = state
         self.steps = task.steps(state)
         self.order = np.argsort(
-            distances(self.steps.base_in_world, task.goal), kind="stable"
+            distances(self.steps.base_position, task.goal), kind="stable"
         ).tolist()
         self.children: list[_TreeNode] = []
         self.visits, self.total = 0, 0.0
@@ -154,7 +154,7 @@ def _simulate(
         steps = node.steps if state == node.state else task.steps(state)
         if not len(steps.limb):
             break
-        far = distances(steps.base_in_world, task.goal)
+        far = distances(steps.base_position, task.goal)
         k = int(np.argmin(far + 0.1 * rng.random(len(far))))
         state = steps.after(state, k)
         if state.stance in seen:
@@ -170,7 +170,7 @@ def _simulate(
 
 def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
     """Find footholds along the straight base path to the goal, inside a corridor around it."""
-    origin = np.array(task.moves.place(task.start).base_in_world)
+    origin = np.array(task.moves.stance_properties(task.start).base_position)
     length = float(np.linalg.norm(task.goal - origin))
     direction = (task.goal - origin) / max(length, 1e-9)
     for half_width in CORRIDORS:
@@ -187,10 +187,10 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
             if depth[here] >= task.max_steps:
                 continue
             steps = task.steps(states[here])
-            far = distances(steps.base_in_world, task.goal)
-            along = (steps.base_in_world - origin) @ direction
+            far = distances(steps.base_position, task.goal)
+            along = (steps.base_position - origin) @ direction
             aside = np.linalg.norm(
-                steps.base_in_world - origin - np.clip(along, 0.0, length)[:, None] * direction,
+                steps.base_position - origin - np.clip(along, 0.0, length)[:, None] * direction,
                 axis=1,
             )
             for k in np.flatnonzero(aside <= half_width):

@@ -35,7 +35,7 @@ class CostToGo:
     def __init__(self, graph: TwoLimbGraph, goal: Goal) -> None:
         """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
-        self.is_goal: BoolArray = goal.reached(graph.base_in_world, graph.points)
+        self.is_goal: BoolArray = goal.reached(graph.base_position, graph.points)
         self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
         self._releasable = graph.releasable if graph.settings.transitions else graph.branch_sets
         self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
@@ -75,7 +75,7 @@ class CostToGo:
         """Return the cost of each step from a state and an optimal path after it, shape (k,)."""
         out = np.empty(len(successors.limb))
         shift = np.linalg.norm(
-            successors.base_in_world - self.graph.posture_of(state).base_position[0], axis=1
+            successors.base_position - self.graph.posture_of(state).base_position[0], axis=1
         )
         for k in range(len(out)):
             after = successors.after(state, k)

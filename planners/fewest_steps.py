@@ -36,7 +36,7 @@ class SupportSetScratch(NamedTuple):
 
 
 def fewest_steps(
-    table: NodeTable, goals: BoolArray, forbidden: BoolArray, starts: IntArray, margin: int
+    table: NodeTable, goals: BoolArray, forbidden: BoolArray, starts: IntArray, extension: int
 ) -> tuple[NDArray[np.int16], float]:
     """Compute the fewest steps from every node to the goal.
 
@@ -50,7 +50,7 @@ def fewest_steps(
         Whether paths may not enter each node, shape (n,).
     starts
         Nodes whose steps are requested.
-    margin
+    extension
         Number of levels beyond the last of these.
 
     Returns
@@ -70,7 +70,7 @@ def fewest_steps(
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
-            limit = int(steps[starts].max(initial=0)) + margin
+            limit = int(steps[starts].max(initial=0)) + extension
     return steps, level + 1.0
 
 

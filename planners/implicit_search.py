@@ -44,7 +44,7 @@ from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 
-POSTURE_BATCH, BLOCK_SHARE, STEP_BATCH = 128, 8, 32
+POSTURE_BATCH, BLOCK_BATCH, STEP_BATCH = 128, 8, 32
 """Maximum number of stances whose postures are computed in one batch, of those from one block, and
 of steps checked in one batch."""
 
@@ -232,7 +232,7 @@ class _ImplicitSearch:
         blocks, count, block = [], 0, first
         while True:
             if block.lower_bound < self.best * (1.0 - COST_TOLERANCE):
-                some = block.stances[block.version : block.version + BLOCK_SHARE]
+                some = block.stances[block.version : block.version + BLOCK_BATCH]
                 blocks.append((block.parent, block.cost, some))
                 block.version += len(some)
                 count += len(some)

@@ -27,9 +27,9 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
 from mlivr_gym.transitions.state import State
 
-SEARCH_MARGIN = (0.03, 2)
+SEARCH_EXTENSION = (0.03, 2)
 """How far the bounds extend beyond the start with more than two limbs, for the starts of further
-plans: a share of the cost, and a number of steps."""
+plans: a fraction of the cost, and a number of steps."""
 
 MAX_STEPS = 1 << 14
 """Upper bound of the steps between any two nodes."""
@@ -74,7 +74,7 @@ class LowerBounds:
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
         two_limbs = isinstance(graph, TwoLimbGraph)
         self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
-        self._margin = (0.0, 0) if two_limbs else SEARCH_MARGIN
+        self._extension = (0.0, 0) if two_limbs else SEARCH_EXTENSION
 
     @property
     def lazy_table(self) -> LazyTable:
@@ -108,11 +108,13 @@ class LowerBounds:
         """Compute bounds from some nodes for paths that do not enter forbidden nodes."""
         cost, goals = goal.cost, self._goal_nodes(goal)
         if cost.base_weight:
-            margin = self._margin[0], self._margin[1] * cost.step_weight
+            extension = self._extension[0], self._extension[1] * cost.step_weight
             start_bounds = self._start_bounds(cost, starts, forbidden)
-            h, exact = costs_to_goal(table, goals, cost_weights(cost), starts, start_bounds, margin)
+            h, exact = costs_to_goal(
+                table, goals, cost_weights(cost), starts, start_bounds, extension
+            )
         else:
-            steps, smallest = fewest_steps(table, goals, forbidden, starts, self._margin[1])
+            steps, smallest = fewest_steps(table, goals, forbidden, starts, self._extension[1])
             exact = steps >= 0
             h = cost.step_weight * np.where(exact, steps, smallest)
             h[forbidden] = np.inf
@@ -158,8 +160,8 @@ class LowerBounds:
         if len(starts) > MAX_STARTS:
             return np.where(forbidden, np.inf, 0.0)
         squared_distance: Array = np.full(count, np.inf)
-        for place in table.base_position[starts]:
-            offset = table.base_position - place
+        for start in table.base_position[starts]:
+            offset = table.base_position - start
             np.minimum(
                 squared_distance, np.einsum("ij,ij->i", offset, offset), out=squared_distance
             )

@@ -148,7 +148,7 @@ class _Footholds:
         """Return all candidate base poses of each stance."""
         return [self.graph.solver.candidate_poses(stance) for stance in self.stances]
 
-    def samples(self, postures: Postures, rng: np.random.Generator, share: float) -> Poses:
+    def samples(self, postures: Postures, rng: np.random.Generator, fraction: float) -> Poses:
         """Return base poses sampled around some postures, one for each stance.
 
         Half of the samples have three tenths of the spread.
@@ -159,10 +159,10 @@ class _Footholds:
             The postures.
         rng
             Source of the samples.
-        share
-            Spread of the samples as a share of `SPREAD`.
+        fraction
+            Spread of the samples as a fraction of `SPREAD`.
         """
-        out, (spread, turned) = [], (share * SPREAD[0], share * SPREAD[1])
+        out, (spread, turned) = [], (fraction * SPREAD[0], fraction * SPREAD[1])
         for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):
             size = np.where(np.arange(SAMPLES) % 2, 1.0, 0.3)[:, None]
             moved = position + spread * size * rng.normal(size=(SAMPLES, 3))
@@ -243,10 +243,10 @@ class _Footholds:
             branch_sets = graph.branch_sets_of_steps(steps, stances)
         else:
             branch_sets = stances.branch_sets[rows]
-        places = postures.base_position
+        positions = postures.base_position
         for row, after in zip(rows.tolist(), branch_sets.tolist(), strict=True):
             if all(after):
-                cost = node.cost + float(np.linalg.norm(places[row] - places[node.row]))
+                cost = node.cost + float(np.linalg.norm(positions[row] - positions[node.row]))
                 yield _PoseNode(node.layer + 1, row, tuple(after), cost, node)
 
     def _posed_path(self, postures: Postures, node: _PoseNode) -> _PosedPath:

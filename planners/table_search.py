@@ -66,8 +66,7 @@ LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
 
 COST_TOLERANCE = 1e-9
-"""Relative tolerance of costs: a path must be cheaper by more than this share to replace
-another."""
+"""Relative tolerance of costs: a path must be cheaper by more than this to replace another."""
 
 
 def search_table(
@@ -156,9 +155,9 @@ class _TableSearch:
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             self._origin_paths = [
                 StatePath((state, after), np.stack([here, position]))
-                for after, position in zip(states, steps.base_in_world, strict=True)
+                for after, position in zip(states, steps.base_position, strict=True)
             ]
-            shift = np.linalg.norm(steps.base_in_world - here, axis=1)
+            shift = np.linalg.norm(steps.base_position - here, axis=1)
             costs = self.goal.cost.base_weight * shift + self.goal.cost.step_weight
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)

@@ -96,7 +96,7 @@ def relax(
                     continue
                 square = 0.0
                 for axis in range(3):
-                    square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
+                    square += (tables.base_position[s, axis] - tables.base_position[s2, axis]) ** 2
                 cost = step_cost[point] + base_cost[point] * np.sqrt(square)
                 branches, changed = tables.kept[e], False
                 for b in range(16):
@@ -167,7 +167,7 @@ def step_values(
                 if can_release(branches, tables.releasable[s2, support]):
                     remaining = grasped[g, s2, moving]
                 for axis in range(3):
-                    square += (tables.base_in_world[s, axis] - tables.base_in_world[s2, axis]) ** 2
+                    square += (tables.base_position[s, axis] - tables.base_position[s2, axis]) ** 2
                 for b in range(16):
                     if has(branches, b):
                         remaining = min(remaining, values[g, s2, support, b])
@@ -197,7 +197,7 @@ def expected_prices(cost: Cost, failure: Array) -> StepPrices:
 
 def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
     """Return whether each base is within a tolerance [m] of goal positions, (g, 3) -> (g, n)."""
-    return np.array([distances(tables.base_in_world, goal) <= tolerance for goal in goals])
+    return np.array([distances(tables.base_position, goal) <= tolerance for goal in goals])
 
 
 class TableValues:

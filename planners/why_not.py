@@ -104,7 +104,7 @@ def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
     if not isinstance(graph, TwoLimbGraph):
         return 0.0
     is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
-    distances = np.where(is_goal, goal.distance(graph.base_in_world), np.inf)
+    distances = np.where(is_goal, goal.distance(graph.base_position), np.inf)
     return float(distances.min(initial=np.inf))
 
 

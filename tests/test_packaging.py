@@ -111,7 +111,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 graph = stance_graph()
 start = ("D2a:4", "D2b:4")
-goal = graph.successors(graph.state(start)).base_in_world[-1]
+goal = graph.successors(graph.state(start)).base_position[-1]
 plan = Planner(graph).plan(start, goal.tolist(), "steps", goal_tolerance=0.01).unwrap()
 execution = execute(graph, plan)
 assert len(execution.captures) == len(plan.steps) > 0 and execution.failure is None

@@ -91,14 +91,14 @@ def _writable(folder: str) -> bool:
         able = os.access(folder, os.W_OK)
     except OSError:
         able = False
-    place = str(Path(folder).parent)
-    if not able and place not in _warned:
-        _warned.add(place)
+    folder_name = str(Path(folder).parent)
+    if not able and folder_name not in _warned:
+        _warned.add(folder_name)
         logging.getLogger(__name__).warning(
             "machine code cannot be cached in %s: kernels that do not ship with the package are "
             "compiled in every process, which may take a minute; set MLIVR_GYM_CACHE to a writable "
             "folder",
-            place,
+            folder_name,
         )
     return able
 

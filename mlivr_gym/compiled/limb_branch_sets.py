@@ -42,8 +42,8 @@ def packed(branch_sets: IntArray) -> NDArray[np.uint64]:
 
 def unpacked(numbers: NDArray[np.uint64], limbs: int) -> IntArray:
     """Return the branch sets of N limbs, shape (k, N), from integers of shape (k,)."""
-    places = WIDTH * np.arange(limbs, dtype=np.uint64)
-    branch_sets: IntArray = ((numbers[:, None] >> places) & BRANCH_SET).astype(np.int64)
+    shifts = WIDTH * np.arange(limbs, dtype=np.uint64)
+    branch_sets: IntArray = ((numbers[:, None] >> shifts) & BRANCH_SET).astype(np.int64)
     return branch_sets
 
 
@@ -104,9 +104,9 @@ def set_bit(bits: NDArray[np.uint64], k: int) -> None:
 
 
 @entry
-def clear_bits(bits: NDArray[np.uint64], which: IntArray) -> None:
+def clear_bits(bits: NDArray[np.uint64], indices: IntArray) -> None:
     """Clear the bits of a bit array with the given indices, shape (k,)."""
-    for k in which:
+    for k in indices:
         bits[k // WORD] &= ~(ONE << np.uint64(k % WORD))
 
 

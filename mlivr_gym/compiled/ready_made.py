@@ -108,16 +108,16 @@ def offer(dispatcher: Any, digest: str) -> None:
     digest
         Digest of its sources, see `cache.source_digest`.
     """
-    place = f"{digest}/{dispatcher.py_func.__qualname__}"
-    dispatcher._cache = _CacheWithArchive(dispatcher._cache, place)
+    member = f"{digest}/{dispatcher.py_func.__qualname__}"
+    dispatcher._cache = _CacheWithArchive(dispatcher._cache, member)
 
 
 class _CacheWithArchive:
     """Cache of a compiled function that reads Numba's cache folder first, then the archive."""
 
-    def __init__(self, cache: Any, place: str) -> None:
-        """Take Numba's cache of the function, which may be empty, and its place in the archive."""
-        self._cache, self._place = cache, place
+    def __init__(self, cache: Any, member: str) -> None:
+        """Take Numba's cache of the function, which may be empty, and its member in the archive."""
+        self._cache, self._place = cache, member
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of Numba's cache, which does all but loading."""
@@ -134,9 +134,9 @@ class _CacheWithArchive:
         return found
 
 
-def member(place: str, signature: Any) -> str:
+def member(member: str, signature: Any) -> str:
     """Return the name in the archive of a function compiled for a signature."""
-    return f"{place}/{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}"
+    return f"{member}/{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}"
 
 
 def _read(name: str) -> Any:

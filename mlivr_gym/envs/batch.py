@@ -150,7 +150,7 @@ def advance(
         square = 0.0
         for axis in range(3):
             before, after = stances[k], results.after[k]
-            square += (tables.base_in_world[before, axis] - tables.base_in_world[after, axis]) ** 2
+            square += (tables.base_position[before, axis] - tables.base_position[after, axis]) ** 2
         displacement[k] = 0.0 if skip[k] else np.sqrt(square)
     for k in range(len(actions)):
         if skip[k]:
@@ -307,7 +307,7 @@ def draw_tasks(
     targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
     axis, middle = distribution.axis, distribution.middle
     stances, branch_sets, streams = copies.stances, copies.branch_sets, copies.streams
-    position = tables.base_in_world
+    position = tables.base_position
     n = len(position)
     for k in range(len(which)):
         if not which[k]:

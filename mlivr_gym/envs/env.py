@@ -317,8 +317,8 @@ class MlivrEnv(StanceGraphEnv):
         self.steps, simulated = self.steps + 1, None
         if legal:
             after = self.moves.take(state, action)
-            reached = self.moves.place(after).base_in_world
-            displacement = distance(reached, self._place.base_in_world)
+            reached = self.moves.stance_properties(after).base_position
+            displacement = distance(reached, self._place.base_position)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self._stream.random() < risk)
             if failed:

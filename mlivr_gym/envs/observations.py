@@ -83,7 +83,7 @@ class Observer:
         else:
             stance = np.array(state.stance, dtype=np.int64)
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
-            position = np.array(place.base_in_world).astype(np.float32)
+            position = np.array(place.base_position).astype(np.float32)
             turn = place.quaternion.astype(np.float32)
         branches = MASK_BITS.take(state.branch_sets, axis=0).ravel()
         return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
@@ -113,8 +113,8 @@ def observation_rows(graph: TwoLimbGraph) -> tuple[NDArray[Any], ...]:
     return (
         graph.points.astype(np.int64),
         graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
-        graph.base_in_world.astype(np.float32),
-        quaternion(graph.base_axes_in_world).astype(np.float32),
+        graph.base_position.astype(np.float32),
+        quaternion(graph.base_rotation).astype(np.float32),
     )
 
 
@@ -131,8 +131,8 @@ class ObservationTable(NamedTuple):
     @classmethod
     def of(cls, graph: TwoLimbGraph) -> ObservationTable:
         """Return the table of a graph."""
-        turns = quaternion(graph.base_axes_in_world)
-        properties = np.column_stack([graph.base_in_world, turns, graph.w_m, graph.w_b])
+        turns = quaternion(graph.base_rotation)
+        properties = np.column_stack([graph.base_position, turns, graph.w_m, graph.w_b])
         return cls(graph.points.astype(np.int32), graph.grasp_map.positions, properties)
 
 
@@ -145,7 +145,7 @@ class ObservationArrays(NamedTuple):
     base_quaternion: Floats
     goal: Floats
     branches: NDArray[np.int8]
-    base_in_world: Array
+    precise_base_position: Array
     """Positions of the bases in double precision [m], shape (k, 3)."""
     w_m: Array
     """Limb manipulability, shape (k, 2)."""
@@ -207,7 +207,7 @@ def write_observations(
             out.stance[k, limb] = table.points[s, limb]
             out.w_m[k, limb] = table.properties[s, 7 + limb]
         for axis in range(3):
-            out.base_in_world[k, axis] = table.properties[s, axis]
+            out.precise_base_position[k, axis] = table.properties[s, axis]
         for part in range(4):
             out.base_quaternion[k, part] = table.properties[s, 3 + part]
         out.w_b[k] = table.properties[s, 9]
@@ -220,7 +220,7 @@ def write_observations(
             for branch in range(16):
                 out.branches[k, 16 * limb + branch] = has(branch_sets[k, limb], branch)
         for axis in range(3):
-            here, goal = out.base_in_world[k, axis], goals[k, axis]
+            here, goal = out.precise_base_position[k, axis], goals[k, axis]
             out.base_position[k, axis], out.goal[k, axis] = here, goal
             square += (here - goal) ** 2
         out.goal_distance[k] = np.sqrt(square)

@@ -114,8 +114,8 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def _enter_state(self, state: State) -> None:
         """Set the present state, and evaluate its posture, goal distance and mask."""
         self._graph_version = self.graph.version
-        self._state, self._place = state, self.moves.place(state)
-        self._distance = distance(self._place.base_in_world, self.goal.tolist())
+        self._state, self._place = state, self.moves.stance_properties(state)
+        self._distance = distance(self._place.base_position, self.goal.tolist())
         self._mask = self.moves.action_mask(state)
 
     def _observation(self) -> Observation:
@@ -127,7 +127,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         place = self._place
         return {
             "stance": place.ids,
-            "base_position": np.array(place.base_in_world),
+            "base_position": np.array(place.base_position),
             "base_translation": self.base_translation,
             "steps": self.steps,
             "limb_manipulability": place.w_m.copy(),

@@ -257,11 +257,11 @@ def _walk_end(graph: StanceGraph, state: State, origin: Array, target: Array) ->
         steps = graph.successors(state)
         if not steps:
             break
-        square = _squared_lengths(steps.base_in_world - target)
+        square = _squared_lengths(steps.base_position - target)
         k = int(np.argmin(square))
         if square[k] >= best:
             break
-        best, position, state = float(square[k]), steps.base_in_world[k], steps.after(state, k)
+        best, position, state = float(square[k]), steps.base_position[k], steps.after(state, k)
     return position
 
 

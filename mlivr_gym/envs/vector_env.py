@@ -385,7 +385,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         seen = self._seen
         info: dict[str, Any] = {
             "stance": self._ids.take(seen.stance),
-            "base_position": seen.base_in_world,
+            "base_position": seen.precise_base_position,
             "base_translation": self.base_translation.copy(),
             "steps": self.steps.copy(),
             "limb_manipulability": seen.w_m,

@@ -121,13 +121,15 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
 
 
 @kernel
-def in_windows(limb: MountedArm, flange: Pose, path: BasePath, mask: int, track: Track) -> int:
-    """Branches and flips in `mask` on which every joint stays in its window along a path.
+def in_windows(
+    limb: MountedArm, flange: Pose, path: BasePath, branch_set: int, track: Track
+) -> int:
+    """Return those of `branch_set` on which every joint stays in its window along a path.
 
     The flip is a half turn of joint 6.
     """
     for branch in range(BRANCHES):
-        if not has_branch(mask, branch):
+        if not has_branch(branch_set, branch):
             continue
         begin(track)
         there = follow(limb, flange, path, branch, FEW, track)
@@ -136,8 +138,8 @@ def in_windows(limb: MountedArm, flange: Pose, path: BasePath, mask: int, track:
             there = follow(limb, flange, path, branch, MANY, track)
         for flip in range(2):
             if not (there and _fits(limb.arm, track, np.pi * flip)):
-                mask = without_flip(mask, branch, flip)
-    return mask
+                branch_set = without_flip(branch_set, branch, flip)
+    return branch_set
 
 
 @kernel
@@ -153,10 +155,10 @@ def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
 
 
 @kernel
-def hold_mask(
-    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, scratch: Holding
+def held_branches(
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, branch_set: int, scratch: Holding
 ) -> int:
-    """Those of the branches in `mask` on which one limb can hold along a base path.
+    """Return the branches of `branch_set` on which one limb can hold along a base path.
 
     Parameters
     ----------
@@ -168,13 +170,13 @@ def hold_mask(
         The base path.
     floor
         Least `|det J|` [m^3].
-    mask
+    branch_set
         Branches and flips to look at.
     scratch
         Scratch.
     """
-    if mask:
-        mask = certify(limb, flange, path, floor, mask, scratch.proof)
-    if mask:
-        mask = in_windows(limb, flange, path, mask, scratch.track)
-    return mask
+    if branch_set:
+        branch_set = certify(limb, flange, path, floor, branch_set, scratch.proof)
+    if branch_set:
+        branch_set = in_windows(limb, flange, path, branch_set, scratch.track)
+    return branch_set

@@ -102,7 +102,7 @@ class CommittedSteps:
             self._obstacles = graph.obstacles
         arrays = step.positions, step.rotations, step.joints, step.grasp_joints
         key = (
-            step.limb, step.before, step.to_point, step.kind, step.branches, edge.fold,
+            step.limb, step.before, step.to_point, step.path_kind, step.branches, edge.fold,
             edge.line_branches,
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
@@ -285,7 +285,7 @@ class _MotionDraft:
             to_point=self.states[k + 1].stance[limb],
             positions=self.postures.base_position[k : k + 2],
             rotations=self.postures.base_rotation[k : k + 2],
-            kind=self.edges[k].kind if self.edges else STRAIGHT,
+            path_kind=self.edges[k].path_kind if self.edges else STRAIGHT,
             pivot=self.pivots[k],
             branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),
             joints=self.joints[k],
@@ -304,7 +304,7 @@ class _MotionDraft:
             limb=regrasp.limb,
             from_point=ids[regrasp.before[regrasp.limb]],
             to_point=ids[regrasp.to_point],
-            path=PATH_KINDS[regrasp.kind] if self.edges else "unchecked",
+            path=PATH_KINDS[regrasp.path_kind] if self.edges else "unchecked",
             pivot=(x, y, z),
             displacement=float(np.linalg.norm(regrasp.positions[1] - regrasp.positions[0])),
             swing=committed.swing,

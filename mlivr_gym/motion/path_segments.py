@@ -2,7 +2,7 @@
 
 A step consists of the departure, one or more segments of the swing, and the approach. Consecutive
 lines of the swing that meet in a rounded corner form one segment; the robot is at rest at both ends
-of every segment. A segment is sampled over its share sigma, the path parameter from 0 to 1, and
+of every segment. A segment is sampled over its path parameter sigma, from 0 to 1, and
 interpolated by a cubic spline, whose first and second derivatives by sigma give the velocities and
 accelerations for any time scaling sigma(t), see `simulation.path_dynamics`.
 """
@@ -23,7 +23,7 @@ LINE_SAMPLES = 97
 
 @dataclass(frozen=True)
 class PathSegment:
-    """One segment of a step, sampled at K shares.
+    """One segment of a step, sampled at K values of its path parameter.
 
     The derivatives of the base are its linear velocity in the world frame and its angular velocity
     in the body frame, the convention of MuJoCo's free joint.
@@ -32,8 +32,8 @@ class PathSegment:
     ----------
     phase
         Index into `regrasp.PHASES`.
-    shares
-        Shares sigma of the segment, from 0 to 1, shape (K,).
+    sigmas
+        Path parameter sigma at the samples, from 0 to 1, shape (K,).
     base_positions
         Base positions in the world, shape (K, 3) [m].
     base_quaternions
@@ -46,7 +46,7 @@ class PathSegment:
     """
 
     phase: int
-    shares: Array
+    sigmas: Array
     base_positions: Array
     base_quaternions: Array
     joints: Array
@@ -73,13 +73,13 @@ def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSeg
     PlanError
         If a support limb cannot follow the base.
     """
-    share, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
-    shares = [
-        share, *(np.linspace(0.0, 1.0, lines * (nodes - 1) + 1) for lines in path.lines), share
+    sigma, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
+    sigmas = [
+        sigma, *(np.linspace(0.0, 1.0, lines * (nodes - 1) + 1) for lines in path.lines), sigma
     ]  # fmt: skip
-    swings = [path.swing(segment, at) for segment, at in enumerate(shares[1:-1])]
+    swings = [path.swing(segment, at) for segment, at in enumerate(sigmas[1:-1])]
     parts = [
-        (np.zeros(nodes), path.departure(share)), *swings, (np.ones(nodes), path.approach(share))
+        (np.zeros(nodes), path.departure(sigma)), *swings, (np.ones(nodes), path.approach(sigma))
     ]  # fmt: skip
     s = np.concatenate([s for s, _ in parts])
     joints = path.supports(s)
@@ -87,8 +87,8 @@ def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSeg
     positions, rotations = path.base(s)
     turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
     segments = []
-    ends = np.cumsum([0, *map(len, shares)])
-    for k, at in enumerate(shares):
+    ends = np.cumsum([0, *map(len, sigmas)])
+    for k, at in enumerate(sigmas):
         here = slice(ends[k], ends[k + 1])
         segments.append(
             PathSegment(
@@ -104,9 +104,9 @@ def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSeg
 
 
 def _curve(
-    share: Array, positions: Array, turned: scipy.spatial.transform.Rotation, joints: Array
+    sigma: Array, positions: Array, turned: scipy.spatial.transform.Rotation, joints: Array
 ) -> scipy.interpolate.CubicSpline:
-    """Return the cubic spline of base position, base rotation and joint angles over the share.
+    """Return the cubic spline of base position, base rotation and joint angles over sigma.
 
     The base turns about one fixed axis on a base path, so the rotation is the sum of small rotation
     vectors in the body frame.
@@ -114,5 +114,5 @@ def _curve(
     turns = (turned[:-1].inv() * turned[1:]).as_rotvec()
     angles = np.concatenate([np.zeros((1, 3)), np.cumsum(turns, axis=0)])
     return scipy.interpolate.CubicSpline(
-        share, np.column_stack([positions, angles, joints.reshape(len(share), -1)])
+        sigma, np.column_stack([positions, angles, joints.reshape(len(sigma), -1)])
     )

@@ -60,19 +60,19 @@ def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
             f"{query.cost_name!r}; a price goes with 'weighted' and only with it"
         )
     priced = f"cost_name {query.cost_name!r}, regrasp_price {query.regrasp_price!r}"
-    places = motion.base_positions
-    away = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    positions = motion.base_positions
+    away = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     for k, step in enumerate(motion.steps):
         _compare(f"motion.steps[{k}].displacement", step.displacement, float(away[k]))
-    expected = query.cost_of(places)
+    expected = query.cost_of(positions)
     if not abs(statistics.cost - expected) <= TOLERANCE * max(1.0, expected):
         raise _mismatch("statistics.cost", statistics.cost, f"{expected!r} (query.{priced})")
-    short = float(np.linalg.norm(places[-1] - np.array(query.goal)))
+    short = float(np.linalg.norm(positions[-1] - np.array(query.goal)))
     if short > query.goal_tolerance + TOLERANCE:
         raise PlanError(
             f"query.goal is {shortened(list(query.goal))}, to be reached within "
             f"{query.goal_tolerance!r} m; the last base position "
-            f"{shortened(places[-1].tolist())} is {short!r} m away from it"
+            f"{shortened(positions[-1].tolist())} is {short!r} m away from it"
         )
 
 
@@ -153,18 +153,18 @@ def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntA
 def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) -> None:
     """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
     given, robot = _rotations(motion)[k], graph.robot
-    places, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
+    positions, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
-        place, turn = _flange(robot.every_limb[i].link_offsets, motion.joint_positions[k, i])
+        position, turn = _flange(robot.every_limb[i].link_offsets, motion.joint_positions[k, i])
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
             (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),
             key=lambda turn: np.abs(turn - given).max(),
         )
-        places[i] = flange["position"] - turns[i] @ (robot.mount_positions[i] + mount @ place)
-    if max(np.ptp(places, axis=0).max(), np.ptp(turns, axis=0).max()) < TOLERANCE:
+        positions[i] = flange["position"] - turns[i] @ (robot.mount_positions[i] + mount @ position)
+    if max(np.ptp(positions, axis=0).max(), np.ptp(turns, axis=0).max()) < TOLERANCE:
         _compare(
-            f"motion.base_positions[{k}]", motion.base_positions[k].tolist(), places[0].tolist()
+            f"motion.base_positions[{k}]", motion.base_positions[k].tolist(), positions[0].tolist()
         )
         expected = quaternion(turns[0])
         expected = expected if expected @ motion.base_quaternions[k] > 0.0 else -expected
@@ -175,13 +175,13 @@ def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) 
 
 def _flange(offsets: tuple[LinkOffset, ...], joints: Array) -> tuple[Array, Array]:
     """Return the position [m] and rotation of the flange in the limb base frame, link by link."""
-    place, turn = np.zeros(3), np.eye(3)
+    position, turn = np.zeros(3), np.eye(3)
     for q, (offset, quat) in zip(joints, offsets, strict=True):
-        place = place + turn @ np.array(offset)
+        position = position + turn @ np.array(offset)
         fixed = scipy.spatial.transform.Rotation.from_quat(quat, scalar_first=True)
         about = scipy.spatial.transform.Rotation.from_euler("Z", q)
         turn = turn @ (fixed * about).as_matrix()
-    return place, turn
+    return position, turn
 
 
 def _rotations(motion: Motion) -> Array:
@@ -262,22 +262,22 @@ def _distinct_knots(step: dict[str, Any]) -> dict[str, Any]:
     return step | {name: tuple(step[name][k] for k in kept) for name in ("knots", "rounded")}
 
 
-def _compare(place: str, given: Any, expected: Any) -> None:
+def _compare(path: str, given: Any, expected: Any) -> None:
     """Raise an error at the first value, in nested data too, that differs from the expected one."""
     if isinstance(given, dict):
         for name, value in given.items():
-            _compare(f"{place}.{name}", value, expected[name])
+            _compare(f"{path}.{name}", value, expected[name])
     elif isinstance(given, (list, tuple)) and len(given) == len(expected):
         for k, pair in enumerate(zip(given, expected, strict=True)):
-            _compare(f"{place}[{k}]", *pair)
+            _compare(f"{path}[{k}]", *pair)
     elif isinstance(given, float):
         if not abs(given - expected) <= TOLERANCE * max(1.0, abs(expected)):
-            raise _mismatch(place, given, expected)
+            raise _mismatch(path, given, expected)
     elif given != expected:
-        raise _mismatch(place, given, expected)
+        raise _mismatch(path, given, expected)
 
 
-def _mismatch(place: str, given: object, expected: object) -> PlanError:
+def _mismatch(path: str, given: object, expected: object) -> PlanError:
     """Return the error for a value that differs from the recomputed one."""
     text = expected if isinstance(expected, str) else shortened(expected)
-    return PlanError(f"{place} is {shortened(given)}; recomputed, it is {text}")
+    return PlanError(f"{path} is {shortened(given)}; recomputed, it is {text}")

@@ -49,7 +49,7 @@ UNIT_TOLERANCE = 1e-6
 """Largest deviation of the norm of a quaternion from 1."""
 
 ROUNDING = 1e-9
-"""Shares of a line that exceed the whole line by less are accepted."""
+"""Fractions of a line that exceed the whole line by less are accepted."""
 
 MAX_STANCES = 10_000
 """Upper bound of the stances of a plan that is read; a walk through the JEM and back has about
@@ -223,7 +223,7 @@ def _check_corners(place: FieldPath, step: Step) -> None:
     if len(corners) != len(step.knots):
         raise place.fault(f"has {len(corners)} corners for {len(step.knots)} knots")
     if any((before > 0.0) != (after > 0.0) for before, after in corners):
-        raise place.fault(f"must have both shares of a corner or none, not {shortened(corners)}")
+        raise place.fault(f"must have both fractions of a corner or none, not {shortened(corners)}")
     if corners and (any(corners[0]) or any(corners[-1])):
         raise place.fault(f"must be 0 at both ends, not {shortened([corners[0], corners[-1]])}")
     if any(here[1] + ahead[0] > 1.0 + ROUNDING for here, ahead in pairwise(corners)):

@@ -1,6 +1,6 @@
 """Configurations of the robot along the steps of a plan, without time.
 
-`simulation.timing` adds the time scaling.
+`simulation.timing` adds time.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
 
 def path_motion(path: RegraspPath, samples: int) -> StepMotion:
     """Compute configurations along a regrasp, as `step_motion` does."""
-    limb, share = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
+    limb, sigma = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
     swings = [
         path.swing(segment, np.linspace(0.0, 1.0, samples * lines))
         for segment, lines in enumerate(path.lines)
@@ -79,7 +79,7 @@ def path_motion(path: RegraspPath, samples: int) -> StepMotion:
     s = np.concatenate([np.zeros(samples), *(s for s, _ in swings), np.ones(samples)])
     joints = path.supports(s)
     joints[:, limb] = np.concatenate(
-        [path.departure(share), *(joints for _, joints in swings), path.approach(share)]
+        [path.departure(sigma), *(joints for _, joints in swings), path.approach(sigma)]
     )
     positions, rotations = path.base(s)
     phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])

@@ -47,7 +47,7 @@ class Step:
         that it grasps: base parameter from 0 to 1 and the six joint angles of the limb [rad].
         Both change linearly between two knots.
     rounded
-        Shares of the lines before and after each knot that its rounded corner replaces, see
+        Fractions of the lines before and after each knot that its rounded corner replaces, see
         `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops.
     """
 

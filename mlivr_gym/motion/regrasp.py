@@ -58,7 +58,7 @@ class Regrasp:
         Base positions before and after the step, shape (2, 3) [m].
     rotations
         Base rotations before and after the step, shape (2, 3, 3).
-    kind
+    path_kind
         Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
     pivot
         Centre of an arc in the world, shape (3,) [m].
@@ -73,7 +73,7 @@ class Regrasp:
         Base parameter and joint angles at each knot of the swing, shape (k, 7); empty if the
         swing was not checked.
     rounded
-        Shares of the lines before and after each knot that its rounded corner replaces, shape
+        Fractions of the lines before and after each knot that its rounded corner replaces, shape
         (k, 2); 0 where the swing stops. By default no corner is rounded.
     """
 
@@ -82,7 +82,7 @@ class Regrasp:
     to_point: int
     positions: Array
     rotations: Array
-    kind: int
+    path_kind: int
     pivot: Array
     branches: tuple[int, ...]
     joints: Array
@@ -99,7 +99,7 @@ class Regrasp:
     def base_path(self) -> BasePath:
         """The base path as a record for compiled code."""
         first, last = map(pose, self.positions, self.rotations)
-        return base_path(first, last, self.kind, self.pivot)
+        return base_path(first, last, self.path_kind, self.pivot)
 
 
 class RegraspPath:
@@ -156,16 +156,16 @@ class RegraspPath:
         """Number of lines between knots in each segment of the swing."""
         return [len(lines.knots) - 1 for lines in self._swing_segments]
 
-    def departure(self, share: Array) -> Array:
-        """Return joint angles of the swing limb at shares of its departure, shape (k, 6) [rad]."""
-        return self._along_normal(0, share)
+    def departure(self, sigma: Array) -> Array:
+        """Return joint angles of the swing limb along its departure, shape (k, 6) [rad]."""
+        return self._along_normal(0, sigma)
 
-    def approach(self, share: Array) -> Array:
-        """Return joint angles of the swing limb at shares of its approach, shape (k, 6) [rad]."""
-        return self._along_normal(1, 1.0 - share)
+    def approach(self, sigma: Array) -> Array:
+        """Return joint angles of the swing limb along its approach, shape (k, 6) [rad]."""
+        return self._along_normal(1, 1.0 - sigma)
 
     def _along_normal(self, end: int, height: Array) -> Array:
-        """Return joint angles of the swing limb at k shares of the lift, shape (k, 6) [rad]."""
+        """Return joint angles of the swing limb at k fractions of the lift, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         point = step.to_point if end else step.before[step.limb]
         branch = step.branches[graph.limbs if end else step.limb]
@@ -180,14 +180,14 @@ class RegraspPath:
         out[order] = self._follow(step.limb, branch, (flange[order], tool), base, grasped)
         return out
 
-    def swing(self, segment: int, share: Array) -> tuple[Array, Array]:
+    def swing(self, segment: int, sigma: Array) -> tuple[Array, Array]:
         """Return base parameter and joint angles of the swing limb along one segment of its swing.
 
-        Both are evaluated at k shares of the segment; their shapes are (k,) and (k, 6) [rad].
+        Both are evaluated at k values of sigma; their shapes are (k,) and (k, 6) [rad].
         """
         if self.in_task_space:
-            return share, self._in_a_straight_line(share)
-        values = self._swing_segments[segment].at(share)
+            return sigma, self._in_a_straight_line(sigma)
+        values = self._swing_segments[segment].at(sigma)
         return values[:, 0], values[:, 1:]
 
     def _is_feasible_in_task_space(self) -> bool:
@@ -203,7 +203,7 @@ class RegraspPath:
         smooth = np.abs(np.diff(joints, axis=0)).max() < MAX_JUMP
         return bool(inside and smooth and np.abs(joints[-1] - self._knots[-1, 1:]).max() < 1e-6)
 
-    def _in_a_straight_line(self, share: Array) -> Array:
+    def _in_a_straight_line(self, sigma: Array) -> Array:
         """Return joint angles for a gripper that moves on a straight line, shape (k, 6) [rad]."""
         step, graph = self.regrasp, self.graph
         points = [step.before[step.limb], step.to_point]
@@ -212,15 +212,15 @@ class RegraspPath:
         tools = scipy.spatial.transform.Rotation.from_matrix(rows["flange"]["rotation"])
         turn = (tools[0].inv() * tools[1]).as_rotvec()
         rotations = (
-            tools[0] * scipy.spatial.transform.Rotation.from_rotvec(share[:, None] * turn)
+            tools[0] * scipy.spatial.transform.Rotation.from_rotvec(sigma[:, None] * turn)
         ).as_matrix()
-        grasps = above[0] + share[:, None] * (above[1] - above[0])
+        grasps = above[0] + sigma[:, None] * (above[1] - above[0])
         flanges = grasps - graph.robot.tool_length * rotations[:, :, 2]
         return self._follow(
             step.limb,
             step.branches[step.limb],
             (flanges, rotations),
-            self.base(share),
+            self.base(sigma),
             self._knots[0, 1:],
         )
 
@@ -313,7 +313,7 @@ def regrasp_of(graph: StanceGraph, motion: Motion, index: int) -> Regrasp:
         to_point=graph.grasp_map.index(step.to_point),
         positions=motion.base_positions[ends],
         rotations=turns.as_matrix(),
-        kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
+        path_kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
         pivot=np.array(step.pivot),
         branches=(*motion.branches[index].tolist(), int(motion.branches[index + 1, step.limb])),
         joints=motion.joint_positions[index],

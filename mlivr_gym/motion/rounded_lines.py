@@ -1,13 +1,13 @@
 """Lines between knots with rounded corners, which a limb follows without stopping.
 
-The rounding of a corner replaces a share `before` of the line to it, W, and a share `after` of the
-line from it, V:
+The rounding of a corner replaces a fraction `before` of the line to it, W, and a fraction `after`
+of the line from it, V:
 
     x(t) = corner - before W f(1 - t) + after V f(t),   f(t) = t^3 (2 - t),   t from 0 to 1
 
 The curve stays in the triangle of the corner and its two end points. Its first and second
-derivatives agree with those of the lines, if the share of the segment is distributed over the
-lines so that `2 before W` and `2 after V` are the derivatives by t on either side.
+derivatives agree with those of the lines, if the path parameter sigma of the segment is distributed
+over the lines so that `2 before W` and `2 after V` are the derivatives by t on either side.
 `collisions.sweep` checks the same curve as a whole.
 """
 
@@ -30,7 +30,7 @@ class RoundedLines:
     knots
         Base parameter and joint angles at each knot, shape (k, 7), with k at least 2.
     corners
-        Shares of the lines before and after each inner knot that its rounding replaces, shape
+        Fractions of the lines before and after each inner knot that its rounding replaces, shape
         (k - 2, 2), positive.
     """
 
@@ -38,23 +38,23 @@ class RoundedLines:
     corners: Array
 
     @cached_property
-    def knot_shares(self) -> Array:
-        """Shares of the segment at which the knots would be passed without rounding, shape (k,)."""
+    def knot_sigmas(self) -> Array:
+        """Values of sigma at which the knots would be passed without rounding, shape (k,)."""
         longer = np.cumprod(self.corners[:, 0] / self.corners[:, 1])
-        knot_shares = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
-        shares: Array = knot_shares / knot_shares[-1]
-        return shares
+        knot_sigmas = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
+        sigmas: Array = knot_sigmas / knot_sigmas[-1]
+        return sigmas
 
-    def at(self, share: Array) -> Array:
-        """Return base parameter and joint angles at n shares of the segment, shape (n, 7)."""
-        knot_shares, knots = self.knot_shares, self.knots
+    def at(self, sigma: Array) -> Array:
+        """Return base parameter and joint angles at n values of sigma, shape (n, 7)."""
+        knot_sigmas, knots = self.knot_sigmas, self.knots
         values: Array = np.column_stack(
-            [np.interp(share, knot_shares, column) for column in knots.T]
+            [np.interp(sigma, knot_sigmas, column) for column in knots.T]
         )
         for k, (before, _) in enumerate(self.corners, start=1):
-            half = before * (knot_shares[k] - knot_shares[k - 1])
-            here = np.abs(share - knot_shares[k]) < half
-            t = 0.5 + 0.5 * (share[here, None] - knot_shares[k]) / half
+            half = before * (knot_sigmas[k] - knot_sigmas[k - 1])
+            here = np.abs(sigma - knot_sigmas[k]) < half
+            t = 0.5 + 0.5 * (sigma[here, None] - knot_sigmas[k]) / half
             into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
             before, after = self.corners[k - 1]
             values[here] = knots[k] - before * into * ease(1.0 - t) + after * out * ease(t)

@@ -41,9 +41,9 @@ from mlivr_gym.transitions.grasp_poses import angles_above
 ROUNDING_FRACTIONS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Candidate sizes of the rounding of a corner, as fractions of the largest possible one."""
 
-MIN_SHARE = 0.2
-"""Smallest share of either line that a rounding may replace. On a sharper corner a robot that does
-not slow down would load its grasps more than one that stops."""
+MIN_FRACTION = 0.2
+"""Smallest fraction of either line that a rounding may replace. On a sharper corner a robot that
+does not slow down would load its grasps more than one that stops."""
 
 SHORTEST_LINE = 1e-3
 """Corners next to a line with less joint travel are not rounded [rad]."""
@@ -102,7 +102,7 @@ class SwingFinder:
         return cls(graph, regrasp.limb, regrasp.base_path, supports)
 
     def find(self, start: Array, end: Array, points: tuple[int, int], edge: Edge) -> Swing | None:
-        """Return the first clear swing between two postures above points, or None.
+        """Return the first clear swing from above one point to above another, or None.
 
         Parameters
         ----------
@@ -179,7 +179,7 @@ class SwingFinder:
         return all(self._is_line_clear(a, b) for a, b in pairwise(knots))
 
     def round_corners(self, knots: Array, lengths: Array) -> Array:
-        """Return the shares of the lines before and after each knot that its rounding replaces.
+        """Return the fractions of the lines before and after each knot that its rounding replaces.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class SwingFinder:
         Array
             Shape (k, 2); 0 at both ends and at corners that stay sharp.
         """
-        shares, available = np.zeros((len(knots), 2)), lengths.copy()
+        fractions, available = np.zeros((len(knots), 2)), lengths.copy()
         available[1:-1] *= 0.5
         for k in range(1, len(knots) - 1):
             pair = lengths[k - 1 : k + 1]
@@ -202,14 +202,14 @@ class SwingFinder:
                 continue
             for fraction in ROUNDING_FRACTIONS:
                 before, after = fraction * available[k - 1 : k + 1].min() / pair
-                if min(before, after) < MIN_SHARE:
+                if min(before, after) < MIN_FRACTION:
                     break
                 first = knots[k] + before * (knots[k - 1] - knots[k])
                 last = knots[k] + after * (knots[k + 1] - knots[k])
                 if self.is_corner_clear(first, knots[k], last):
-                    shares[k] = before, after
+                    fractions[k] = before, after
                     break
-        return shares
+        return fractions
 
     def is_corner_clear(self, first: Array, corner: Array, last: Array) -> bool:
         """Return whether the robot keeps the clearance on the rounding of a corner.

@@ -1,7 +1,7 @@
 """Time scalings of path segments, each from rest to rest.
 
-A time scaling is the function sigma(t) that maps the time since the start of a segment to the share
-sigma of the segment that has been covered, from 0 to 1. It is a piecewise polynomial (SciPy's
+A time scaling is the function sigma(t) that maps the time since the start of a segment to its path
+parameter sigma, from 0 to 1. It is a piecewise polynomial (SciPy's
 `PPoly`) whose first and second derivatives vanish at both ends; its last breakpoint is the duration
 of the segment [s].
 """

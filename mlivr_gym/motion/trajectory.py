@@ -123,14 +123,14 @@ class Trajectory:
         Samples between those of this trajectory are interpolated linearly.
         """
         count = (len(self.times) - 1) * slowness + 1
-        later, share = np.divmod(np.arange(count)[::-1] / slowness, 1.0)
+        later, fraction = np.divmod(np.arange(count)[::-1] / slowness, 1.0)
         first = later.astype(np.int64)
         last = np.minimum(first + 1, len(self.times) - 1)
-        back = self.at(np.where(share < 0.5, first, last))
+        back = self.at(np.where(fraction < 0.5, first, last))
         between: dict[str, Any] = {}
         for name, scale in MOTION.items():
             values = getattr(self, name)
-            weight = share.reshape(-1, *[1] * (values.ndim - 1))
+            weight = fraction.reshape(-1, *[1] * (values.ndim - 1))
             between[name] = (-1.0 / slowness) ** scale * (
                 (1.0 - weight) * values[first] + weight * values[last]
             )
@@ -197,15 +197,15 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     for k, (segment, scaling) in enumerate(zip(timed.segments, timed.time_scalings, strict=True)):
         here = part == k
         since = np.clip(times[here] / slower - starts[k], 0.0, scaling.x[-1])
-        share = np.clip(scaling(since), 0.0, 1.0)
+        sigma = np.clip(scaling(since), 0.0, 1.0)
         if k == 0:
-            moving[here] = path.departure(share)
+            moving[here] = path.departure(sigma)
         elif k == last:
-            moving[here], s[here] = path.approach(share), 1.0
+            moving[here], s[here] = path.approach(sigma), 1.0
         else:
-            s[here], moving[here] = path.swing(k - 1, share)
+            s[here], moving[here] = path.swing(k - 1, sigma)
         rate, change = scaling(since, 1) / slower, scaling(since, 2) / slower**2
-        first, second = segment.curve(share, 1), segment.curve(share, 2)
+        first, second = segment.curve(sigma, 1), segment.curve(sigma, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
     positions, rotations = path.base(s)

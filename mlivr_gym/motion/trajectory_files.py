@@ -172,10 +172,10 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
         event = _event(held[max(k - 1, 0)], held[k])
         if event:
             lines.append(f"# {event}")
-        for place, kind in enumerate(kinds):
+        for column, kind in enumerate(kinds):
             values = getattr(trajectory, f"joint_{kind}")[k].ravel()
             numbers = ", ".join(f"{value:.9g}" for value in values)
-            lines.append(f"{'-' if place == 0 else ' '} {kind}: [{numbers}]")
+            lines.append(f"{'-' if column == 0 else ' '} {kind}: [{numbers}]")
         nanoseconds = round(1e9 * float(trajectory.times[k]))
         seconds, nanoseconds = divmod(nanoseconds, 10**9)
         lines.append("  effort: []")

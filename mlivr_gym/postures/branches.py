@@ -38,7 +38,7 @@ from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.families import branch_frames
-from mlivr_gym.kinematics.holding import hold_mask
+from mlivr_gym.kinematics.holding import held_branches
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import along, minus, vector
 from mlivr_gym.postures.records import (
@@ -271,7 +271,9 @@ def set_branch_sets(
                 branch_set |= whole_class(c)
         lift_path(scratch.path, out.base, grasp, robot.lift)
         floor = limits.floor * l_c**3
-        branch_set = hold_mask(limb, grasp.flange, scratch.path, floor, branch_set, scratch.holding)
+        branch_set = held_branches(
+            limb, grasp.flange, scratch.path, floor, branch_set, scratch.holding
+        )
         out.branch_sets[i] = branch_set
         for b in range(BRANCHES):
             scratch.kept[i, b] = False

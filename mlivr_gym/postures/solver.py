@@ -8,15 +8,15 @@ the grasps, and the branches of each limb. Between opposite walls the mean norma
 the rolls about that line span a full turn, starting from the rail of the first grasp.
 
 **The rule.** Candidates in which the robot penetrates itself are excluded. Of the others, the one
-with the largest margin `min(w_m / w_m_min over limbs, w_b / w_b_min)` is chosen. Margins within
-`TIE` count as equal, as those of mirror postures are: then the largest clearance of the robot from
-itself decides, and if that is equal within `CLEARANCE_TIE`, a fixed order in the frame of the
-grasps. It prefers the smaller roll, of two opposite rolls the positive one about the line from the
-centroid to the grasp of the first limb, then the lower base, then the lower branch numbers from the
-last limb to the first. The first limb of two is limb 0: the line reverses when they are exchanged,
-so no side of the module is favoured. Of more limbs it is the one with the grasp closest to the
-centroid, see `relabellings`. Only between opposite walls does the sign of the rail direction
-matter. With collisions checked, the same rule applies to the candidates that touch nothing.
+with the largest margin is chosen: the minimum of `w_m / limb_threshold` over the limbs and of `w_b
+/ base_threshold`. Margins within `TIE` count as equal, as those of mirror postures are: then the
+largest clearance of the robot from itself decides, and if that is equal within `CLEARANCE_TIE`, a
+fixed order in the frame of the grasps. It prefers the smaller roll, of two opposite rolls the
+positive one about the line from the centroid to the grasp of the first limb, then the lower base,
+then the lower branch numbers from the last limb to the first. The first limb of two is limb 0: the
+line reverses when they are exchanged, so no side of the module is favoured. Of more limbs it is the
+one with the grasp closest to the centroid, see `relabellings`. Only between opposite walls does the
+sign of the rail direction matter. With collisions checked, it applies to what touches nothing.
 
 Except for the surroundings, the result depends only on the relative geometry of the grasps. It is
 computed in the frame of the first grasp from rounded coordinates, see `geometries`, once for each

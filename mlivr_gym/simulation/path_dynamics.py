@@ -1,6 +1,6 @@
 """Dynamics of the robot along a path segment, for any time scaling.
 
-Without gravity, joint torques and grasp wrenches at share sigma of a segment are
+Without gravity, joint torques and grasp wrenches at path parameter sigma of a segment are
 `a(sigma) sigma'' + b(sigma) sigma'^2` and velocities are `c(sigma) sigma'`, with derivatives by
 time (Bobrow, Dubowsky and Gibson, International Journal of Robotics Research 4, 1985). One pass of
 inverse dynamics over the segment gives the coefficients, which are stored in units of the limits.
@@ -48,14 +48,14 @@ class Binding(NamedTuple):
 
 
 class SegmentDynamics(NamedTuple):
-    """Coefficients of loads and velocities at K shares of a segment, in units of the limits."""
+    """Coefficients of loads and velocities at K values of sigma, in units of the limits."""
 
     holding: tuple[int, ...]
     """The n support limbs."""
     limb: int
     """The limb that moves."""
-    shares: Array
-    """Shares of the segment, shape (K,)."""
+    sigmas: Array
+    """Path parameter of the segment, shape (K,)."""
     torques: Array
     """Joint torques by sigma'' and by sigma'^2, shape (K, 2, 6 N)."""
     wrenches: Array
@@ -74,12 +74,12 @@ class SegmentDynamics(NamedTuple):
             shape (TIME_SAMPLES, 6 N + 2 n), and of velocities, shape (TIME_SAMPLES, 6 N + 1).
         """
         times = np.linspace(0.0, scaling.x[-1], TIME_SAMPLES)
-        share, rate, change = (scaling(times, order) for order in range(3))
-        count = len(self.shares)
+        sigma, rate, change = (scaling(times, order) for order in range(3))
+        count = len(self.sigmas)
         both = np.concatenate(
             [self.torques.reshape(count, -1), self.wrenches.reshape(count, -1), self.speeds], axis=1
         )
-        coefficients = CubicSpline(self.shares, both)(np.clip(share, 0.0, 1.0))
+        coefficients = CubicSpline(self.sigmas, both)(np.clip(sigma, 0.0, 1.0))
         joint_count, grasp_count = self.torques.shape[2], self.wrenches.shape[2]
         torques, wrenches, speeds = np.split(
             coefficients, [2 * joint_count, 2 * joint_count + 6 * grasp_count], axis=1
@@ -120,12 +120,12 @@ def segment_dynamics(
     RobotError
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
-    shares, count = segment.shares, len(segment.shares)
+    sigmas, count = segment.sigmas, len(segment.sigmas)
     holding = tuple(i for i in range(robot.limbs) if i != regrasp.limb)
     positions = np.column_stack(
         [segment.base_positions, segment.base_quaternions, segment.joints.reshape(count, -1)]
     )
-    first, second = segment.curve(shares, 1), segment.curve(shares, 2)
+    first, second = segment.curve(sigmas, 1), segment.curve(sigmas, 2)
     at_rest = np.zeros_like(first)
     dynamics_of = compute_inverse_dynamics(
         robot, holding, positions, np.stack([at_rest, first]), np.stack([first, second])
@@ -140,4 +140,4 @@ def segment_dynamics(
     # During departure and approach the gripper moves along the surface normal by the lift.
     normal_rate = robot.lift / limits.surface_speed if PHASES[segment.phase] != "swing" else 0.0
     speeds = np.column_stack([first[:, 6:] / speed, np.full(count, normal_rate)])
-    return SegmentDynamics(holding, regrasp.limb, shares, torques, forces, speeds)
+    return SegmentDynamics(holding, regrasp.limb, sigmas, torques, forces, speeds)

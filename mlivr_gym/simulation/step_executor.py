@@ -249,8 +249,8 @@ class StepExecutor:
         )
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            edge.kind, graph.pivot(state.stance, after), (*branches, branches[limb]), self.joints,
-            self.joints[limb], UNCHECKED_KNOTS,
+            edge.path_kind, graph.pivot(state.stance, after), (*branches, branches[limb]),
+            self.joints, self.joints[limb], UNCHECKED_KNOTS,
         )  # fmt: skip
         return regrasp, edge
 

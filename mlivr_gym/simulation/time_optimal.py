@@ -1,6 +1,6 @@
 """Time-optimal path parameterisation under limits of torque, grasp wrench and velocity.
 
-With `b = sigma'^2` as a function of the share sigma of a segment, `sigma'' = (db/dsigma) / 2`, and
+With `b = sigma'^2` as a function of the path parameter sigma, `sigma'' = (db/dsigma) / 2`, and
 all limits are convex in b and sigma'' (Verscheure, Demeulenaere, Swevers, De Schutter and Diehl,
 IEEE Transactions on Automatic Control 54, 2009). A backward pass computes the largest b from which
 the end can still be reached, a forward pass the largest b that can be reached from the start
@@ -38,8 +38,8 @@ def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
         Width of the moving average [s], see `Limits.rise_time`.
     """
     squares = time_optimal_squared_rates(dynamics)
-    times, shares = _sampled(dynamics.shares, squares)
-    scaling = _smoothed(times, shares, rise_time)
+    times, sigmas = _sampled(dynamics.sigmas, squares)
+    scaling = _smoothed(times, sigmas, rise_time)
     factor = dynamics.binding(scaling).duration / float(scaling.x[-1])
     order = len(scaling.c) - 1
     powers = np.arange(order, -1, -1)[:, None]
@@ -72,7 +72,7 @@ class _SquaredLoads(NamedTuple):
 
 def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
     """Return the largest b = sigma'^2 at each node of a segment, zero at both ends, shape (K,)."""
-    spacing, loads = np.diff(dynamics.shares), _SquaredLoads.of(dynamics)
+    spacing, loads = np.diff(dynamics.sigmas), _SquaredLoads.of(dynamics)
     speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
     squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
     squares[0] = squares[-1] = 0.0
@@ -135,25 +135,25 @@ def _largest_feasible(
     return float(high) if high >= low - 1e-9 else -1.0
 
 
-def _sampled(shares: Array, squares: Array) -> tuple[Array, Array]:
-    """Return evenly spaced times of a time scaling given by b at its nodes, and the shares."""
+def _sampled(sigmas: Array, squares: Array) -> tuple[Array, Array]:
+    """Return evenly spaced times of a time scaling given by b at its nodes, and the sigmas."""
     rates = np.sqrt(squares)
-    intervals = 2.0 * np.diff(shares) / np.maximum(rates[:-1] + rates[1:], TINY)
+    intervals = 2.0 * np.diff(sigmas) / np.maximum(rates[:-1] + rates[1:], TINY)
     nodes = np.concatenate([[0.0], np.cumsum(intervals)])
     times = np.linspace(0.0, nodes[-1], TIME_SAMPLES)
     part = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(intervals) - 1)
-    change = (squares[part + 1] - squares[part]) / (2.0 * np.diff(shares)[part])
+    change = (squares[part + 1] - squares[part]) / (2.0 * np.diff(sigmas)[part])
     since = times - nodes[part]
-    return times, shares[part] + rates[part] * since + 0.5 * change * since**2
+    return times, sigmas[part] + rates[part] * since + 0.5 * change * since**2
 
 
-def _smoothed(times: Array, shares: Array, window: float) -> PPoly:
-    """Return the time scaling through a moving average of shares over two successive windows."""
+def _smoothed(times: Array, sigmas: Array, window: float) -> PPoly:
+    """Return the time scaling through a moving average of sigmas over two successive windows."""
     spacing = times[1]
     half = max(round(0.5 * window / spacing), 1)
     box = np.ones(half) / half
     kernel = np.convolve(box, box)
-    padded = np.concatenate([np.zeros(len(kernel)), shares, np.ones(len(kernel))])
+    padded = np.concatenate([np.zeros(len(kernel)), sigmas, np.ones(len(kernel))])
     smooth = np.convolve(padded, kernel, mode="valid")
     # The average is constant outside these samples.
     first = int(np.flatnonzero(smooth > 0.0)[0]) - 1

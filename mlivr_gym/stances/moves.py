@@ -21,7 +21,7 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
-REMEMBERED = 4096
+CACHED_RESULTS = 4096
 """Number of states and of stances whose results `GraphMoves` stores."""
 
 
@@ -30,7 +30,7 @@ class StanceProperties(NamedTuple):
 
     ids: tuple[str, ...]
     """Point id of each limb."""
-    base_in_world: tuple[float, ...]
+    base_position: tuple[float, ...]
     """Base position x, y, z in the world [m]."""
     quaternion: Array
     """Base orientation in the world w, x, y, z, shape (4,)."""
@@ -59,11 +59,11 @@ class Moves(Protocol):
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,)."""
 
-    def place(self, state: State) -> StanceProperties:
+    def stance_properties(self, state: State) -> StanceProperties:
         """Return base pose and manipulability in a state."""
 
 
-def _place(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
+def _properties(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
     position = tuple(posture.base_position[0].tolist())
     orientation = quaternion(posture.base_rotation[0])
     return StanceProperties(
@@ -78,13 +78,13 @@ class GraphMoves:
         """Start with no results."""
         self.graph = graph
         self._steps: OrderedDict[State, Successors] = OrderedDict()
-        self._places: OrderedDict[tuple[int, ...], StanceProperties] = OrderedDict()
+        self._properties: OrderedDict[tuple[int, ...], StanceProperties] = OrderedDict()
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         if state not in self._steps:
             self._steps[state] = self.graph.successors(state)
-            if len(self._steps) > REMEMBERED:
+            if len(self._steps) > CACHED_RESULTS:
                 self._steps.popitem(last=False)
         return self._steps[state]
 
@@ -101,16 +101,16 @@ class GraphMoves:
         """Return whether a support limb could be released after each step, shape (k,)."""
         return self.graph.releasable_after(state, steps)
 
-    def place(self, state: State) -> StanceProperties:
+    def stance_properties(self, state: State) -> StanceProperties:
         """Return base pose and manipulability in a state."""
         if state.pose is not None:
-            return _place(self.graph, state.stance, self.graph.posture_of(state))
-        found = self._places.get(state.stance)
+            return _properties(self.graph, state.stance, self.graph.posture_of(state))
+        found = self._properties.get(state.stance)
         if found is None:
-            found = _place(self.graph, state.stance, self.graph.posture(state.stance))
-            self._places[state.stance] = found
-            if len(self._places) > REMEMBERED:
-                self._places.popitem(last=False)
+            found = _properties(self.graph, state.stance, self.graph.posture(state.stance))
+            self._properties[state.stance] = found
+            if len(self._properties) > CACHED_RESULTS:
+                self._properties.popitem(last=False)
         return found
 
 
@@ -126,8 +126,8 @@ class TableMoves:
         """Stance index by the points of both limbs, -1 if there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         self._start = tables.start.tolist()
-        self._quaternions = quaternion(graph.base_axes_in_world)
-        self._places: dict[tuple[int, ...], StanceProperties] = {}
+        self._quaternions = quaternion(graph.base_rotation)
+        self._properties: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
@@ -165,18 +165,18 @@ class TableMoves:
         free = map(can_release, kept.tolist(), self.tables.releasable[after, support].tolist())
         return np.fromiter(free, dtype=np.bool_, count=len(after))
 
-    def place(self, state: State) -> StanceProperties:
+    def stance_properties(self, state: State) -> StanceProperties:
         """Return base pose and manipulability in a state."""
         if state.pose is not None:
-            return self._from_given_pose.place(state)
-        found = self._places.get(state.stance)
+            return self._from_given_pose.stance_properties(state)
+        found = self._properties.get(state.stance)
         if found is None:
             graph, s = self.graph, int(self.stance_at[state.stance])
-            base, orientation = tuple(self.tables.base_in_world[s].tolist()), self._quaternions[s]
+            base, orientation = tuple(self.tables.base_position[s].tolist()), self._quaternions[s]
             found = StanceProperties(
                 graph.ids(state.stance), base, orientation, graph.w_m[s], float(graph.w_b[s])
             )
-            self._places[state.stance] = found
+            self._properties[state.stance] = found
         return found
 
 

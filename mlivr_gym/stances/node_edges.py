@@ -259,8 +259,8 @@ def _set_lost(table: NodeTable, pair: NodePair, last: int, known: EdgeSet) -> No
             first, second = (pair.second, pair.first) if back else (pair.first, pair.second)
             edge = _edge_of(table, pair.support_set, first, second)
             if has_bit(table.loses_branches, edge):
-                place = table.ranks[edge // WORD] + set_before(table.loses_branches, edge)
-                table.lost[place] = known.lost[count]
+                rank = table.ranks[edge // WORD] + set_before(table.loses_branches, edge)
+                table.lost[rank] = known.lost[count]
                 count += back
 
 

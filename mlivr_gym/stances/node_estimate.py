@@ -84,8 +84,8 @@ def _in_sample(table: NodeTable, sets: StanceSets, chosen: IntArray) -> BoolArra
     The order of the limbs does not matter.
     """
     points = table.points.astype(np.int64)
-    place = np.argsort(np.argsort(points, axis=1), axis=1)
-    others = np.take_along_axis(sets.support_sets[sets.find(points)], place, axis=1)
+    rank = np.argsort(np.argsort(points, axis=1), axis=1)
+    others = np.take_along_axis(sets.support_sets[sets.find(points)], rank, axis=1)
     found = np.zeros(len(table.start) - 1, dtype=np.bool_)
     found[table.support_sets[np.isin(others, chosen)]] = True
     return found

@@ -80,8 +80,8 @@ class StanceSets:
         key = f"{key_of(graph)}-nodes"
         if key not in _kept:
             code = np.unique(_codes(np.sort(nodes, axis=1)))
-            places = np.uint64(16) * np.arange(nodes.shape[1], dtype=np.uint64)[::-1]
-            points = (code[:, None] >> places) & np.uint64(0xFFFF)
+            shifts = np.uint64(16) * np.arange(nodes.shape[1], dtype=np.uint64)[::-1]
+            points = (code[:, None] >> shifts) & np.uint64(0xFFFF)
             _keep(key, _of_points(points.astype(np.uint16)))
         found = _kept[key]
         assert found is not None

@@ -28,7 +28,7 @@ class StepTables(NamedTuple):
 
     points: NDArray[np.int32]
     """Point that each limb of a stance holds, shape (n, 2)."""
-    base_in_world: Array
+    base_position: Array
     """Base positions [m], shape (n, 3)."""
     branch_sets: NDArray[np.int32]
     """Branches and flips on which each limb may hold, shape (n, 2)."""
@@ -72,7 +72,7 @@ class StepTables(NamedTuple):
         both = self.releasable[after].astype(np.int64)
         both[np.arange(count), 1 - moving] = kept
         return Successors(
-            moving, self.points[after, moving].astype(np.int64), self.base_in_world[after], both
+            moving, self.points[after, moving].astype(np.int64), self.base_position[after], both
         )
 
 
@@ -118,7 +118,7 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
     to_point = points[after, moving].astype(np.uint16)
     return StepTables(
-        points, graph.base_in_world, branch_sets, releasable, start, after, to_point, kept
+        points, graph.base_position, branch_sets, releasable, start, after, to_point, kept
     )
 
 

@@ -139,7 +139,7 @@ def legal_positions(
                     if can_release(kept, tables.releasable[s2, 1 - moving]):
                         releasable_after[k, moving, point] = 1
                     for axis in range(3):
-                        position[k, moving, point, axis] = tables.base_in_world[s2, axis]
+                        position[k, moving, point, axis] = tables.base_position[s2, axis]
 
 
 class Ahead(NamedTuple):
@@ -211,7 +211,7 @@ def _look_onward(
                 continue
             squared = 0.0
             for axis in range(3):
-                squared += (tables.base_in_world[s2, axis] - ahead.goals[k, axis]) ** 2
+                squared += (tables.base_position[s2, axis] - ahead.goals[k, axis]) ** 2
             away = np.sqrt(squared)
             out[0] = min(out[0], away)
             if away <= ahead.tolerance:

@@ -51,9 +51,9 @@ class TwoLimbGraph(StanceGraph):
     ----------
     points
         Point indices of each stance, shape (n, 2), in lexical order.
-    base_in_world
+    base_position
         Base positions [m], shape (n, 3).
-    base_axes_in_world
+    base_rotation
         Base rotations, the axes in columns, shape (n, 3, 3).
     w_m
         Limb manipulability, shape (n, 2).
@@ -89,7 +89,7 @@ class TwoLimbGraph(StanceGraph):
         )
         self.removed = dict(zip(REMOVED, removed, strict=True))
         self.points, chosen = known.points, known.postures
-        self.base_in_world, self.base_axes_in_world = chosen.base_position, chosen.base_rotation
+        self.base_position, self.base_rotation = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
         self.branch, self.branch_sets = chosen.branch, chosen.branch_sets
         self.pose_number = chosen.pose_number
@@ -100,7 +100,7 @@ class TwoLimbGraph(StanceGraph):
         stances = self.checks.stances(self.points, chosen)
         if known.releases is not None:
             stances = stances._replace(releases=known.releases)
-        self._free = TwoLimbEdges(self.checks, stances, rows, self.base_in_world, known.edges)
+        self._free = TwoLimbEdges(self.checks, stances, rows, self.base_position, known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
         self._is_table_complete = False
@@ -185,14 +185,14 @@ class TwoLimbGraph(StanceGraph):
             return
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
-        close = self.close_to_obstacles(self.base_in_world, around + 0.8 * self.max_step)
+        close = self.close_to_obstacles(self.base_position, around + 0.8 * self.max_step)
         taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
         taken[list(self.occupied)] = True
         gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
         self.branch_sets = self.branch_sets.copy()
         self.branch_sets[gone] = 0
         if close.any():
-            chosen = np.flatnonzero(self.close_to_obstacles(self.base_in_world, around))
+            chosen = np.flatnonzero(self.close_to_obstacles(self.base_position, around))
             self.clear_of_obstacles(chosen, self.points, self.node_postures(slice(None)))
         self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
 
@@ -255,10 +255,10 @@ class TwoLimbGraph(StanceGraph):
 
     def node_postures(self, chosen: slice | IntArray) -> Postures:
         """Return the postures of stances given by index."""
-        position = self.base_in_world[chosen]
+        position = self.base_position[chosen]
         return Postures(
             position,
-            self.base_axes_in_world[chosen],
+            self.base_rotation[chosen],
             self.w_m[chosen],
             self.w_b[chosen],
             self.branch[chosen],
@@ -280,8 +280,8 @@ class TwoLimbGraph(StanceGraph):
         s = self.find((stance[0], stance[1]))
         same = (
             s >= 0
-            and (posture.base_position[k] == self.base_in_world[s]).all()
-            and (posture.base_rotation[k] == self.base_axes_in_world[s]).all()
+            and (posture.base_position[k] == self.base_position[s]).all()
+            and (posture.base_rotation[k] == self.base_rotation[s]).all()
         )
         return s if same else -1
 
@@ -387,7 +387,7 @@ class TwoLimbGraph(StanceGraph):
         count = two_limb_successors(s, both, self.steps, limb, stance, branch_sets)
         limb, stance = limb[:count], stance[:count]
         return Successors(
-            limb, self.points[stance, limb], self.base_in_world[stance], branch_sets[:count]
+            limb, self.points[stance, limb], self.base_position[stance], branch_sets[:count]
         )
 
     @cached_property
@@ -395,5 +395,5 @@ class TwoLimbGraph(StanceGraph):
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for support in range(2):
-            longest_step(support, self.rows, self.row_start, self.base_in_world, out)
+            longest_step(support, self.rows, self.row_start, self.base_position, out)
         return max(float(np.sqrt(out.max())), 1e-9)

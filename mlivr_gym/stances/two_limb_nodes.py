@@ -67,8 +67,8 @@ def fill_lost(table: NodeTable, pairs: TwoLimbTable) -> None:
                 bit = int(table.offset[support_set]) + (i - first) * (last - first) + j - first
                 if has_bit(table.loses_branches, bit):
                     shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
-                    place = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
-                    table.lost[place] = np.uint64(shared & ~kept)
+                    rank = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
+                    table.lost[rank] = np.uint64(shared & ~kept)
 
 
 @kernel

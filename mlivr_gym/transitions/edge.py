@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 class Edge(NamedTuple):
     """An edge of the stance graph: base path, swing, and the branches that limbs keep."""
 
-    kind: int
+    path_kind: int
     """Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
     fold: int
     """Fold in which the limb can be moved, -1 if it swings along a line or collisions are not
@@ -23,5 +23,8 @@ def edge_of(step: Any) -> Edge:
     """Return the edge of a checked step, a row of `StepRecord`."""
     kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
     return Edge(
-        int(step["kind"]), int(step["folds"][step["kind"]]), int(step["line_branches"]), kept
+        int(step["path_kind"]),
+        int(step["folds"][step["path_kind"]]),
+        int(step["line_branches"]),
+        kept,
     )

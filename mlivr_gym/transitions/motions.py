@@ -70,12 +70,12 @@ def set_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None
 
 
 @kernel
-def set_corner(scratch: Sweep, piece: SwingSegment) -> None:
+def set_corner(scratch: Sweep, segment: SwingSegment) -> None:
     """Set base and swing limbs to round the corner of a segment."""
     motion = scratch.motion
-    motion.rounded, motion.corner = True, piece.turning
+    motion.rounded, motion.corner = True, segment.turning
     for joint in range(6):
-        motion.first.corner[joint] = motion.second.corner[joint] = piece.corner.q[joint]
+        motion.first.corner[joint] = motion.second.corner[joint] = segment.corner.q[joint]
 
 
 @kernel
@@ -141,13 +141,13 @@ def swing_clear(
 
 @entry
 def segment_clear(
-    pieces: Any, supports: Any, robots: Any, world: WorldRecord, scratch_rows: Any
+    segments: Any, supports: Any, robots: Any, world: WorldRecord, scratch_rows: Any
 ) -> bool:
     """Return whether the robot keeps the clearance along a segment of a swing.
 
     Parameters
     ----------
-    pieces
+    segments
         The segment, a row of `SwingSegment`, shape (1,).
     supports
         The support limbs, rows of `SupportRecord`.
@@ -158,13 +158,13 @@ def segment_clear(
     scratch_rows
         A row of `Sweep`, shape (1,).
     """
-    piece, robot, scratch = pieces[0], robots[0], scratch_rows[0]
+    segment, robot, scratch = segments[0], robots[0], scratch_rows[0]
     scratch.resting.count = 0
-    set_base_motion(scratch, piece.path, piece.begin, piece.finish)
-    if piece.rounded:
-        set_corner(scratch, piece)
+    set_base_motion(scratch, segment.path, segment.begin, segment.finish)
+    if segment.rounded:
+        set_corner(scratch, segment)
     for layer in range(world.first, world.stop):
-        if not swing_clear(robot, world, layer, piece.limb, piece.start, piece.end, scratch):
+        if not swing_clear(robot, world, layer, segment.limb, segment.start, segment.end, scratch):
             return False
         inside = layer == 0
         for k in range(len(supports)):
@@ -172,7 +172,7 @@ def segment_clear(
             set_support(
                 scratch.motion.first, support.limb, support.branch, world.grasps[support.point]
             )
-            set_swing(scratch.motion.second, piece.limb, piece.start, piece.end)
+            set_swing(scratch.motion.second, segment.limb, segment.start, segment.end)
             compare_with(scratch, YES, inside, NO, inside)
             if not is_clear(robot, world, layer, scratch):
                 return False

@@ -95,7 +95,7 @@ class StepRecord(Record):
     """Branches on which each support limb can follow the edge; none if the step is no edge."""
     on_arc: int
     """The branches of a single support limb that need the arc."""
-    kind: int
+    path_kind: int
     """Kind of the base path; for a single support limb see `on_arc`."""
     folds: Annotated[IntArray, (2,), np.int64]
     """Fold in which the limb can be moved on the line and on the arc, -1 for none."""

@@ -21,49 +21,49 @@ from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
     TRIES,
     all_follow,
-    clear_step,
     line_clear,
     lines_by_travel,
+    reset_step,
     set_step_path,
 )
-from mlivr_gym.transitions.supports import MOVER, STANDING, both_clear, each_clear
+from mlivr_gym.transitions.supports import SWING_INDEPENDENT, SWING_LIMB, both_clear, each_clear
 
 
 @entry
-def relax_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
+def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
     """Relax the steps from `start` to `stop`: write the branches that they keep at most.
 
     For the parameters see `steps.check_all`.
     """
     for k in range(start, stop):
-        _relax(steps[k], scene, scratch_rows[0])
+        _relax(steps[k], context, scratch_rows[0])
 
 
 @kernel
-def _relax(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _relax(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Write the branches that support limbs keep at most into `step.kept`.
 
     A motion is checked only while it can add a branch.
     """
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
-    clear_step(step, robot, scratch)
+    stances, robot, world = context.stances, context.robots[0], context.world
+    reset_step(step, robot, scratch)
     before = stances.releases[step.before, step.limb]
     after = stances.releases[step.after, step.limb]
     if world.stop > 0 and (before.branches == 0 or after.branches == 0):
         return
-    for kind in range(2):
-        if not all_follow(kind, step, scene, scratch):
+    for path_kind in range(2):
+        if not all_follow(path_kind, step, context, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[kind, i]
+            scratch.clear[i] = scratch.can_follow[path_kind, i]
         if world.stop == 0:
             _add(step, scratch.clear, robot.limb_count)
         elif not _keeps_all(step, scratch.clear, robot.limb_count):
-            set_step_path(kind, step, scene, scratch)
+            set_step_path(path_kind, step, context, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            if _each_keeps_one(STANDING, scratch.clear, step, scene, scratch):
-                _relax_folded(before.folds & after.folds, step, scene, scratch)
-                _relax_on_lines(step, scene, scratch)
+            if _each_keeps_one(SWING_INDEPENDENT, scratch.clear, step, context, scratch):
+                _relax_folded(before.folds & after.folds, step, context, scratch)
+                _relax_on_lines(step, context, scratch)
 
 
 @kernel
@@ -86,20 +86,20 @@ def _add(step: StepRecord, branch_sets: Limbs, limbs: int) -> None:
 
 @kernel
 def _each_keeps_one(
-    parts: int, branch_sets: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+    parts: int, branch_sets: Limbs, step: StepRecord, context: StepContext, scratch: StepScratch
 ) -> bool:
     """Remove branches that collide whatever other limbs do; return whether each limb keeps one."""
-    world = scene.world
+    world = context.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, branch_sets, scratch):
+        if not each_clear(parts, layer, step, context, branch_sets, scratch):
             return False
     return True
 
 
 @kernel
-def _relax_folded(folds: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _relax_folded(folds: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Add the branches that are clear while the swing limb stays in one of the given folds."""
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     for k in range(robot.fold_count):
         if not has(folds, k) or _keeps_all(step, scratch.clear, robot.limb_count):
             continue
@@ -111,35 +111,35 @@ def _relax_folded(folds: int, step: StepRecord, scene: StepContext, scratch: Ste
                 robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
             )
         if clear:
-            _relax_with_swing(step, scene, scratch)
+            _relax_with_swing(step, context, scratch)
 
 
 @kernel
-def _relax_on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _relax_on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Add the branches that are clear while the swing limb follows one of the candidate lines."""
-    limbs = scene.robots[0].limb_count
+    limbs = context.robots[0].limb_count
     if _keeps_all(step, scratch.clear, limbs):
         return
-    count = lines_by_travel(step, scene, scratch)
+    count = lines_by_travel(step, context, scratch)
     for k in range(min(count, TRIES)):
         done = _keeps_all(step, scratch.clear, limbs)
-        if not done and line_clear(scratch.order[k], step, scene, scratch):
-            _relax_with_swing(step, scene, scratch)
+        if not done and line_clear(scratch.order[k], step, context, scratch):
+            _relax_with_swing(step, context, scratch)
 
 
 @kernel
-def _relax_with_swing(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _relax_with_swing(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Add the branches that are clear of the swing in `scratch`."""
-    limbs, branch_sets = scene.robots[0].limb_count, scratch.clear_of_swing
+    limbs, branch_sets = context.robots[0].limb_count, scratch.clear_of_swing
     for i in range(limbs):
         branch_sets[i] = scratch.clear[i]
-    if not _each_keeps_one(MOVER, branch_sets, step, scene, scratch):
+    if not _each_keeps_one(SWING_LIMB, branch_sets, step, context, scratch):
         return
-    if scene.world.first == 0:
+    if context.world.first == 0:
         for i in range(limbs):
             for j in range(i + 1, limbs):
                 if i != step.limb and j != step.limb:
-                    _remove_conflicts(i, j, branch_sets, step, scene, scratch)
+                    _remove_conflicts(i, j, branch_sets, step, context, scratch)
                     if branch_sets[i] == 0:
                         return
     _add(step, branch_sets, limbs)
@@ -147,7 +147,7 @@ def _relax_with_swing(step: StepRecord, scene: StepContext, scratch: StepScratch
 
 @kernel
 def _remove_conflicts(
-    i: int, j: int, branch_sets: Limbs, step: StepRecord, scene: StepContext, scratch: StepScratch
+    i: int, j: int, branch_sets: Limbs, step: StepRecord, context: StepContext, scratch: StepScratch
 ) -> None:
     """Remove the branches of two support limbs that are too close to all of the other limb."""
     alone_i, alone_j = branch_sets[i], branch_sets[j]
@@ -155,6 +155,6 @@ def _remove_conflicts(
         for c in range(BRANCHES):
             both = has_branch(branch_sets[i], b) and has_branch(branch_sets[j], c)
             new = has_branch(alone_i, b) or has_branch(alone_j, c)
-            if both and new and both_clear(i, b, j, c, step, scene, scratch):
+            if both and new and both_clear(i, b, j, c, step, context, scratch):
                 alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
     branch_sets[i], branch_sets[j] = branch_sets[i] & ~alone_i, branch_sets[j] & ~alone_j

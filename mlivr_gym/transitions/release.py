@@ -48,7 +48,7 @@ from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratc
 
 @entry
 def release_all(
-    start: int, stop: int, todo: IntArray, scene: StepContext, scratch_rows: Any
+    start: int, stop: int, todo: IntArray, context: StepContext, scratch_rows: Any
 ) -> None:
     """Compute `StanceSet.releases` for some limbs at some stances.
 
@@ -60,13 +60,13 @@ def release_all(
         One past the last row.
     todo
         Stances and limbs, shape (k, 2).
-    scene
+    context
         The stances, the robot and the world. If its first layer is the obstacles, only the motions
         of the present results are checked.
     scratch_rows
         A row of `StepScratch`, shape (1,).
     """
-    stances, world = scene.stances, scene.world
+    stances, world = context.stances, context.world
     for k in range(start, stop):
         s, limb = todo[k, 0], todo[k, 1]
         answer, branches = stances.releases[s, limb], stances.branch_sets[s, limb]
@@ -76,7 +76,7 @@ def release_all(
             answer.branches = 0
         for layer in range(world.first, world.stop):
             if branches:
-                release(s, limb, branches, scene, layer, scratch_rows[0])
+                release(s, limb, branches, context, layer, scratch_rows[0])
             else:
                 answer.branches = 0
             branches = answer.branches
@@ -87,7 +87,7 @@ def release_all(
 
 @part
 def release(
-    s: int, limb: int, branch_set: int, scene: StepContext, layer: int, scratch: StepScratch
+    s: int, limb: int, branch_set: int, context: StepContext, layer: int, scratch: StepScratch
 ) -> None:
     """Compute the branches on which a limb can be released at a stance and then change.
 
@@ -103,14 +103,14 @@ def release(
         Index of the limb.
     branch_set
         Branches and flips to check.
-    scene
+    context
         The stances, the robot and the world.
     layer
         0 for the map and the robot itself, 1 for obstacles.
     scratch
         Scratch.
     """
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     answer, base = stances.releases[s, limb], stances.base[s]
     arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
     resting(scratch.path, base)
@@ -120,8 +120,8 @@ def release(
     if layer == 0:
         for other in range(robot.limb_count):
             if other != limb:
-                _add_resting(s, other, scene, scratch)
-        first = _elbow_up(s, limb, branch_set, scene, scratch)
+                _add_resting(s, other, context, scratch)
+        first = _elbow_up(s, limb, branch_set, context, scratch)
     known_folds, free = answer.folds, EMPTY
     answer.branches = 0
     for attempt in range(2):
@@ -131,25 +131,25 @@ def release(
         rest = lifted_branches(robot, arm, base, grasp, rest, BEFORE, scratch)
         for b in range(BRANCHES):
             if has_branch(rest, b):
-                _depart(limb, b, stances.points[s, limb], scene, layer, scratch)
+                _depart(limb, b, stances.points[s, limb], context, layer, scratch)
                 if not is_clear(robot, world, layer, scratch.sweep):
                     rest = without_branch(rest, b)
         free |= rest
         if rest and (layer == 0 or known_folds):
-            _fold(limb, rest, scene, layer, scratch, answer)
+            _fold(limb, rest, context, layer, scratch, answer)
             if answer.branches:
                 return
     answer.folds = 0
     if free:
-        answer.branches = _connected_by_lines(limb, free, scene, layer, scratch)
+        answer.branches = _connected_by_lines(limb, free, context, layer, scratch)
 
 
 @kernel
 def _depart(
-    limb: int, branch: int, point: int, scene: StepContext, layer: int, scratch: StepScratch
+    limb: int, branch: int, point: int, context: StepContext, layer: int, scratch: StepScratch
 ) -> None:
     """Set the departure of a limb from a point."""
-    grasp, inside, sweep = scene.world.grasps[point], layer == 0, scratch.sweep
+    grasp, inside, sweep = context.world.grasps[point], layer == 0, scratch.sweep
     set_departure(sweep.motion.first, limb, branch, grasp)
     set_departure(sweep.motion.second, limb, branch, grasp)
     compare_with(sweep, YES, inside, inside, NO)
@@ -157,9 +157,9 @@ def _depart(
 
 
 @kernel
-def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) -> None:
+def _add_resting(s: int, limb: int, context: StepContext, scratch: StepScratch) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     arm, others = robot.limbs[limb], scratch.sweep.resting
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     placed, axes = scratch.sweep.first, scratch.axes
@@ -173,14 +173,16 @@ def _add_resting(s: int, limb: int, scene: StepContext, scratch: StepScratch) ->
 
 
 @kernel
-def _elbow_up(s: int, limb: int, branch_set: int, scene: StepContext, scratch: StepScratch) -> int:
+def _elbow_up(
+    s: int, limb: int, branch_set: int, context: StepContext, scratch: StepScratch
+) -> int:
     """Return the branches of a branch set with the elbow up.
 
     Of twins that differ in the elbow alone, and are both in the branch set, the one is removed that
     is closer to the surface. Twins have equal `w_m` and the same hand; to keep one of them halves
     the work and costs few steps.
     """
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     arm, placed = robot.limbs[limb], scratch.sweep.first
     seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
     for b in range(0, BRANCHES, 2):
@@ -206,7 +208,7 @@ def _elbow_up(s: int, limb: int, branch_set: int, scene: StepContext, scratch: S
 def _fold(
     limb: int,
     free: int,
-    scene: StepContext,
+    context: StepContext,
     layer: int,
     scratch: StepScratch,
     answer: ReleaseRecord,
@@ -216,7 +218,7 @@ def _fold(
     The limb is above its point, with the joint angles `scratch.q[0]`. It folds through one fold, or
     through those that it can change to from there.
     """
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     recheck, sweep = layer > 0, scratch.sweep
     for root in range(robot.fold_count):
         if recheck and answer.root != root:
@@ -249,13 +251,13 @@ def _fold(
 
 @kernel
 def _connected_by_lines(
-    limb: int, free: int, scene: StepContext, layer: int, scratch: StepScratch
+    limb: int, free: int, context: StepContext, layer: int, scratch: StepScratch
 ) -> int:
     """Return the largest set of branches of `free` between which a limb can change along lines.
 
     Among obstacles it is the first branch alone.
     """
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     group = scratch.group
     for a in range(BRANCHES):
         group[a] = a

@@ -38,7 +38,7 @@ class Successors(NamedTuple):
     """Limb that moves, shape (k,)."""
     point: IntArray
     """Point that it moves to, shape (k,)."""
-    base_in_world: Array
+    base_position: Array
     """Base position after each step [m], shape (k, 3)."""
     branch_sets: IntArray
     """Branch sets of all limbs after each step, shape (k, N)."""
@@ -60,7 +60,7 @@ class Successors(NamedTuple):
     def take(self, kept: IntArray) -> Successors:
         """Return some of the steps, given by index or truth value."""
         return Successors(
-            self.limb[kept], self.point[kept], self.base_in_world[kept], self.branch_sets[kept]
+            self.limb[kept], self.point[kept], self.base_position[kept], self.branch_sets[kept]
         )
 
 

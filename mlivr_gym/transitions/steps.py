@@ -23,7 +23,7 @@ from mlivr_gym.compiled.bit_sets import (
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, comes_first, set_path
-from mlivr_gym.kinematics.holding import hold_mask
+from mlivr_gym.kinematics.holding import held_branches
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
 from mlivr_gym.transitions.motions import (
@@ -31,7 +31,12 @@ from mlivr_gym.transitions.motions import (
     swing_clear,
 )
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
-from mlivr_gym.transitions.supports import BOTH, MOVER, STANDING, remove_collisions
+from mlivr_gym.transitions.supports import (
+    ALL_SHAPES,
+    SWING_INDEPENDENT,
+    SWING_LIMB,
+    remove_collisions,
+)
 
 TRIES = 8
 """Pairs of branches that are checked for one base path."""
@@ -42,24 +47,24 @@ TIE = 1e-9
 
 @entry
 def check_supports(
-    start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any
+    start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any
 ) -> None:
     """Check whether every support limb can follow some base path, for steps from `start` to `stop`.
 
     This is quick. `StepRecord.kept` is not empty if it can, and has no other meaning.
     """
-    robot = scene.robots[0]
+    robot = context.robots[0]
     for k in range(start, stop):
         step, scratch = steps[k], scratch_rows[0]
-        clear_step(step, robot, scratch)
+        reset_step(step, robot, scratch)
         support = (step.limb + 1) % robot.limb_count
-        for kind in range(2):
-            if all_follow(kind, step, scene, scratch):
+        for path_kind in range(2):
+            if all_follow(path_kind, step, context, scratch):
                 step.kept[support] = ALL
 
 
 @entry
-def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_rows: Any) -> None:
+def check_all(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
     """Check the steps from `start` to `stop`.
 
     Parameters
@@ -70,90 +75,96 @@ def check_all(start: int, stop: int, steps: Any, scene: StepContext, scratch_row
         One past the last row.
     steps
         Rows of `StepRecord`, shape (k,), which receive the results.
-    scene
+    context
         The stances before and after the steps, with their releases, the robot and the world.
     scratch_rows
         A row of `StepScratch`, shape (1,).
     """
     for k in range(start, stop):
-        check(steps[k], scene, scratch_rows[0])
+        check(steps[k], context, scratch_rows[0])
 
 
 @kernel
-def clear_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
+def reset_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
     """Clear the results of a step, and the limbs at rest."""
     scratch.sweep.resting.count = 0
-    for kind in range(2):
+    for path_kind in range(2):
         # A known edge has the branches on which limbs can hold on either path.
-        scratch.can_follow_known[kind] = step.recheck
+        scratch.can_follow_known[path_kind] = step.recheck
         for i in range(robot.limb_count):
-            on_path = step.on_arc if kind == ARC else ~step.on_arc
-            scratch.can_follow[kind, i] = step.kept[i] & step.branches[i] & on_path
+            on_path = step.on_arc if path_kind == ARC else ~step.on_arc
+            scratch.can_follow[path_kind, i] = step.kept[i] & step.branches[i] & on_path
     for i in range(robot.limb_count):
         step.kept[i], scratch.selected[i] = 0, ALL
     step.on_arc = 0
     if not step.recheck:
-        step.kind, step.line_branches = STRAIGHT, -1
+        step.path_kind, step.line_branches = STRAIGHT, -1
         step.folds[0] = step.folds[1] = -1
 
 
 @kernel
-def all_follow(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> bool:
+def all_follow(
+    path_kind: int, step: StepRecord, context: StepContext, scratch: StepScratch
+) -> bool:
     """Return whether all support limbs can follow a path; `scratch.can_follow` is filled once."""
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
-    if not scratch.can_follow_known[kind]:
-        scratch.can_follow_known[kind] = True
-        set_step_path(kind, step, scene, scratch)
+    stances, robot, world = context.stances, context.robots[0], context.world
+    if not scratch.can_follow_known[path_kind]:
+        scratch.can_follow_known[path_kind] = True
+        set_step_path(path_kind, step, context, scratch)
         floor = world.thresholds[0].floor * robot.characteristic_length**3
         able = True
         for i in range(robot.limb_count):
-            scratch.can_follow[kind, i] = 0
+            scratch.can_follow[path_kind, i] = 0
             if i != step.limb and able:
                 branch_set = step.branches[i]
                 if not step.fixed:
                     branch_set &= stances.branch_sets[step.after, i]
                 flange = world.grasps[stances.points[step.after, i]].flange
                 limb, holding = robot.limbs[i], scratch.holding
-                scratch.can_follow[kind, i] = hold_mask(
+                scratch.can_follow[path_kind, i] = held_branches(
                     limb, flange, scratch.path, floor, branch_set, holding
                 )
-                able = scratch.can_follow[kind, i] != 0
-    return _each_follows(kind, step, robot, scratch)
+                able = scratch.can_follow[path_kind, i] != 0
+    return _each_follows(path_kind, step, robot, scratch)
 
 
 @kernel
-def _each_follows(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> bool:
+def _each_follows(
+    path_kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch
+) -> bool:
     """Return whether every support limb can follow a path on a branch in `scratch.selected`."""
     for i in range(robot.limb_count):
-        if i != step.limb and scratch.can_follow[kind, i] & scratch.selected[i] == 0:
+        if i != step.limb and scratch.can_follow[path_kind, i] & scratch.selected[i] == 0:
             return False
     return True
 
 
 @kernel
-def set_step_path(kind: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def set_step_path(
+    path_kind: int, step: StepRecord, context: StepContext, scratch: StepScratch
+) -> None:
     """Set the base path of a step."""
-    stances = scene.stances
+    stances = context.stances
     before, after = stances.base[step.before], stances.base[step.after]
-    set_path(scratch.path, before, after, kind, vector(step.pivot))
+    set_path(scratch.path, before, after, path_kind, vector(step.pivot))
 
 
 @part
-def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Check a step and write the result into it.
 
     If the edge is known already, only its motion is checked, on the branches that it keeps.
     """
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     on_line = step.recheck and step.line_branches >= 0
-    clear_step(step, robot, scratch)
+    reset_step(step, robot, scratch)
     able = False
-    for kind in range(2):
-        able = able or all_follow(kind, step, scene, scratch)
+    for path_kind in range(2):
+        able = able or all_follow(path_kind, step, context, scratch)
     if not able:
         return
     if world.stop == 0:
-        _folded(step, scene, EMPTY, scratch)
+        _folded(step, context, EMPTY, scratch)
         return
     before = stances.releases[step.before, step.limb]
     after = stances.releases[step.after, step.limb]
@@ -164,13 +175,13 @@ def check(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
     for stage in range(stages):
         if not _any_kept(step, robot) and not on_line:
             if stages > 1:
-                _set_stage(stage, step, scene, scratch)
+                _set_stage(stage, step, context, scratch)
             if folds:
-                _folded(step, scene, folds, scratch)
+                _folded(step, context, folds, scratch)
     if (on_line or not step.recheck) and not _any_kept(step, robot):
         for i in range(robot.limb_count):
             scratch.selected[i] = ALL
-        _on_lines(step, scene, scratch)
+        _on_lines(step, context, scratch)
 
 
 @kernel
@@ -183,7 +194,7 @@ def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
 
 
 @kernel
-def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _set_stage(stage: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Select the branches of a single support limb that are checked, in three stages.
 
     First those on which it can be released both before and after the step, since it grasped just
@@ -191,7 +202,7 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
     Several support limbs have a single stage: one that neither grasped just before nor moves just
     after may be on any branch.
     """
-    stances, robot = scene.stances, scene.robots[0]
+    stances, robot = context.stances, context.robots[0]
     for i in range(robot.limb_count):
         # A branch that is clear with one flip is clear with the other.
         first = any_flip(stances.releases[step.before, i].branches)
@@ -205,55 +216,55 @@ def _set_stage(stage: int, step: StepRecord, scene: StepContext, scratch: StepSc
 
 
 @kernel
-def _folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> None:
+def _folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScratch) -> None:
     """Keep the branches of support limbs that are clear while the other limb is folded.
 
     Without collision checks there are no folds. A single support limb may keep some branches along
     the line and others along the arc.
     """
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     alone = robot.limb_count == 2
-    for kind in range(2):
+    for path_kind in range(2):
         for i in range(robot.limb_count):
             if alone:
                 scratch.selected[i] &= ~step.kept[i]
-        if not all_follow(kind, step, scene, scratch):
+        if not all_follow(path_kind, step, context, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[kind, i] & scratch.selected[i]
+            scratch.clear[i] = scratch.can_follow[path_kind, i] & scratch.selected[i]
         fold = NONE
         if world.stop > 0:
-            set_step_path(kind, step, scene, scratch)
+            set_step_path(path_kind, step, context, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            some = folds & only(step.folds[kind]) if step.recheck else folds
-            fold = _stays_folded(step, scene, some, scratch)
-            if fold < 0 or not remove_collisions(BOTH, step, scene, scratch.clear, scratch):
+            some = folds & only(step.folds[path_kind]) if step.recheck else folds
+            fold = _stays_folded(step, context, some, scratch)
+            if fold < 0 or not remove_collisions(ALL_SHAPES, step, context, scratch.clear, scratch):
                 continue
-        step.folds[kind] = fold
-        _keep(kind, step, robot, scratch)
+        step.folds[path_kind] = fold
+        _keep(path_kind, step, robot, scratch)
         if step.fixed or not alone:
             return
 
 
 @kernel
-def _keep(kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
+def _keep(path_kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
     """Keep the branches in `scratch.clear`."""
     if not _any_kept(step, robot):
-        step.kind = kind
+        step.path_kind = path_kind
     for i in range(robot.limb_count):
         if i != step.limb:
             step.kept[i] |= scratch.clear[i]
-            if kind == ARC:
+            if path_kind == ARC:
                 step.on_arc |= scratch.clear[i]
 
 
 @part
-def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: StepScratch) -> int:
+def _stays_folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScratch) -> int:
     """Return the first fold in which the limb stays along the base path, or -1.
 
     Among obstacles only the first fold that is clear of the map is checked.
     """
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     fold = NONE
     for layer in range(world.first, world.stop):
         found = NONE
@@ -272,43 +283,43 @@ def _stays_folded(step: StepRecord, scene: StepContext, folds: int, scratch: Ste
 
 
 @kernel
-def _on_lines(step: StepRecord, scene: StepContext, scratch: StepScratch) -> None:
+def _on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Keep the branches of support limbs that are clear while the other swings along a line."""
-    robot = scene.robots[0]
-    count = lines_by_travel(step, scene, scratch)
-    for kind in range(2):
-        if not all_follow(kind, step, scene, scratch):
+    robot = context.robots[0]
+    count = lines_by_travel(step, context, scratch)
+    for path_kind in range(2):
+        if not all_follow(path_kind, step, context, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[kind, i] & scratch.selected[i]
-        set_step_path(kind, step, scene, scratch)
+            scratch.clear[i] = scratch.can_follow[path_kind, i] & scratch.selected[i]
+        set_step_path(path_kind, step, context, scratch)
         set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-        stood = False
+        is_compared = False
         for k in range(count if step.recheck else min(count, TRIES)):
             line_branches = scratch.order[k]
             if (step.recheck and line_branches != step.line_branches) or not line_clear(
-                line_branches, step, scene, scratch
+                line_branches, step, context, scratch
             ):
                 continue
-            if not stood:
+            if not is_compared:
                 # Only the comparison with the swing limb depends on the swing.
-                stood = True
-                if not remove_collisions(STANDING, step, scene, scratch.clear, scratch):
+                is_compared = True
+                if not remove_collisions(SWING_INDEPENDENT, step, context, scratch.clear, scratch):
                     break
             for i in range(robot.limb_count):
                 scratch.clear_of_swing[i] = scratch.clear[i]
-            if remove_collisions(MOVER, step, scene, scratch.clear_of_swing, scratch):
+            if remove_collisions(SWING_LIMB, step, context, scratch.clear_of_swing, scratch):
                 for i in range(robot.limb_count):
                     scratch.clear[i] = scratch.clear_of_swing[i]
                 step.line_branches = line_branches
-                _keep(kind, step, robot, scratch)
+                _keep(path_kind, step, robot, scratch)
                 return
 
 
 @kernel
-def lines_by_travel(step: StepRecord, scene: StepContext, scratch: StepScratch) -> int:
+def lines_by_travel(step: StepRecord, context: StepContext, scratch: StepScratch) -> int:
     """List the lines along which a limb may swing, see `pairs_by_travel`; return how many."""
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     limb = robot.limbs[step.limb]
     for side in range(2):
         s = step.after if side else step.before
@@ -335,21 +346,21 @@ def pairs_by_travel(back: bool, scratch: StepScratch) -> int:
             b0, b1 = (second, first) if back else (first, second)
             if has_branch(scratch.lifted[0], b0) and has_branch(scratch.lifted[1], b1):
                 length = line_end(scratch.q[0, b0], scratch.q[1, b1], scratch.end)
-                place = count
-                while place > 0 and travel[place - 1] > length + TIE:
-                    travel[place], order[place] = travel[place - 1], order[place - 1]
-                    place -= 1
-                travel[place], order[place] = length, BRANCHES * b0 + b1
+                position = count
+                while position > 0 and travel[position - 1] > length + TIE:
+                    travel[position], order[position] = travel[position - 1], order[position - 1]
+                    position -= 1
+                travel[position], order[position] = length, BRANCHES * b0 + b1
                 count += 1
     return count
 
 
 @part
 def line_clear(
-    line_branches: int, step: StepRecord, scene: StepContext, scratch: StepScratch
+    line_branches: int, step: StepRecord, context: StepContext, scratch: StepScratch
 ) -> bool:
     """Return whether the limb can swing along the line of a pair of branches."""
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     first, last = scratch.q[0, line_branches // BRANCHES], scratch.q[1, line_branches % BRANCHES]
     line_end(first, last, scratch.end)
     for joint in range(6):

@@ -20,7 +20,7 @@ from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.motions import compare_with, is_clear, set_support, set_swing
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 
-STANDING, MOVER, BOTH = (cast(int, k) for k in np.arange(3))
+SWING_INDEPENDENT, SWING_LIMB, ALL_SHAPES = (cast(int, k) for k in np.arange(3))
 """Shapes with which a support limb is compared: boxes, body, itself and other support limbs; the
 swing limb; and both."""
 
@@ -29,7 +29,7 @@ swing limb; and both."""
 def remove_collisions(
     parts: int,
     step: StepRecord,
-    scene: StepContext,
+    context: StepContext,
     branch_sets: Limbs,
     scratch: StepScratch,
 ) -> bool:
@@ -41,10 +41,10 @@ def remove_collisions(
     Parameters
     ----------
     parts
-        `STANDING`, `MOVER` or `BOTH`.
+        `SWING_INDEPENDENT`, `SWING_LIMB` or `ALL_SHAPES`.
     step
         The step.
-    scene
+    context
         The stances, the robot and the world.
     branch_sets
         Branches of each support limb, changed in place.
@@ -56,16 +56,16 @@ def remove_collisions(
     bool
         Whether every support limb keeps a branch; the check ends at the first that keeps none.
     """
-    robot, world = scene.robots[0], scene.world
+    robot, world = context.robots[0], context.world
     for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, scene, branch_sets, scratch):
+        if not each_clear(parts, layer, step, context, branch_sets, scratch):
             return False
-        if layer > 0 or parts == MOVER:
+        if layer > 0 or parts == SWING_LIMB:
             continue
         for i in range(robot.limb_count):
             for j in range(i + 1, robot.limb_count):
                 if i != step.limb and j != step.limb:
-                    _remove_collisions_between(i, j, step, scene, branch_sets, scratch)
+                    _remove_collisions_between(i, j, step, context, branch_sets, scratch)
                     if branch_sets[i] == 0 or branch_sets[j] == 0:
                         return False
     return True
@@ -76,18 +76,18 @@ def each_clear(
     parts: int,
     layer: int,
     step: StepRecord,
-    scene: StepContext,
+    context: StepContext,
     branch_sets: Limbs,
     scratch: StepScratch,
 ) -> bool:
     """Remove branches as `remove_collisions` does, in one layer, without pairs of support limbs."""
-    robot = scene.robots[0]
+    robot = context.robots[0]
     for i in range(robot.limb_count):
         if i == step.limb:
             continue
         for b in range(BRANCHES):
             if has_branch(branch_sets[i], b) and not _support_clear(
-                parts, i, b, layer, step, scene, scratch
+                parts, i, b, layer, step, context, scratch
             ):
                 branch_sets[i] = without_branch(branch_sets[i], b)
         if branch_sets[i] == 0:
@@ -102,28 +102,28 @@ def _support_clear(
     b: int,
     layer: int,
     step: StepRecord,
-    scene: StepContext,
+    context: StepContext,
     scratch: StepScratch,
 ) -> bool:
     """Return whether limb `i` on branch `b` follows the base path clear of the given parts."""
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     inside, sweep = layer == 0, scratch.sweep
     set_support(sweep.motion.first, i, b, world.grasps[stances.points[step.after, i]])
     set_swing(sweep.motion.second, step.limb, scratch.start, scratch.end)
-    standing, mover = parts != MOVER, parts != STANDING
-    compare_with(sweep, standing, standing and inside, NO, mover and inside)
+    others, swing_limb = parts != SWING_LIMB, parts != SWING_INDEPENDENT
+    compare_with(sweep, others, others and inside, NO, swing_limb and inside)
     return is_clear(robot, world, layer, sweep)
 
 
 @kernel
 def both_clear(
-    i: int, b: int, j: int, c: int, step: StepRecord, scene: StepContext, scratch: StepScratch
+    i: int, b: int, j: int, c: int, step: StepRecord, context: StepContext, scratch: StepScratch
 ) -> bool:
     """Return whether two support limbs stay clear of each other along the base path.
 
     Limb `i` is on branch `b`, limb `j` on branch `c`.
     """
-    stances, robot, world = scene.stances, scene.robots[0], scene.world
+    stances, robot, world = context.stances, context.robots[0], context.world
     sweep, points = scratch.sweep, stances.points
     set_support(sweep.motion.first, i, b, world.grasps[points[step.after, i]])
     set_support(sweep.motion.second, j, c, world.grasps[points[step.after, j]])
@@ -136,7 +136,7 @@ def _remove_collisions_between(
     i: int,
     j: int,
     step: StepRecord,
-    scene: StepContext,
+    context: StepContext,
     branch_sets: Limbs,
     scratch: StepScratch,
 ) -> None:
@@ -150,7 +150,7 @@ def _remove_collisions_between(
     for c in range(BRANCHES):
         for b in range(BRANCHES):
             present = has_branch(kept, c) and has_branch(branch_sets[i], b)
-            if present and not both_clear(i, b, j, c, step, scene, scratch):
+            if present and not both_clear(i, b, j, c, step, context, scratch):
                 kept = without_branch(kept, c)
     if kept:
         branch_sets[j] = kept
@@ -158,5 +158,7 @@ def _remove_collisions_between(
     chosen = first_branch(branch_sets[j])
     branch_sets[j] &= both_flips(chosen)
     for b in range(BRANCHES):
-        if has_branch(branch_sets[i], b) and not both_clear(i, b, j, chosen, step, scene, scratch):
+        if has_branch(branch_sets[i], b) and not both_clear(
+            i, b, j, chosen, step, context, scratch
+        ):
             branch_sets[i] = without_branch(branch_sets[i], b)

@@ -46,7 +46,7 @@ def test_features_are_positions_seen_from_the_robot(env):
     assert [int(row.argmax()) for row in seen["limbs"][:, :, 0]] == list(env.state.stance)
     np.testing.assert_array_equal(seen["limbs"][:, :, 1].ravel() > 0, env.action_masks())
     steps = env.successors()
-    for limb, point, position in zip(steps.limb, steps.point, steps.base_in_world, strict=True):
+    for limb, point, position in zip(steps.limb, steps.point, steps.base_position, strict=True):
         np.testing.assert_allclose(
             rotation @ seen["limbs"][limb, point, 2:5] + base, position, atol=1e-5
         )
@@ -56,7 +56,7 @@ def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
     """After one step any stance with the point, then any that keeps the point of the other limb."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
     reach, held = reach_of_points(graph, goal, 0.2), (graph.branch_sets > 0).all(axis=1)
-    distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    distance = np.linalg.norm(graph.base_position - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
             stances, kept = held & (graph.points[:, limb] == point), limb
@@ -71,10 +71,10 @@ def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
 def test_arrivals_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
     """Counted one by one, the limbs moving in turns."""
     graph, tolerance = env.graph, 0.5
-    goal = graph.base_in_world[40]
+    goal = graph.base_position[40]
     held = (graph.branch_sets > 0).all(axis=1)
     stances = [tuple(pair) for pair in graph.points[held].tolist()]
-    near = np.linalg.norm(graph.base_in_world[held] - goal, axis=1) <= tolerance
+    near = np.linalg.norm(graph.base_position[held] - goal, axis=1) <= tolerance
     arrives = dict(zip(stances, near.tolist(), strict=True))
 
     def arrivals(limb, point, steps):
@@ -99,7 +99,7 @@ def test_an_action_tells_how_near_a_possible_step_after_it_leads(env):
     steps, some = env.successors(), 0
     for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
         after = graph.successors(steps.after(env.state, k))
-        away = np.linalg.norm(after.base_in_world - env.goal, axis=1)
+        away = np.linalg.norm(after.base_position - env.goal, axis=1)
         onward, arrivals = seen[limb, point, ONWARD_REACH], seen[limb, point, ONWARD_ARRIVALS]
         assert onward[0] == pytest.approx(away.min(), rel=1e-6)
         assert 2.0 ** arrivals[0] - 1.0 == pytest.approx(
@@ -118,7 +118,7 @@ def test_with_more_limbs_an_action_tells_where_the_base_is_after_it(jem):
     world = MlivrEnv(map=jem, robot="mlivr3", collisions=False)
     world.reset(seed=0)
     seen, steps = env_features(world)["limbs"][0], world.successors()
-    away = np.linalg.norm(steps.base_in_world - world.goal, axis=1)
+    away = np.linalg.norm(steps.base_position - world.goal, axis=1)
     onward = seen[steps.limb, steps.point, ONWARD_REACH]
     np.testing.assert_allclose(onward, np.tile(away[:, None], DEPTH + 1), rtol=1e-5)
 

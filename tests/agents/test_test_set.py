@@ -48,7 +48,7 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
     env = MlivrEnv(map=small_map)
     low, high = small_map.cabin
     assert any(
-        (env.graph.base_in_world < low).any(axis=1) | (env.graph.base_in_world > high).any(1)
+        (env.graph.base_position < low).any(axis=1) | (env.graph.base_position > high).any(1)
     )
     for task in world.tasks:
         assert len(task.occupied) == (int(0.2 * len(small_map)) if groups else 0)

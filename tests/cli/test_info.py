@@ -22,7 +22,7 @@ def test_every_count_of_the_stance_graph_is_that_of_its_stances(run, tmp_path, l
     world.write_text(json.dumps(ladder.to_dict()))
     told = json.loads(run("info", "--map", str(world), "--json")[1])["stance_graph"]
     graph = stance_graph(ladder)
-    points, bases = graph.points, graph.base_in_world
+    points, bases = graph.points, graph.base_position
     one = (points[:, None] != points[None]).sum(axis=2) == 1
     count, part = connected_components(one, directed=False)
     assert told["steps_before_checks"] == one.sum()

@@ -53,7 +53,7 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
     robot = replace(ROBOT, name="mast", capsules=(*ROBOT.shapes, mast))
     graph, rng = stance_graph(ladder, robot), np.random.default_rng(3)
     here, _ = configuration(graph, 0, rng)
-    tip = here[0] + graph.base_axes_in_world[0] @ (
+    tip = here[0] + graph.base_rotation[0] @ (
         robot.mount_positions[0] + robot.mount_rotations[0] @ np.array([2.45, 0.0, 0.05])
     )  # fmt: skip
     with obstacles(graph, rod(tip, np.eye(3), 0.01, 0.01)):

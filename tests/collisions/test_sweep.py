@@ -199,8 +199,8 @@ def holding_on_a_step(graph, rng):
     before, after = (tuple(graph.points[s].tolist()) for s in (s0, s1))
     postures = join(graph.posture(before), graph.posture(after))
     edge = graph.edge(State(before, (1 << bit, 1 << bit)), after, postures)
-    ends = (at[s] for s in (s0, s1) for at in (graph.base_in_world, graph.base_axes_in_world))
-    path = path_between(tuple(ends), edge.kind, graph.solver.grasps["point"][before[0]])
+    ends = (at[s] for s in (s0, s1) for at in (graph.base_position, graph.base_rotation))
+    path = path_between(tuple(ends), edge.path_kind, graph.solver.grasps["point"][before[0]])
     flange = graph.solver.grasps["flange"][before[0]]
     holds = holding(0, bit & 7, flange["position"], flange["rotation"])
     return path, before[0], bit & 7, holds
@@ -233,8 +233,8 @@ def test_two_limbs_that_hold_keep_clear_and_no_more(small_checked_graph):
     def make():
         while True:
             s = int(rng.integers(len(graph)))
-            points, turn = graph.points[s].tolist(), graph.base_axes_in_world[s]
-            first = graph.base_in_world[s]
+            points, turn = graph.points[s].tolist(), graph.base_rotation[s]
+            first = graph.base_position[s]
             path = path_between((first, turn, first + rng.uniform(-0.05, 0.05, 3), turn))
             branches = graph.branch[s].tolist()
             try:
@@ -268,7 +268,7 @@ def test_a_departure_keeps_clear_and_no_more(small_checked_graph, compared):
         )
         bits = [int(rng.choice(some)) for some in allowed]
         here = graph.configuration(State(tuple(stance), tuple(1 << bit for bit in bits)))
-        at = graph.base_in_world[s], graph.base_axes_in_world[s]
+        at = graph.base_position[s], graph.base_rotation[s]
         grasp = grasps_of(graph, [(0, stance[0])])
         _, point, normal = grasp[0]
         # The flange's x axis lies along the rail and its z axis points into the surface.

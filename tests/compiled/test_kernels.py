@@ -38,7 +38,7 @@ def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     monkeypatch.setattr(table_search, "FIRST_EXPANSION_LIMIT", 1)
     before = {one: set(one.signatures) for one in ENTRIES}  # of other tests
     graph = stance_graph(small_map)
-    start, goal = graph.ids(graph.points[0]), graph.base_in_world[-1].tolist()
+    start, goal = graph.ids(graph.points[0]), graph.base_position[-1].tolist()
     box = Box.between("box", "obstacle", (2.0, -0.2, -0.2), (2.1, 0.2, 0.2))
     for boxes in ((), [box]):
         graph.add_obstacles(boxes)

@@ -53,7 +53,7 @@ def walk():
     points = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
     full = jem_map()
     graph = stance_graph(full.subset(np.isin(full.ids, points), "four points"))
-    goal = graph.base_in_world[-1].tolist()
+    goal = graph.base_position[-1].tolist()
     start, planner = graph.ids(graph.points[0]), Planner(graph)
     plan = planner.plan(start, goal, goal_tolerance=0.05).unwrap()
     values = planner.cost_to_go(goal, goal_tolerance=0.05).values.tolist()
@@ -63,7 +63,7 @@ def walk():
         "joints": plan.motion.joint_positions.tolist(),
         "values": values,
         "branch_sets": graph.branch_sets.tolist(),
-        "bases": graph.base_in_world.tolist(),
+        "bases": graph.base_position.tolist(),
     }
 
 

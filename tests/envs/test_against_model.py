@@ -122,7 +122,7 @@ class EnvironmentsAgree(RuleBasedStateMachine):
         """The one that leads nearest to the goal, one that the mask allows, or any."""
         steps = self.graph.successors(model.state)
         if kind == "near" and not model.over and len(steps.limb):
-            k = np.linalg.norm(steps.base_in_world - model.goal, axis=1).argmin()
+            k = np.linalg.norm(steps.base_position - model.goal, axis=1).argmin()
             return int(steps.limb[k] * model.points + steps.point[k])
         allowed = np.flatnonzero(model.mask()) if kind == "allowed" and not model.over else ()
         if len(allowed):

@@ -41,7 +41,7 @@ def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
     shut_in = graph.points[0].tolist()
     graph.occupy(np.setdiff1d(np.arange(len(small_map)), shut_in).tolist())
     if obstacles:
-        away = graph.base_in_world[0] + [0.9, 0.0, 0.0]
+        away = graph.base_position[0] + [0.9, 0.0, 0.0]
         graph.add_obstacles([Box.between("box", "obstacle", away - 0.01, away + 0.01)])
     else:
         alike[0].table_moves()
@@ -234,7 +234,7 @@ def test_a_step_that_fails_at_once_costs_a_step_and_hardly_any_translation():
     ).unwrapped
     _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})
     steps = environment.successors()
-    planned = np.linalg.norm(steps.base_in_world - info["base_position"], axis=1)
+    planned = np.linalg.norm(steps.base_position - info["base_position"], axis=1)
     k = int(np.argmax(planned))
     action = int(steps.limb[k]) * len(environment.graph.grasp_map) + int(steps.point[k])
     _, reward, terminated, _, info = environment.step(action)

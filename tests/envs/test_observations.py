@@ -28,11 +28,11 @@ def test_what_many_agents_see_is_what_the_graph_says_of_each(small_graph):
     rows, goals = rng.integers(0, len(graph), count), rng.normal(size=(count, 3))
     masks = rng.integers(0, 1 << 16, (count, 2))
     seen = ObservationArrays.of(ObservationTable.of(graph), rows, masks, goals)
-    turns = graph.base_axes_in_world[rows]
+    turns = graph.base_rotation[rows]
     expected = {
         "stance": graph.points[rows],
         "grasps": [graph.grasp_map.positions[points].ravel() for points in graph.points[rows]],
-        "base_position": graph.base_in_world[rows],
+        "base_position": graph.base_position[rows],
         "base_quaternion": seen.base_quaternion,
         "goal": goals,
         "branches": [
@@ -46,9 +46,9 @@ def test_what_many_agents_see_is_what_the_graph_says_of_each(small_graph):
     assert (seen.base_quaternion[:, 0] >= 0.0).all()
     found = Rotation.from_quat(seen.base_quaternion, scalar_first=True)
     np.testing.assert_allclose(found.as_matrix(), turns, atol=1e-6)
-    np.testing.assert_array_equal(seen.base_in_world, graph.base_in_world[rows])
+    np.testing.assert_array_equal(seen.precise_base_position, graph.base_position[rows])
     np.testing.assert_array_equal(seen.w_m, graph.w_m[rows])
     np.testing.assert_array_equal(seen.w_b, graph.w_b[rows])
     np.testing.assert_allclose(
-        seen.goal_distance, np.linalg.norm(seen.base_in_world - goals, axis=1)
+        seen.goal_distance, np.linalg.norm(seen.precise_base_position - goals, axis=1)
     )

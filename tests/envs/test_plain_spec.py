@@ -49,7 +49,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     assert (theirs._executor.setup.physics, theirs._executor.setup.timing) == (physics, limits)
     assert again.spec == env.spec
     assert type(env.spec.kwargs["map"]) is dict
-    np.testing.assert_array_equal(theirs.graph.base_in_world, ours.graph.base_in_world)
+    np.testing.assert_array_equal(theirs.graph.base_position, ours.graph.base_position)
     assert again.reset(seed=4)[1]["stance"] == env.reset(seed=4)[1]["stance"]
 
 

@@ -15,7 +15,7 @@ def test_the_edges_drawn_are_edges(module, checked_graph, monkeypatch):
     monkeypatch.setattr(module, "EDGES", 20)
     for first, last in module.edge_paths(checked_graph):
         s, t = (
-            np.flatnonzero((checked_graph.base_in_world == end).all(axis=1))
+            np.flatnonzero((checked_graph.base_position == end).all(axis=1))
             for end in (first, last)
         )
         found = [

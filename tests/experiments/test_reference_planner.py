@@ -21,6 +21,6 @@ def test_stances_of_the_plain_reference_are_those_of_the_graph(small_map):
     for k in held:
         tried, _ = graph.solver.candidate_poses(rows[k].tolist())
         assert np.linalg.norm(tried - found[k], axis=1).min() < 1e-9
-    same = [np.allclose(found[k], graph.base_in_world[graph.find(tuple(rows[k].tolist()))])
+    same = [np.allclose(found[k], graph.base_position[graph.find(tuple(rows[k].tolist()))])
             for k in held]  # fmt: skip
     assert any(same)

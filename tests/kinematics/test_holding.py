@@ -30,7 +30,7 @@ from mlivr_gym.kinematics.holding import (
     Track,
     begin,
     follow,
-    hold_mask,
+    held_branches,
     in_windows,
 )
 
@@ -73,7 +73,7 @@ def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind, some):
     path = path_between(random_ends(seed), kind)
     able = certified(path) & windowed(path)
     for mask in (EVERY_BRANCH, some):
-        both = called(hold_mask)(HERE, FLANGE, path, FLOOR, mask, Holding.row())
+        both = called(held_branches)(HERE, FLANGE, path, FLOOR, mask, Holding.row())
         assert both == able & mask
 
 
@@ -114,7 +114,7 @@ def test_joint_limits_take_branches_away():
     def inside(limits, mask):
         arm = mounted(replace(LIMB, joint_limits=tuple(map(tuple, limits.tolist()))))
         found = called(in_windows)(arm, FLANGE, path, mask, Track.row())
-        both = called(hold_mask)(arm, FLANGE, path, FLOOR, mask, Holding.row())
+        both = called(held_branches)(arm, FLANGE, path, FLOOR, mask, Holding.row())
         assert both == found & certified(path)
         return found
 

@@ -111,7 +111,7 @@ def test_unchecked_plans_do_without_joint_limits(small_map):
     graph = stance_graph(small_map, robot, Settings(collisions=False, transitions=False))
     plan = (
         Planner(graph)
-        .plan(graph.points[0].tolist(), graph.base_in_world[-1], goal_tolerance=0.3)
+        .plan(graph.points[0].tolist(), graph.base_position[-1], goal_tolerance=0.3)
         .unwrap()
     )
     assert np.isfinite(plan.motion.joint_positions).all()

@@ -254,7 +254,7 @@ def test_plans_of_other_settings_load(small_map, settings):
     graph = stance_graph(small_map, settings=settings)
     planner, rng, loaded = Planner(graph), np.random.default_rng(0), 0
     for row in rng.choice(len(graph), 12).tolist():
-        goal = graph.base_in_world[int(rng.integers(len(graph)))]
+        goal = graph.base_position[int(rng.integers(len(graph)))]
         found = planner.plan(graph.points[row].tolist(), goal, "base").plan
         if found is not None:
             assert Plan.from_dict(as_data(found), small_map).to_dict() == found.to_dict()
@@ -299,7 +299,7 @@ def task(graph, rng):
 
     start = random_state(graph, rng)
     steps = graph.successors(start)
-    return start, steps.base_in_world[int(rng.integers(len(steps.limb)))]
+    return start, steps.base_position[int(rng.integers(len(steps.limb)))]
 
 
 def test_a_step_that_a_limb_cannot_follow_is_refused(small_map):

@@ -36,7 +36,7 @@ FAULTS = [
     (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
     (("steps", 0, "knots"), [[s, *6 * [0.0]] for s in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
     (("steps", 0, "rounded"), [], r"steps\[0\].rounded has 0 corners for \d knots"),
-    (("steps", 0, "rounded", 0), [0.5, 0.0], "both shares of a corner or none"),
+    (("steps", 0, "rounded", 0), [0.5, 0.0], "both fractions of a corner or none"),
     (("steps", 0, "rounded", 0), [0.5, 0.5], "must be 0 at both ends"),
     (
         ("steps", 0),

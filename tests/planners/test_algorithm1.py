@@ -26,8 +26,8 @@ def stance_after(state, limb, point):
 def random_query(graph, rng):
     """A stance, and a goal: the base of another, or now and then any place among them."""
     start, other = (int(s) for s in rng.integers(0, len(graph), 2))
-    anywhere = rng.uniform(graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0))
-    goal = anywhere if rng.random() < 0.05 else graph.base_in_world[other]
+    anywhere = rng.uniform(graph.base_position.min(axis=0), graph.base_position.max(axis=0))
+    goal = anywhere if rng.random() < 0.05 else graph.base_position[other]
     return graph.points[start].tolist(), np.clip(goal, *graph.grasp_map.cabin)
 
 

@@ -91,7 +91,7 @@ def test_two_levels_look_at_all_that_lies_in_their_corridors_and_at_nothing_else
             while todo:
                 here, expanded = todo.pop(), expanded + 1
                 steps = env.graph.successors(here)
-                for k, base in enumerate(steps.base_in_world):
+                for k, base in enumerate(steps.base_position):
                     near = np.linalg.norm(line - base, axis=1).min() <= width
                     after = steps.after(here, k)
                     if near and after.stance not in seen:

@@ -19,7 +19,7 @@ def test_the_table_is_an_expert(name, start, goal, weight, request):
     """Following the best action from the table costs exactly what the table says."""
     graph = request.getfixturevalue(name)
     if start is None:
-        start, goal = graph.ids(graph.points[0].tolist()), graph.base_in_world[-1]
+        start, goal = graph.ids(graph.points[0].tolist()), graph.base_position[-1]
     for cost in ("base", "steps"):
         table = Planner(graph).cost_to_go(goal, cost)
         state, total = graph.state(start), 0.0
@@ -33,7 +33,7 @@ def test_the_table_is_an_expert(name, start, goal, weight, request):
                 None,
                 float(
                     np.linalg.norm(
-                        steps.base_in_world[k] - graph.posture(state.stance).base_position[0]
+                        steps.base_position[k] - graph.posture(state.stance).base_position[0]
                     )
                 ),
             )

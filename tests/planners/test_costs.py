@@ -11,7 +11,7 @@ from mlivr_gym.planners.costs import Cost
 def test_heuristics_never_overestimate_and_the_papers_does(small_graph, weight):
     graph = small_graph
     goal = np.array([2.5, 0.0, -0.3])
-    distance = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    distance = np.linalg.norm(graph.base_position - goal, axis=1)
     over = 0
     for name in ("base", "steps"):
         truth = Planner(graph).cost_to_go(goal, name).values
@@ -23,7 +23,7 @@ def test_heuristics_never_overestimate_and_the_papers_does(small_graph, weight):
                 edge = weight(
                     name,
                     None,
-                    float(np.linalg.norm(graph.base_in_world[s] - graph.base_in_world[t])),
+                    float(np.linalg.norm(graph.base_position[s] - graph.base_position[t])),
                 )
                 assert ours[s] <= edge + ours[t] + 1e-9
         over += (

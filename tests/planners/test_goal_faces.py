@@ -85,7 +85,7 @@ def test_the_exact_cost_counts_goals_on_the_face_alone(corner):
     how = {"cost": "steps", "goal_tolerance": 0.6, "goal_face": "deck"}
     exact = planner.cost_to_go(goal, **how)
     faces = np.array(corner.faces)[graph.points]
-    near = np.linalg.norm(graph.base_in_world - goal, axis=1) <= 0.6
+    near = np.linalg.norm(graph.base_position - goal, axis=1) <= 0.6
     np.testing.assert_array_equal(exact.values == 0.0, near & (faces == "deck").all(axis=1))
     assert 0 < exact.is_goal.sum() < near.sum()
     for s in np.random.default_rng(0).choice(len(graph), 20):
@@ -101,8 +101,8 @@ def test_a_face_that_the_map_has_not_is_refused(corner):
 
 def test_a_goal_without_stances_on_the_face_is_told(small_checked_graph):
     graph = small_checked_graph
-    goal = np.clip(graph.base_in_world[0], *graph.grasp_map.cabin)
-    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    goal = np.clip(graph.base_position[0], *graph.grasp_map.cabin)
+    away = np.linalg.norm(graph.base_position - goal, axis=1)
     on = (np.array(graph.grasp_map.faces)[graph.points] == "forward").all(axis=1)
     cause = Planner(graph).why_not(
         graph.points[0].tolist(), goal, goal_tolerance=0.01, goal_face="forward"

@@ -26,15 +26,15 @@ def states(graph):
     todo = [graph.state(points.tolist()) for points in graph.points]
     index, edges = {state: k for k, state in enumerate(todo)}, []
     for state in todo:
-        here, steps = graph.base_in_world[graph.find(state.stance)], graph.successors(state)
+        here, steps = graph.base_position[graph.find(state.stance)], graph.successors(state)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)
             if after not in index:
                 index[after] = len(todo)
                 todo.append(after)
-            moved = float(np.linalg.norm(steps.base_in_world[k] - here))
+            moved = float(np.linalg.norm(steps.base_position[k] - here))
             edges.append((index[state], index[after], moved))
-    places = np.array([graph.base_in_world[graph.find(state.stance)] for state in todo])
+    places = np.array([graph.base_position[graph.find(state.stance)] for state in todo])
     return index, places, np.array(edges)
 
 
@@ -54,7 +54,7 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(graph, states, name, 
             start = left.after(start, int(rng.integers(len(left.limb))))
         costs = dijkstra(steps, indices=index[start])
         for _ in range(6):
-            goal = np.clip(graph.base_in_world[rng.integers(len(graph))], *graph.grasp_map.cabin)
+            goal = np.clip(graph.base_position[rng.integers(len(graph))], *graph.grasp_map.cabin)
             inside = np.linalg.norm(places - goal, axis=1) <= 0.05
             least = costs[inside].min(initial=np.inf)
             how = {"goal_tolerance": 0.05, "regrasp_price": price}

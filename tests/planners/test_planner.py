@@ -40,7 +40,7 @@ def branch_graph(graph):
             stance = list(state.stance)
             stance[limb] = int(point)
             t, held = graph.find(tuple(stance)), 1 - limb
-            displacement = float(np.linalg.norm(position - graph.base_in_world[s]))
+            displacement = float(np.linalg.norm(position - graph.base_position[s]))
             kept = [b for b in range(16) if branch_sets[held] >> b & 1]
             old = [b for b in range(16) if state.branch_sets[limb] >> b & 1]
             new = [b for b in range(16) if graph.branch_sets[t, limb] >> b & 1]
@@ -87,8 +87,8 @@ def test_plans_are_optimal_by_exhaustive_search_of_another_library(
     rng = np.random.default_rng(0)
     for _ in range(5):
         s, g = (int(v) for v in rng.integers(0, len(tiny), 2))
-        goal = np.clip(tiny.base_in_world[g], *tiny.grasp_map.cabin)
-        inside = np.linalg.norm(tiny.base_in_world[stances] - goal, axis=1) <= 0.2
+        goal = np.clip(tiny.base_position[g], *tiny.grasp_map.cabin)
+        inside = np.linalg.norm(tiny.base_position[stances] - goal, axis=1) <= 0.2
         reached = dijkstra(truth, indices=np.flatnonzero(stances == s), min_only=True)
         expected = reached[inside].min(initial=np.inf)
         table = planner.cost_to_go(goal, cost, regrasp_price=price)
@@ -110,15 +110,15 @@ def test_node_only_plans_agree_with_rustworkx(small_map, cost, price, weight):
                     weight(
                         cost,
                         price,
-                        float(np.linalg.norm(graph.base_in_world[s] - graph.base_in_world[t])),
+                        float(np.linalg.norm(graph.base_position[s] - graph.base_position[t])),
                     ),
                 )
     planner, rng = Planner(graph), np.random.default_rng(1)
     for _ in range(10):
         s, g = (int(v) for v in rng.integers(0, len(graph), 2))
-        goal = np.clip(graph.base_in_world[g], *small_map.cabin)
+        goal = np.clip(graph.base_position[g], *small_map.cabin)
         reached = rx.dijkstra_shortest_path_lengths(truth, s, float)
-        goals = np.flatnonzero(np.linalg.norm(graph.base_in_world - goal, axis=1) <= 0.2)
+        goals = np.flatnonzero(np.linalg.norm(graph.base_position - goal, axis=1) <= 0.2)
         expected = (
             0.0 if s in goals else min((reached[t] for t in goals if t in reached), default=np.inf)
         )
@@ -182,7 +182,7 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
             keep = np.zeros(len(jem), dtype=bool)
             keep[[*graph.points[s], *graph.points[t]]] = True
             three = stance_graph(jem.subset(keep, "three"), settings=NO_COLLISIONS)
-            start, goal = graph.ids(graph.points[s]), graph.base_in_world[t]
+            start, goal = graph.ids(graph.points[s]), graph.base_position[t]
             result = Planner(three).plan(start, goal, goal_tolerance=0.01)
             ends = [three.posture(stance).base_position[0] for stance in reached_from(three, start)]
             near = min(np.linalg.norm(end - goal) for end in ends)
@@ -196,8 +196,8 @@ def test_search_exhausted_where_the_only_step_cannot_be_executed(jem, graph):
 def test_a_goal_cut_off_by_occupied_points_is_said_to_be_so(small_map):
     """The start has steps; no sequence of them leads on, which no search is needed to prove."""
     graph = stance_graph(small_map, settings=NO_COLLISIONS)
-    free, goal = Planner(graph), graph.base_in_world[graph.base_in_world[:, 0].argmax()]
-    first = int(graph.base_in_world[:, 0].argmin())
+    free, goal = Planner(graph), graph.base_position[graph.base_position[:, 0].argmax()]
+    first = int(graph.base_position[:, 0].argmin())
     start = graph.ids(graph.points[first])
     plan = free.plan(start, goal, "steps").unwrap()
     spared = {*start, plan.actions[0][1]}
@@ -214,7 +214,7 @@ def test_a_search_that_is_cut_short_promises_no_more_than_it_proved(graph):
     rng, bounds, factor = np.random.default_rng(3), [], 1.2
     for _ in range(22):
         first, last = rng.integers(len(graph), size=2)
-        start, goal = graph.ids(graph.points[first]), graph.base_in_world[last]
+        start, goal = graph.ids(graph.points[first]), graph.base_position[last]
         best = Planner(graph).plan(start, goal).plan
         for limit in (8, 17, 10_000):
             cut = Planner(graph).plan(start, goal, inflation=factor, limit=limit).plan

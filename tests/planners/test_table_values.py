@@ -62,7 +62,7 @@ def test_expected_costs_solve_the_bellman_equation(env, cost):
                         if tables.releasable[after, held] >> b & 1:
                             rest = min(rest, values.grasped[0, after, 1 - held])
                         p = risk[tables.points[after, 1 - held]]
-                        d = np.linalg.norm(tables.base_in_world[after] - tables.base_in_world[s])
+                        d = np.linalg.norm(tables.base_position[after] - tables.base_position[s])
                         one, two = (1.0, 1.0) if cost == "steps" else (d, 2.0 * d)
                         # V = p (two + V) + (1 - p) (one + rest)
                         best = min(best, (p * two + (1.0 - p) * (one + rest)) / (1.0 - p))

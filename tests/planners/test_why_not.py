@@ -19,7 +19,7 @@ def unreachable(graph, rng, radius=0.05):
     planner = Planner(graph)
     while True:
         start = random_state(graph, rng)
-        goal = graph.base_in_world[rng.integers(len(graph))]
+        goal = graph.base_position[rng.integers(len(graph))]
         inside = (graph.grasp_map.cabin[0] <= goal).all() and (
             goal <= graph.grasp_map.cabin[1]
         ).all()
@@ -57,14 +57,14 @@ def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sp
 
 def test_a_wall_of_obstacles_is_named(small_checked_graph):
     graph, planner = small_checked_graph, Planner(small_checked_graph)
-    low, high = graph.base_in_world.min(axis=0), graph.base_in_world.max(axis=0)
+    low, high = graph.base_position.min(axis=0), graph.base_position.max(axis=0)
     first, last = (
-        int(np.argmin(graph.base_in_world[:, 0])),
-        int(np.argmax(graph.base_in_world[:, 0])),
+        int(np.argmin(graph.base_position[:, 0])),
+        int(np.argmax(graph.base_position[:, 0])),
     )
     start, goal = (
         graph.points[first].tolist(),
-        np.clip(graph.base_in_world[last], *graph.grasp_map.cabin),
+        np.clip(graph.base_position[last], *graph.grasp_map.cabin),
     )
     assert planner.plan(start, goal, "steps", goal_tolerance=0.3)
     middle = 0.5 * (low[0] + high[0])
@@ -104,7 +104,7 @@ def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_c
     cause = Planner(graph).why_not(start, goal, goal_tolerance=0.01)
     assert cause.rules == ()
     radius = float(cause.message.split("goal_tolerance of ")[1].split(" m")[0])
-    away = np.linalg.norm(graph.base_in_world - goal, axis=1)
+    away = np.linalg.norm(graph.base_position - goal, axis=1)
     assert radius - 0.001 < away.min() <= radius
 
 

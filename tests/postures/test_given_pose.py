@@ -73,8 +73,8 @@ class Reached:
         while todo:
             state = todo.pop()
             steps = self.graph.successors(state)
-            moved = np.linalg.norm(steps.base_in_world - self.places[state], axis=1)
-            for k, position in enumerate(steps.base_in_world):
+            moved = np.linalg.norm(steps.base_position - self.places[state], axis=1)
+            for k, position in enumerate(steps.base_position):
                 after = steps.after(state, k)
                 if after not in self.places:
                     todo.append(after)
@@ -108,7 +108,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, mo
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
         pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
-        goal = graph.base_in_world[rng.integers(len(graph))]
+        goal = graph.base_position[rng.integers(len(graph))]
         not_executable.clear()
         result = Planner(graph).plan(stance, goal, cost, start_pose=pose, goal_tolerance=0.1)
         if result.reason == "start infeasible":
@@ -211,7 +211,7 @@ def test_three_limbs_start_in_a_given_pose(jem):
             continue
         if len(steps.limb):
             break
-    goal = steps.base_in_world[0]
+    goal = steps.base_position[0]
     plan = Planner(graph).plan(stance, goal, "base", start_pose=pose, goal_tolerance=0.005).unwrap()
     np.testing.assert_allclose(plan.motion.base_positions[0], pose[:3], atol=1e-12)
     assert plan.statistics.cost == pytest.approx(

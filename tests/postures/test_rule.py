@@ -14,7 +14,7 @@ from mlivr_gym import Settings, State, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.base_path import BasePath, lift_path
-from mlivr_gym.kinematics.holding import Holding, hold_mask
+from mlivr_gym.kinematics.holding import Holding, held_branches
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
@@ -114,9 +114,9 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         stance = here.points[s]
         (margin, _, pose, labels), tied = chosen_by_definition(here, stance)
         assert min(here.w_m[s].min() / 0.1, here.w_b[s] / 0.001) == pytest.approx(margin, rel=1e-7)
-        np.testing.assert_allclose(here.base_in_world[s], pose[0], atol=1e-6)
+        np.testing.assert_allclose(here.base_position[s], pose[0], atol=1e-6)
         np.testing.assert_allclose(
-            here.base_axes_in_world[s],
+            here.base_rotation[s],
             Rotation.from_quat(pose[1], scalar_first=True).as_matrix(),
             atol=1e-5,
         )
@@ -180,17 +180,17 @@ def departing(graph, s, i, branches):
     """Return the branches and flips on which a limb can depart from its point along a path."""
     grasp, limits = graph.solver.grasps[graph.points[s, i]], graph.solver.thresholds[0]
     path, l_c = BasePath.row(), graph.robot.characteristic_length
-    base = pose_row(graph.base_in_world[s], graph.base_axes_in_world[s])
+    base = pose_row(graph.base_position[s], graph.base_rotation[s])
     called(lift_path)(path, base, grasp, graph.robot.lift)
     limb, branch_sets = graph.solver.shapes.robot["limbs"][i], sum(0x101 << b for b in branches)
     floor = float(limits["floor"]) * l_c**3
-    return called(hold_mask)(limb, grasp["flange"], path, floor, branch_sets, Holding.row())
+    return called(held_branches)(limb, grasp["flange"], path, floor, branch_sets, Holding.row())
 
 
 def branch_sets_by_definition(graph, s):
     """Return the branches and flips on which limbs may hold: a product set grown from a posture."""
     stance, robot = graph.points[s], graph.robot
-    base, axes = graph.base_in_world[s], graph.base_axes_in_world[s]
+    base, axes = graph.base_position[s], graph.base_rotation[s]
     geometry = (graph.grasp_map.positions[stance] - base) @ axes
     found = [{c[0]: c for c in limb} for limb in choices(graph, stance, base, axes)]
     quaternion = Rotation.from_matrix(axes).as_quat(scalar_first=True)
@@ -264,7 +264,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
         points = checked_graph.points[c]
         s = at[tuple(points.tolist())]
         same = (checked_graph.branch[c] == graph.branch[s]).all() and np.allclose(
-            checked_graph.base_in_world[c], graph.base_in_world[s], atol=1e-6
+            checked_graph.base_position[c], graph.base_position[s], atol=1e-6
         )
         grasps = [
             (i, graph.solver.grasps[p]["point"], graph.solver.grasps[p]["normal"])
@@ -296,9 +296,9 @@ def test_no_side_is_favoured_when_two_limbs_change_places(graph):
         other, centre = at[b, a], grasps.mean(axis=0)
         half = 2.0 * np.outer(graph.grasp_map.normals[a], graph.grasp_map.normals[a]) - np.eye(3)
         np.testing.assert_allclose(
-            graph.base_in_world[other], centre + half @ (graph.base_in_world[s] - centre), atol=1e-6
+            graph.base_position[other], centre + half @ (graph.base_position[s] - centre), atol=1e-6
         )
-        away = graph.base_in_world[s] - centre
+        away = graph.base_position[s] - centre
         leaning += (
             np.linalg.norm(away - away @ graph.grasp_map.normals[a] * graph.grasp_map.normals[a])
             > 1e-3
@@ -316,8 +316,8 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
         graph = stance_graph(map_, replace(spec, heights=heights, rolls=rolls))
         arrays = [
             graph.points,
-            graph.base_in_world,
-            graph.base_axes_in_world,
+            graph.base_position,
+            graph.base_rotation,
             graph.w_m,
             graph.branch,
             graph.branch_sets,

@@ -106,10 +106,10 @@ def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
     for s in rng.integers(0, len(graph), 100):
         a, b = graph.points[s]
         normal = graph.grasp_map.normals[[a, b]].mean(axis=0)
-        assert graph.base_axes_in_world[s][:, 2] @ normal > 0.5
+        assert graph.base_rotation[s][:, 2] @ normal > 0.5
         line = graph.grasp_map.positions[a] - graph.grasp_map.positions[b]
         np.testing.assert_allclose(
-            graph.base_axes_in_world[s][:, 0], line / np.linalg.norm(line), atol=1e-6
+            graph.base_rotation[s][:, 0], line / np.linalg.norm(line), atol=1e-6
         )
 
 

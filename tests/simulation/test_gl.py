@@ -47,7 +47,7 @@ def run(folder, backend, *arguments):
 def folder(tmp_path_factory, small_graph):
     folder, graph = tmp_path_factory.mktemp("gl"), small_graph
     (folder / "map.json").write_text(json.dumps(graph.grasp_map.to_dict()))
-    plan = Planner(graph).plan(graph.ids(graph.points[0]), graph.base_in_world[-1]).unwrap()
+    plan = Planner(graph).plan(graph.ids(graph.points[0]), graph.base_position[-1]).unwrap()
     plan.save(folder / "plan.json")
     return folder
 

@@ -40,12 +40,12 @@ def bindings(timed, limits):
 def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
     for path in paths[:2]:
         for coarse, fine in zip(path_segments(path), path_segments(path, 385), strict=True):
-            step = fine.shares[1]
-            joints = fine.joints.reshape(len(fine.shares), -1)
+            step = fine.sigmas[1]
+            joints = fine.joints.reshape(len(fine.sigmas), -1)
             first = (joints[2:] - joints[:-2]) / (2.0 * step)
             second = (joints[2:] - 2.0 * joints[1:-1] + joints[:-2]) / step**2
             inner = slice(8, -8)
-            at = fine.shares[1:-1][inner]
+            at = fine.sigmas[1:-1][inner]
             scale = np.abs(first).max() + 1e-9
             np.testing.assert_allclose(coarse.curve(at, 1)[:, 6:], first[inner], atol=2e-3 * scale)
             np.testing.assert_allclose(
@@ -93,10 +93,10 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
 def test_the_fastest_squares_are_those_of_brute_force(paths):
     """Dynamic programming over a grid of speeds finds no shorter time, and hardly a longer one."""
     rows = rows_of(paths[2], Limits())[1]
-    nodes = np.arange(0, len(rows.shares), 4)
+    nodes = np.arange(0, len(rows.sigmas), 4)
     coarse = replace_rows(rows, nodes)
     squares = time_optimal_squared_rates(coarse)
-    step = np.diff(coarse.shares)
+    step = np.diff(coarse.sigmas)
     time = float((2.0 * step / (np.sqrt(squares[:-1]) + np.sqrt(squares[1:]))).sum())
     levels = np.linspace(0.0, 1.1 * np.sqrt(squares.max()), 180)
     best = np.where(levels == 0.0, 0.0, np.inf)
@@ -122,7 +122,7 @@ def test_the_fastest_squares_are_those_of_brute_force(paths):
 
 def replace_rows(rows, nodes):
     return rows._replace(
-        shares=rows.shares[nodes], torques=rows.torques[nodes], wrenches=rows.wrenches[nodes],
+        sigmas=rows.sigmas[nodes], torques=rows.torques[nodes], wrenches=rows.wrenches[nodes],
         speeds=rows.speeds[nodes],
     )  # fmt: skip
 

@@ -105,7 +105,7 @@ def test_a_step_to_the_same_stance_is_none(graph, state):
 
 
 def test_a_cost_to_go_knows_no_stance_that_cannot_be_held(small_graph):
-    values = Planner(small_graph).cost_to_go(small_graph.base_in_world[-1].tolist())
+    values = Planner(small_graph).cost_to_go(small_graph.base_position[-1].tolist())
     assert values.value(State((3, 3), (0xFFFF, 0xFFFF))) == np.inf
     stance = tuple(small_graph.points[0].tolist())
     for bad in ((0, 43), (1, -1), (HUGE, 0)):

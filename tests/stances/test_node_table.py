@@ -280,7 +280,7 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
         found, told = graph.successors(state), with_table.successors(state)
         for name in ("limb", "point", "branch_sets"):
             np.testing.assert_array_equal(getattr(told, name), getattr(found, name))
-        np.testing.assert_allclose(told.base_in_world, found.base_in_world, atol=1e-12, rtol=0)
+        np.testing.assert_allclose(told.base_position, found.base_position, atol=1e-12, rtol=0)
         steps += len(found.limb)
     assert steps > 100
     assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 600))

@@ -85,7 +85,7 @@ def test_actions_and_where_they_lead(seed):
             point = tables.points[s2, moving]
             expected[0, i, moving, point] = 1
             expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
-            places[i, moving, point] = tables.base_in_world[s2]
+            places[i, moving, point] = tables.base_position[s2]
     np.testing.assert_array_equal(actions, expected[0])
     np.testing.assert_array_equal(legal, expected[0])
     np.testing.assert_array_equal(again, expected[1])
@@ -111,7 +111,7 @@ def test_where_the_steps_after_an_action_lead(seed):
             for limb, _, s3, _ in plain_steps(tables, s2, after):
                 point = tables.points[s3, limb]
                 if free[i, point]:
-                    away = np.linalg.norm(tables.base_in_world[s3] - goals[i])
+                    away = np.linalg.norm(tables.base_position[s3] - goals[i])
                     ahead = of_points[i, limb, point]
                     out[: depth + 1] = np.minimum(out[: depth + 1], [away, *ahead[:depth]])
                     out[depth + 1 :] += [away <= 1.5, *ahead[depth:]]

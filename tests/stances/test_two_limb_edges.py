@@ -36,7 +36,7 @@ def by_one_thread(filled):
 @pytest.mark.parametrize("threads", [2, 5])
 def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thread, threads):
     alone, many = by_one_thread, filled(threads)
-    assert alone.base_in_world.tobytes() == many.base_in_world.tobytes()
+    assert alone.base_position.tobytes() == many.base_position.tobytes()
     assert alone.w_m.tobytes() == many.w_m.tobytes()
     np.testing.assert_array_equal(alone.steps.edges, many.steps.edges)
     np.testing.assert_array_equal(alone.steps.releases, many.steps.releases)
@@ -61,9 +61,9 @@ def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
     graph, longest = small_graph, 0.0
     for held in range(2):
         out = np.zeros(len(graph.grasp_map))
-        longest_step(held, graph.rows, graph.row_start, graph.base_in_world, out)
+        longest_step(held, graph.rows, graph.row_start, graph.base_position, out)
         for point in range(len(out)):
-            places = graph.base_in_world[graph.points[:, held] == point]
+            places = graph.base_position[graph.points[:, held] == point]
             between = places[:, None] - places[None]
             assert out[point] == pytest.approx((between**2).sum(axis=2).max(initial=0.0))
         longest = max(longest, float(np.sqrt(out.max())))

@@ -170,7 +170,7 @@ class EnvModel:
     def _walk(self, state, target):
         for _ in range(MOST_STEPS):
             steps = self.graph.successors(state)
-            away = [math.dist(base, target) for base in steps.base_in_world]
+            away = [math.dist(base, target) for base in steps.base_position]
             if not away or min(away) >= math.dist(self._base(state), target):
                 break
             state = steps.after(state, away.index(min(away)))

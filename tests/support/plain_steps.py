@@ -8,7 +8,7 @@ from limb_motions import holding, swinging
 from plain_checks import EVERY, branch_set_of, branches, line_end, members, on
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
-from mlivr_gym.kinematics.holding import Holding, hold_mask
+from mlivr_gym.kinematics.holding import Holding, held_branches
 from mlivr_gym.transitions.steps import TIE, TRIES
 
 
@@ -17,7 +17,7 @@ class Edge(NamedTuple):
 
     kept: dict
     on_arc: set
-    kind: int
+    path_kind: int
     folds: tuple
     line_branches: int
 
@@ -56,7 +56,9 @@ class PlainStep:
         floor = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
         flange, scratch = plain.grasp(self.after, i)["flange"], Holding.row()
         limb = plain.robot["limbs"][i]
-        return members(called(hold_mask)(limb, flange, path, floor, branch_set_of(wanted), scratch))
+        return members(
+            called(held_branches)(limb, flange, path, floor, branch_set_of(wanted), scratch)
+        )
 
     def check(self, released=None):
         """The edge, `NO_EDGE` if the step fails.
@@ -129,7 +131,7 @@ class PlainStep:
         self.edge = Edge(
             {i: self.kept(i) | standing[i] for i in self.held},
             edge.on_arc | arc,
-            edge.kind if edge.kept else kind,
+            edge.path_kind if edge.kept else kind,
             tuple(folds),
             pair,
         )

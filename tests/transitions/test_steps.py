@@ -34,7 +34,7 @@ def same_edge(step, truth, limbs):
     assert int(step["line_branches"]) == truth.line_branches
     assert tuple(step["folds"].tolist()) == truth.folds
     if truth.kept:
-        assert step["kind"] == truth.kind
+        assert step["path_kind"] == truth.path_kind
 
 
 def some_branches(graph, rng, given):
