@@ -37,7 +37,7 @@ def main() -> None:
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)
-        TWO_LIMB_TABLES.write(graph, graph.kept(), path)
+        TWO_LIMB_TABLES.write(graph, graph.file_contents(), path)
         print(f"{name}: {len(graph)} stances, {path.stat().st_size / 1e6:.2f} MB", flush=True)
 
 

@@ -155,7 +155,7 @@ def _search(
             if progress.unreached_starts == 0:
                 f = estimates[s].cost + estimates[s].start_bound
                 progress.limit = f * (1.0 + progress.extension_fraction) + progress.extension_amount
-        _relax_predecessors(table, s, weights, estimates, queue)
+        _improve_predecessors(table, s, weights, estimates, queue)
 
 
 @kernel
@@ -169,14 +169,14 @@ def degree(table: NodeTable, s: int) -> int:
 
 
 @kernel
-def _relax_predecessors(
+def _improve_predecessors(
     table: NodeTable,
     s: int,
     weights: CostWeights,
     estimates: Rows[NodeEstimate],
     queue: NodeQueue,
 ) -> None:
-    """Relax the edges into an expanded node."""
+    """Lower the costs of the nodes from which an edge leads to an expanded node."""
     limbs, g = table.points.shape[1], estimates[s].cost
     for limb in range(limbs):
         row = row_of(table, s, limb)

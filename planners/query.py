@@ -263,7 +263,7 @@ class SearchQuery:
         return 1.0 / self.inflation if self.inflation < math.inf else 1.0
 
     @property
-    def guaranteed_factor(self) -> float:
+    def guaranteed_bound(self) -> float:
         """Return the bound w of plans of two limbs and Algorithm 1; infinite if none is proved."""
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf

@@ -111,5 +111,5 @@ class Algorithm1Searcher:
             tree_found.costs[-1],
             *counts,
             tree,
-            bound=search.guaranteed_factor,
+            bound=search.guaranteed_bound,
         )

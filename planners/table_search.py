@@ -381,7 +381,7 @@ class _TableSearch:
             return 1.0
         proved = cost / self.lower_bound if self.lower_bound > 0.0 else math.inf
         if self._is_complete and self._lazy_table.label_independent:
-            return min(proved, self.search.guaranteed_factor)
+            return min(proved, self.search.guaranteed_bound)
         return proved
 
     def tree(self) -> Array:

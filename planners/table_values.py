@@ -42,7 +42,7 @@ class CostTables(NamedTuple):
 
 
 @entry
-def relax(
+def compute_costs(
     goal: BoolArray,
     prices: StepPrices,
     tables: StepTables,
@@ -145,7 +145,7 @@ def step_values(
     tables
         The steps.
     costs
-        The costs that `relax` computed.
+        The costs that `compute_costs` computed.
     out
         Initially infinite; the costs of possible actions are written, shape (k, 2 m).
     """
@@ -242,7 +242,7 @@ class TableValues:
         self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            relax(self.goals[g], self.prices, tables, self._costs, g, queue, queued)
+            compute_costs(self.goals[g], self.prices, tables, self._costs, g, queue, queued)
 
     def of_stances(self, g: int) -> Array:
         """Return the cost from each stance to goal `g` with all its branches, shape (n,)."""

@@ -108,16 +108,16 @@ def offer(dispatcher: Any, digest: str) -> None:
     digest
         Digest of its sources, see `cache.source_digest`.
     """
-    member = f"{digest}/{dispatcher.py_func.__qualname__}"
-    dispatcher._cache = _CacheWithArchive(dispatcher._cache, member)
+    entry_name = f"{digest}/{dispatcher.py_func.__qualname__}"
+    dispatcher._cache = _CacheWithArchive(dispatcher._cache, entry_name)
 
 
 class _CacheWithArchive:
     """Cache of a compiled function that reads Numba's cache folder first, then the archive."""
 
-    def __init__(self, cache: Any, member: str) -> None:
-        """Take Numba's cache of the function, which may be empty, and its member in the archive."""
-        self._cache, self._place = cache, member
+    def __init__(self, cache: Any, entry_name: str) -> None:
+        """Take Numba's cache of the function, which may be empty, and its name in the archive."""
+        self._cache, self._entry_name = cache, entry_name
 
     def __getattr__(self, name: str) -> Any:
         """Return an attribute of Numba's cache, which does all but loading."""
@@ -126,7 +126,7 @@ class _CacheWithArchive:
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return the function compiled for a signature, or None if neither has it."""
         found = self._cache.load_overload(signature, target)
-        if found is None and (payload := _read(member(self._place, signature))) is not None:
+        if found is None and (payload := _read(member(self._entry_name, signature))) is not None:
             from numba.core.compiler import CompileResult  # as in the archive's version of Numba
 
             target.refresh()
@@ -134,9 +134,9 @@ class _CacheWithArchive:
         return found
 
 
-def member(member: str, signature: Any) -> str:
+def member(entry_name: str, signature: Any) -> str:
     """Return the name in the archive of a function compiled for a signature."""
-    return f"{member}/{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}"
+    return f"{entry_name}/{hashlib.sha256(str(signature).encode()).hexdigest()[:16]}"
 
 
 def _read(name: str) -> Any:
@@ -166,12 +166,12 @@ def pack(folder: Path, features: Sequence[str], digest: str) -> bytes:
     description = {"for": machine(), "features": list(features), "sources": digest}
     contents = {}
     for path in folder.glob("*/*/*.nbi"):
-        place = path.parent.parent.name + "/" + INDEX.sub(r"\1", path.name)
+        entry_name = path.parent.parent.name + "/" + INDEX.sub(r"\1", path.name)
         with path.open("rb") as index:
             pickle.load(index)  # the version of Numba
             _, functions = pickle.loads(index.read())
         for (signature, *_), name in functions.items():
-            contents[member(place, signature)] = (path.parent / name).read_bytes()
+            contents[member(entry_name, signature)] = (path.parent / name).read_bytes()
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as made:
         made.comment = json.dumps(description).encode()

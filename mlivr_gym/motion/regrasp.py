@@ -147,11 +147,6 @@ class RegraspPath:
         ]
 
     @property
-    def segment_count(self) -> int:
-        """Number of segments of the swing."""
-        return len(self._swing_segments)
-
-    @property
     def lines(self) -> list[int]:
         """Number of lines between knots in each segment of the swing."""
         return [len(lines.knots) - 1 for lines in self._swing_segments]

@@ -343,17 +343,17 @@ def _break_ties(
 
 @part
 def best_posture(
-    search: PostureSearch, floor: float, lazily: bool, scratch: PostureScratch, branch: Limbs
+    search: PostureSearch, floor: float, best_first: bool, scratch: PostureScratch, branch: Limbs
 ) -> ChosenPosture:
     """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
-    With `lazily`, contacts are checked first only for the postures of the largest margin of all,
-    touching or not; the result is the same. `branch` is set to the chosen branches.
+    With `best_first`, contacts are checked first only for the postures of the largest margin of
+    all, touching or not; the result is the same. `branch` is set to the chosen branches.
     """
     chosen, w_b, largest = NONE, 0.0, floor
     for stage in range(2):
         check_contacts = stage > 0
-        if not check_contacts and not lazily:
+        if not check_contacts and not best_first:
             continue
         margin = _largest_margin(search, floor, check_contacts, scratch)
         largest = max(largest, margin)

@@ -31,7 +31,7 @@ from mlivr_gym.stances.node_edges import (
     spread,
 )
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
-from mlivr_gym.stances.parts import Arrays, Parts
+from mlivr_gym.stances.parts import PartArrays, Parts
 from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.stances.workers import Progress, Workers, report_share
@@ -129,11 +129,11 @@ Block = tuple[int, Any]
 
 def _in_blocks(
     processes: Workers,
-    work: Callable[..., Arrays],
+    work: Callable[..., PartArrays],
     blocks: list[Block],
     parts: Parts,
     shared: tuple[Any, ...],
-) -> list[Arrays]:
+) -> list[PartArrays]:
     """Return the results of `work` for each block; blocks are dealt out to the processes."""
     count = processes.count
     given = [(work, blocks[k::count], parts, shared) for k in range(count)]
@@ -143,11 +143,11 @@ def _in_blocks(
 
 def _each(
     worker: int,
-    work: Callable[..., Arrays],
+    work: Callable[..., PartArrays],
     blocks: list[Block],
     parts: Parts,
     shared: tuple[Any, ...],
-) -> list[Arrays]:
+) -> list[PartArrays]:
     """Compute the blocks of one process, each of which is a part."""
     found = []
     report_share(worker, float(not blocks))  # without blocks, all is done
@@ -170,7 +170,7 @@ def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
     return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
 
 
-def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> Arrays:
+def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(limbs)].reshape(-1, limbs)
@@ -199,7 +199,7 @@ def _support_set_blocks(table: NodeTable) -> list[Block]:
 
 def _joined(
     first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
-) -> Arrays:
+) -> PartArrays:
     """Compute the branches that steps keep at most for the pairs of some support sets."""
     before = NodePair.before(table, first)
     pairs = np.empty((count_node_pairs(table, before.copy(), last), 2), dtype=np.int64)

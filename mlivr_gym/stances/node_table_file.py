@@ -22,10 +22,10 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
 from mlivr_gym.stances.two_limb_table_file import MOST_BASE_POSES
 
-KEPT = 2
+CACHED_TABLES = 2
 """Number of tables that stay in memory."""
 
-_kept: OrderedDict[str, NodeTable] = OrderedDict()
+_cached: OrderedDict[str, NodeTable] = OrderedDict()
 """Tables of the graphs used last, by the keys of the graphs."""
 
 
@@ -34,7 +34,7 @@ def node_table(graph: ImplicitGraph) -> NodeTable | None:
 
     The graph uses it from then on. A file that cannot be used is skipped with a warning.
     """
-    table = _kept.get(key_of(graph))
+    table = _cached.get(key_of(graph))
     if table is None:
         found = NODE_TABLES.find(graph)
         table = found and found[1]
@@ -45,9 +45,9 @@ def node_table(graph: ImplicitGraph) -> NodeTable | None:
 
 def remember(table: NodeTable, graph: ImplicitGraph) -> None:
     """Give a graph its table, and keep it in memory for other graphs of the same kind."""
-    _kept[key_of(graph)] = graph.table = table
-    if len(_kept) > KEPT:
-        _kept.popitem(last=False)
+    _cached[key_of(graph)] = graph.table = table
+    if len(_cached) > CACHED_TABLES:
+        _cached.popitem(last=False)
 
 
 def encode(graph: StanceGraph, table: NodeTable) -> Arrays:

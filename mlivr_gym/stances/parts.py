@@ -22,7 +22,7 @@ from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import key_of
 
-Arrays = Sequence[NDArray[Any]]
+PartArrays = Sequence[NDArray[Any]]
 
 
 class Parts:
@@ -41,7 +41,7 @@ class Parts:
         folder, digest = cache_folder(), source_digest(Path(source))
         return cls(None if folder is None else folder / f"parts-{key_of(graph)}-{digest}")
 
-    def get(self, name: str, work: Callable[[], Arrays]) -> Arrays:
+    def get(self, name: str, work: Callable[[], PartArrays]) -> PartArrays:
         """Return the stored arrays of a part, or compute them by `work` and store them."""
         found = self._read(name)
         if found is None:
@@ -58,7 +58,7 @@ class Parts:
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _read(self, name: str) -> Arrays | None:
+    def _read(self, name: str) -> PartArrays | None:
         """Return a stored part; None if there is none, or its file is torn or altered."""
         if self.folder is None:
             return None
@@ -69,7 +69,7 @@ class Parts:
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             return None
 
-    def _write(self, name: str, arrays: Arrays) -> None:
+    def _write(self, name: str, arrays: PartArrays) -> None:
         """Store a part; if that fails, warn once and store no more parts."""
         if self.folder is None:
             return

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,8 +20,10 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.postures import in_reach
+from mlivr_gym.stances.node_table import codes
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
+from mlivr_gym.stances.workers import Progress
 
 MOST_LIMBS = 4
 """Largest number of limbs, whose points fit into 64 bits."""
@@ -31,11 +32,8 @@ MOST_SETS = 40_000_000
 """Largest number of sets of points close enough to be checked; four limbs on the JEM have 11
 million."""
 
-KEPT = 2
+CACHED_GRAPHS = 2
 """Number of graphs whose sets stay in memory."""
-
-Progress = Callable[[float], None]
-"""Called with the finished share of the work."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +61,13 @@ class StanceSets:
 
     @cached_property
     def _codes(self) -> NDArray[np.uint64]:
-        return _codes(self.points)
+        return codes(self.points)
 
     def find(self, stances: IntArray) -> IntArray:
         """Return the rows of the sets that stances hold, (k, N) -> (k,); -1 if there is none."""
         if not len(self):
             return np.full(len(stances), -1)
-        code = _codes(np.sort(stances, axis=1))
+        code = codes(np.sort(stances, axis=1))
         row = np.minimum(np.searchsorted(self._codes, code), len(self) - 1)
         found: IntArray = np.where(self._codes[row] == code, row, -1)
         return found
@@ -78,12 +76,12 @@ class StanceSets:
     def of_nodes(cls, graph: StanceGraph, nodes: NDArray[np.uint16]) -> StanceSets:
         """Return the sets of a graph from the points of all its nodes, shape (n, N)."""
         key = f"{key_of(graph)}-nodes"
-        if key not in _kept:
-            code = np.unique(_codes(np.sort(nodes, axis=1)))
+        if key not in _cached:
+            code = np.unique(codes(np.sort(nodes, axis=1)))
             shifts = np.uint64(16) * np.arange(nodes.shape[1], dtype=np.uint64)[::-1]
             points = (code[:, None] >> shifts) & np.uint64(0xFFFF)
-            _keep(key, _of_points(points.astype(np.uint16)))
-        found = _kept[key]
+            _store(key, _of_points(points.astype(np.uint16)))
+        found = _cached[key]
         assert found is not None
         return found
 
@@ -113,7 +111,7 @@ class StanceSets:
         if not 3 <= graph.limbs <= MOST_LIMBS:
             return None
         key = SET_TABLES.name(graph)
-        if key not in _kept:
+        if key not in _cached:
             found = SET_TABLES.find(graph)
             sets = found and found[1]
             if sets is None:
@@ -122,19 +120,19 @@ class StanceSets:
                 sets = _computed(graph, progress)
                 if sets is not None:
                     SET_TABLES.cache(graph, sets)
-            _keep(key, sets)
-        return _kept[key]
+            _store(key, sets)
+        return _cached[key]
 
 
-_kept: OrderedDict[str, StanceSets | None] = OrderedDict()
+_cached: OrderedDict[str, StanceSets | None] = OrderedDict()
 """Sets of the graphs used last."""
 
 
-def _keep(key: str, sets: StanceSets | None) -> None:
-    """Keep the sets of a graph in memory, and forget those that were added first."""
-    _kept[key] = sets
-    if len(_kept) > KEPT:
-        _kept.popitem(last=False)
+def _store(key: str, sets: StanceSets | None) -> None:
+    """Store the sets of a graph in memory, and remove those that were stored first."""
+    _cached[key] = sets
+    if len(_cached) > CACHED_GRAPHS:
+        _cached.popitem(last=False)
 
 
 def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
@@ -160,9 +158,9 @@ def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | Non
 def _of_points(points: NDArray[np.uint16]) -> StanceSets:
     """Return sets that are given by their points, with their support sets."""
     limbs = points.shape[1]
-    support_sets = np.stack([_codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
-    codes, numbers = np.unique(support_sets, return_inverse=True)
-    return StanceSets(points, numbers.reshape(support_sets.shape).astype(np.int32), len(codes))
+    support_sets = np.stack([codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
+    distinct, numbers = np.unique(support_sets, return_inverse=True)
+    return StanceSets(points, numbers.reshape(support_sets.shape).astype(np.int32), len(distinct))
 
 
 @entry
@@ -219,14 +217,6 @@ def sets_from(compatible: BoolArray, a: int, out: IntArray) -> None:
                             if compatible[a, d] and compatible[b, d] and compatible[c, d]:
                                 out[n, 0], out[n, 1], out[n, 2], out[n, 3] = a, b, c, d
                                 n += 1
-
-
-def _codes(points: IntArray | NDArray[np.uint16]) -> NDArray[np.uint64]:
-    """Return one number for each row of points, in the order of the first, (k, N) -> (k,)."""
-    code = np.zeros(len(points), dtype=np.uint64)
-    for column in points.T:
-        code = (code << np.uint64(16)) | column.astype(np.uint64)
-    return code
 
 
 def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:

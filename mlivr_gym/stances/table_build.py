@@ -93,7 +93,7 @@ def write_built(graph: TwoLimbGraph | ImplicitGraph, path: Path) -> None:
         If the file cannot be written.
     """
     if isinstance(graph, TwoLimbGraph):
-        TWO_LIMB_TABLES.write(graph, graph.kept(), path)
+        TWO_LIMB_TABLES.write(graph, graph.file_contents(), path)
     else:
         assert graph.table is not None
         NODE_TABLES.write(graph, graph.table, path)

@@ -109,7 +109,7 @@ def build_two_limb_table(graph: TwoLimbGraph, progress: Progress | None = None) 
     if path is None:
         parts = parts_of_two_limb_table(graph)
         fill_rows(graph, progress, parts)
-        path = TWO_LIMB_TABLES.cache(graph, graph.kept())
+        path = TWO_LIMB_TABLES.cache(graph, graph.file_contents())
         if path is not None:
             parts.remove()
     return path
@@ -119,7 +119,7 @@ def estimate_two_limb_table(graph: TwoLimbGraph) -> Estimate:
     """Estimate what building the table of a graph takes, from a sample of its steps."""
     candidates = f"{graph.considered:,} pairs of points"
     size: float = len(
-        TWO_LIMB_TABLES.content(graph, graph.kept()._replace(edges=None, releases=None))
+        TWO_LIMB_TABLES.content(graph, graph.file_contents()._replace(edges=None, releases=None))
     )
     steps = int((graph.degree * (graph.degree - 1) // 2).sum())
     if graph.is_complete or not steps:

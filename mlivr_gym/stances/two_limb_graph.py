@@ -134,8 +134,8 @@ class TwoLimbGraph(StanceGraph):
         points = np.ascontiguousarray(self.pairs[node])
         return TwoLimbStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
 
-    def kept(self) -> TwoLimbStances:
-        """Return all that is known without obstacles and occupied points, for a file."""
+    def file_contents(self) -> TwoLimbStances:
+        """Return all that is known without obstacles and occupied points, as files have it."""
         numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
         free, checked = self._free, self.settings.transitions
         return TwoLimbStances(

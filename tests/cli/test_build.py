@@ -26,14 +26,14 @@ def part(tmp_path):
 def cache(monkeypatch, tmp_path):
     """An empty cache folder, and no table in memory."""
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "new"))
-    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
+    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
 
 
 def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     code, out, _ = run("build", "--robot", "mlivr3", "--map", part)
     graph = stance_graph(part, "mlivr3")
     sets = graph.sets()
-    node_table_file._kept.clear()
+    node_table_file._cached.clear()
     found = node_table(graph)
     assert code == 0
     first, last = out.splitlines()

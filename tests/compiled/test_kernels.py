@@ -27,7 +27,8 @@ from mlivr_gym.transitions import release, steps
 
 ENTRIES = (
     label_search._search, label_search.requeue_checked, backward_search._search,
-    fewest_steps._expand_level, checked_edges._put, table_values.relax, node_table.find_rows,
+    fewest_steps._expand_level, checked_edges._put, table_values.compute_costs,
+    node_table.find_rows,
     two_limb_nodes.mark_steps, two_limb_nodes.fill_lost, two_limb_steps.two_limb_successors,
     limb_branch_sets.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip

@@ -14,7 +14,7 @@ def test_episodes_are_the_same_with_the_table(limbs, monkeypatch):
     graph, table = small_table(limbs)
     made, seen = {"robot": f"mlivr{limbs}", "map": graph.grasp_map}, []
     for known in ({}, {key_of(graph): table}):
-        monkeypatch.setattr(node_table_file, "_kept", known)
+        monkeypatch.setattr(node_table_file, "_cached", known)
         env, episodes = gymnasium.make("MLIVR-JEM-v0", goal_tolerance=0.05, **made), []
         assert (env.unwrapped.graph.table is table) == bool(known)
         rng = np.random.default_rng(1)

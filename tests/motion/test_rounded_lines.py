@@ -64,7 +64,7 @@ def rounded_step(checked_graph, plan):
 def configurations(graph, regrasp, share):
     """Where the robot is on its swing: base position, quaternion and joints of all limbs."""
     path = RegraspPath(graph, regrasp)
-    parts = [path.swing(k, share) for k in range(path.segment_count)]
+    parts = [path.swing(k, share) for k in range(len(path.lines))]
     s = np.concatenate([part[0] for part in parts])
     joints = path.supports(s)
     joints[:, regrasp.limb] = np.concatenate([part[1] for part in parts])

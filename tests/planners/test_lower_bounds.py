@@ -194,7 +194,7 @@ def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, co
 def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
-    monkeypatch.setattr(node_table_file, "_kept", {key_of(known[0]): table})
+    monkeypatch.setattr(node_table_file, "_cached", {key_of(known[0]): table})
     monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
@@ -218,7 +218,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
 @pytest.mark.parametrize("cost", COSTS)
 def test_what_is_told_of_each_plan_is_a_bound(known, cost, monkeypatch):
     table = known[1]
-    monkeypatch.setattr(node_table_file, "_kept", {key_of(known[0]): table})
+    monkeypatch.setattr(node_table_file, "_cached", {key_of(known[0]): table})
     graph, rng, plans = fresh(known), np.random.default_rng(7), 0
     planner = Planner(graph)
     for _ in range(16):

@@ -211,7 +211,7 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
     first, table = known
     if table.limbs == 2:
         pytest.skip("its graph needs no table that was built before")
-    monkeypatch.setattr(node_table_file, "_kept", {key_of(first): table})
+    monkeypatch.setattr(node_table_file, "_cached", {key_of(first): table})
     monkeypatch.setattr(
         ImplicitGraph, "successors", None
     )  # no search from state to state is needed

@@ -137,7 +137,7 @@ def graph_and_tables(small_map, tmp_path_factory):
     """A graph, and the arrays of the file of its steps."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
-    TWO_LIMB_TABLES.write(full, full.kept(), path / "steps.npz")
+    TWO_LIMB_TABLES.write(full, full.file_contents(), path / "steps.npz")
     found = dict(read_arrays(full, path / "steps.npz"))
     assert len(TWO_LIMB_TABLES.read(full, path / "steps.npz").edges)
     return full, found

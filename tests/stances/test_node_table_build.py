@@ -24,7 +24,7 @@ def cache(monkeypatch, tmp_path):
     folder.mkdir()
     (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
+    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
     return folder
 
 
@@ -77,7 +77,7 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     assert_same(again.table, truth)
     assert not list(cache.glob("parts-*"))
     together = dict(done)
-    node_table_file._kept.clear()
+    node_table_file._cached.clear()
     NODE_TABLES.cached(again).unlink()
     build_table(stance_graph(small_map(), "mlivr3"))
     assert {name: done[name] - together[name] for name in done} == together  # each part once

@@ -37,7 +37,7 @@ def table(known):
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder without tables, and none in memory."""
     monkeypatch.setattr(table_files, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(node_table_file, "_kept", type(node_table_file._kept)())
+    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
     return tmp_path
 
 
@@ -66,9 +66,9 @@ def test_a_mapped_table_is_found_again(graph, table, empty_cache, caplog):
         assert one.ctypes.data % table_files.ALIGNED == 0
     assert node_table(graph) is found
     found.points[:] = 0  # in memory alone
-    node_table_file._kept.clear()
+    node_table_file._cached.clear()
     np.testing.assert_array_equal(node_table(graph).points, table.points)
-    node_table_file._kept.clear()
+    node_table_file._cached.clear()
     path.write_bytes(path.read_bytes()[:200])
     assert node_table(graph) is None
     assert "is damaged, or not of format" in caplog.text
@@ -88,7 +88,7 @@ def test_a_compressed_file_is_unpacked_once(graph, table, empty_cache, caplog):
     NODE_TABLES.write(graph, table, compressed)
     np.testing.assert_array_equal(node_table(graph).joined, table.joined)
     assert mapped.is_file()
-    node_table_file._kept.clear()
+    node_table_file._cached.clear()
     mapped.unlink()
     compressed.write_bytes(b"")
     assert node_table(graph) is None

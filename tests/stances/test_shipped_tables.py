@@ -37,7 +37,7 @@ def without_tables(monkeypatch):
 
 def assert_same_stances(graph, fresh):
     np.testing.assert_array_equal(graph.points, fresh.points)
-    kept, worked_out = graph.kept(), fresh.kept()
+    kept, worked_out = graph.file_contents(), fresh.file_contents()
     assert dict(kept.counts) == dict(worked_out.counts)
     for name in FIELDS:
         ours, theirs = (getattr(one.postures, name) for one in (kept, worked_out))
@@ -87,7 +87,7 @@ def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, worl
     graph, fresh = world(), without_tables(world)
     fill_rows(fresh)
     assert_same_stances(graph, fresh)
-    ours, theirs = graph.kept(), fresh.kept()
+    ours, theirs = graph.file_contents(), fresh.file_contents()
     if graph.settings.transitions:
         np.testing.assert_array_equal(ours.edges, theirs.edges)
         np.testing.assert_array_equal(ours.releases, theirs.releases)

@@ -27,7 +27,7 @@ def graph(request):
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder of its own, and nothing in memory."""
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(stance_sets, "_kept", stance_sets.OrderedDict())
+    monkeypatch.setattr(stance_sets, "_cached", stance_sets.OrderedDict())
     return tmp_path / "cache"
 
 
@@ -83,18 +83,18 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     assert told[-1] == 1.0
     (file,) = empty_cache.glob("sets-*.npz")
     again = told.copy()
-    stance_sets._kept.clear()
+    stance_sets._cached.clear()
     read = StanceSets.of(graph, told.append, build=False)
     assert told == again
     np.testing.assert_array_equal(read.points, first.points)
     np.testing.assert_array_equal(read.support_sets, first.support_sets)
     for content in (b"nothing", file.read_bytes()[:200]):
-        stance_sets._kept.clear()
+        stance_sets._cached.clear()
         file.write_bytes(content)
         assert StanceSets.of(graph, build=False) is None
         assert "is damaged, or not of format" in caplog.text
         np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
-    stance_sets._kept.clear()
+    stance_sets._cached.clear()
     arrays = dict(read_arrays(graph, file))
     for wrong in (
         {"points": first.points + np.uint16(len(graph.grasp_map))},
@@ -103,7 +103,7 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     ):
         file.write_bytes(pack_arrays(graph, arrays | wrong, ZIP_STORED))
         assert StanceSets.of(graph, build=False) is None
-        stance_sets._kept.clear()
+        stance_sets._cached.clear()
 
 
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
