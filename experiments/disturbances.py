@@ -41,6 +41,13 @@ CONTROLLERS: dict[str, tuple[Limits | Durations, ControllerParameters]] = {
 }
 """Pace and controller of each group of studies."""
 
+TITLES = {
+    "guided, gentle": "`full` controller, gentle pace",
+    "feedforward, gentle": "`feedforward` controller, gentle pace",
+    "the paper's PD, 50 s": "`paper` controller, the paper's 50 s a step",
+}
+"""Title of each group, with the name of the controller in `controller.CONTROLLERS`."""
+
 NAMES = {
     "friction": "friction to 3 N m",
     "damping": "damping to 1 N m s/rad",
@@ -58,7 +65,7 @@ NAMES = {
 """The disturbances in words, with the ranges of `ALL`."""
 
 HEAD = (
-    "disturbance | walks | carried out | interval [%] | failures | tried again | "
+    "disturbance | walks | carried out | interval [%] | failures | second attempt | "
     "grasp force [N] | capture [mm] | base error [mm]"
 )
 
@@ -120,7 +127,7 @@ def cells(field: str, row: dict[str, Any]) -> list[Any]:
 def section(data: dict[str, Any], name: str) -> str:
     """Return the section of the page on a controller."""
     rows = [(field, data["studies"].get(f"{name}: {field}")) for field in ("none", *NAMES, "all")]
-    return f"""## {name[0].upper()}{name[1:]}
+    return f"""## {TITLES[name]}
 
 {table(HEAD, (cells(field, row) for field, row in rows if row is not None))}"""
 
@@ -131,10 +138,10 @@ def markdown(data: dict[str, Any]) -> str:
     return f"""# A robot and a module that the controller does not know
 
 Made by `experiments/disturbances.py`: random tasks, each executed once with its own disturbances, \
-drawn uniformly within the stated sizes
-(`simulation/disturbances.py`). *Guided*: a sensor on the gripper that approaches (noise 1 mm and \
-0.5 deg) guides the limb to the point;
-a missed grasp is tried once more. A walk counts as carried out if every step ends with a grasp, \
+drawn uniformly from the stated ranges
+(`simulation/disturbances.py`). With the \
+`full` controller a sensor on the gripper that approaches (noise 1 mm and 0.5 deg)
+guides the limb to the point, and a grasp that misses is attempted once more. A walk counts as carried out if every step ends with a grasp, \
 without contact and with no torque at its limit
 for 0.1 s. Intervals are 95 % Wilson intervals.
 
@@ -164,8 +171,9 @@ def readme_text(data: dict[str, Any]) -> str:
             else f"Alone, none of the {len(alone)} disturbances makes a walk fail."
         )
         lines.append(
-            f"* {name[0].upper()}{name[1:]}: all disturbances at once, {whole['carried_out']} of "
-            f"{whole['walks']} walks carried out ({100 * low:.1f} to {100 * high:.1f} %; "
+            f"* {TITLES[name]}: all disturbances at once, {whole['carried_out']} of "
+            f"{whole['walks']} walks carried out (95 % confidence interval {100 * low:.1f} to "
+            f"{100 * high:.1f} %; "
             f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
             f"with a second attempt, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % "
             f"below {whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
@@ -191,7 +199,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
             axis.barh(place, failed, color=colour, height=0.7)
             span = np.maximum([[failed - 100.0 * (1.0 - high)], [100.0 * (1.0 - low) - failed]], 0)
             axis.errorbar(failed, place, xerr=span, color="0.25", capsize=2.5, linewidth=1.0)
-        axis.set_title(name, fontsize=10)
+        axis.set_title(TITLES[name].replace("`", ""), fontsize=10)
         axis.set_xlim(0.0, 100.0)
         axis.grid(axis="x", alpha=0.3)
         axis.set_xlabel("walks that fail [%]")

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from reports import counted, table
 
 from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.simulation.limits import Limits
 
 CONTROLLERS = {"full": "guided", "feedforward": "feedforward", "paper": "the paper's PD"}
 PACES = {"fast": "fast", "quintic": "fast, quintics", "gentle": "gentle", "paper": "50 s"}
@@ -101,8 +102,8 @@ Made by `experiments/dynamic_simulation.py`. Case 3 of Table I with collisions c
 gravity, control at 500 Hz, rotors of
 0.1 kg m^2. *Fast*: as the default limits allow (80 % of the joints' torque and speed, 60 N and \
 30 N m on a grasp, 0.2 m/s near a
-surface); *gentle*: 40 %, 25 N, 12 N m, 0.1 m/s; *paper*: 10, 30 and 10 s. *Guided*: the full \
-controller. Values are peaks over
+surface); *gentle*: 40 %, 25 N, 12 N m, 0.1 m/s; *paper*: 10, 30 and 10 s. *Guided*: the \
+controller `full`. Values are peaks over
 all time steps; a walk that fails is measured up to the failure.
 
 {table(WALKS, map(walk_row, data["walks"]))}
@@ -160,6 +161,8 @@ carried out at {fast["seconds_a_step"][0]:.1f} s a step (the paper: 50 s), with 
 {fast["peak_grasp_force_N"]:.0f} N and {fast["peak_grasp_torque_N_m"]:.0f} N m on a grasp and a \
 base error of at most {fast["largest_base_error_mm"]:.0f} mm; at the gentle pace \
 {gentle["succeeded"]} at {gentle["seconds_a_step"][0]:.1f} s.
+The limits of {Limits().grasp_force:g} N and {Limits().grasp_torque:g} N m hold for the planned motion; \
+tracking errors and the capture of a point add to its loads.
 Quintic instead of time-optimal time scaling would take {plain:.1f} s a step, a stop at every \
 corner {sharp:.1f} s. In swings the {first.replace("_", " ")} is most often the binding limit.
 Case 3 with the paper's controller at 50 s a step \
@@ -178,8 +181,8 @@ def readme_sentence(data: dict[str, Any], disturbed: dict[str, Any]) -> str:
     return (
         f"In MuJoCo {fast['succeeded']} of {fast['plans']} random plans are carried out at "
         f"{fast['seconds_a_step'][0]:.1f} s a step (the paper: 50 s), and gently, with all "
-        f"disturbances at once, {walks['carried_out']} of {walks['walks']} ({low} to {high} %) "
-        "([simulation](docs/how-to/simulate.md)).\n"
+        f"disturbances at once, {walks['carried_out']} of {walks['walks']} (95 % confidence "
+        f"interval {low} to {high} %) ([simulation](docs/how-to/simulate.md)).\n"
     )
 
 

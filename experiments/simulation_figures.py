@@ -12,8 +12,8 @@ from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import PACES
 
 LIMITS = {
-    "torque": "share of each joint's largest torque",
-    "speed": "share of each joint's largest speed",
+    "torque": "fraction of each joint's largest torque",
+    "speed": "fraction of each joint's largest speed",
     "grasp_force": "force on a grasp [N]",
     "grasp_torque": "torque on a grasp [N m]",
     "surface_speed": "speed of a gripper on departure and approach [m/s]",
@@ -38,15 +38,20 @@ def controller() -> str:
     return (
         f"Motors have the maker's torque limits, joints their rotors' inertia of {rotor:g} kg m^2, "
         "as in MuJoCo Menagerie. The controller\n"
-        f"runs at {1.0 / full.period:.0f} Hz. *Paper*: {PAPER.kp_free[0]:g} N m/rad "
-        f"and {PAPER.kd_free[0]:g} N m s/rad. *Feedforward*: also the torques that the motion\n"
-        "needs, and corrections for the compliance of the grasps. *Full* (default): also a sensor "
-        "on the approaching\ngripper, which sees its point with a noise of "
-        f"{1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
-        f"guides the limb to it; it waits at most {full.patience:g} s until it is close, "
-        f"and at most {full.attempts} approaches are made. Gains\n"
-        "differ for supporting and free limbs: in a sampled controller, the velocity gain of a "
-        "joint must stay below its inertia divided by the period.\n\n"
+        f"runs at {1.0 / full.period:.0f} Hz.\n\n"
+        f"* `paper` is the PD control of the paper, with {PAPER.kp_free[0]:g} N m/rad and "
+        f"{PAPER.kd_free[0]:g} N m s/rad for all joints.\n"
+        "* `feedforward` is `paper` with *feedforward*: it adds the torques that the motion needs "
+        "by inverse dynamics, and corrects\n"
+        "  the references for the deflection of the grasps.\n"
+        "* `full`, the default, is `feedforward` with a *guided* approach: a sensor on the gripper "
+        "sees its point with a noise of\n"
+        f"  {1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
+        f"guides the limb to it. The gripper waits at most {full.patience:g} s until it is close, "
+        f"and makes at most {full.attempts} approaches.\n"
+        "  Gains differ for supporting and free limbs: in a sampled controller, the velocity gain "
+        "of a joint must stay below its\n  inertia divided by the period.\n"
+        "* `station` is `full` with gains for arms of the size of a space station's.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "
         f"{physics.grasp_rotational_stiffness:g} N m/rad) that is established only within "
         f"{1e3 * physics.capture_distance:g} mm and {np.rad2deg(physics.capture_angle):.2g} "

@@ -128,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
         refuse_ignored(args, "case", ("no_collisions",))
     files = [*FILES, *([] if args.no_film else [args.film])]
     inputs = input_files(args)
-    if _is_own_plan(args):  # it stays as it is
+    if _keeps_plan_file(args):  # it stays as it is
         files.remove("plan.json")
     check_outputs(*(Path(args.out) / name for name in files), folder=args.out, inputs=inputs)
     if args.plan:
@@ -162,7 +162,7 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
         )
     _report(execution)
     make_folder(out)
-    if not _is_own_plan(args):
+    if not _keeps_plan_file(args):
         plan.save(out / "plan.json")
     save_csv(trajectory, out / "trajectory.csv")
     save_npz(trajectory, out / "trajectory.npz")
@@ -196,7 +196,7 @@ def _setup(args: argparse.Namespace) -> Setup:
     return replace(setup, timing=replace(PACES[args.pace], step_duration=args.duration))
 
 
-def _is_own_plan(args: argparse.Namespace) -> bool:
+def _keeps_plan_file(args: argparse.Namespace) -> bool:
     """Return whether the plan that is executed is the plan file of the folder of the results."""
     return bool(args.plan) and Path(args.plan).resolve() == (Path(args.out) / "plan.json").resolve()
 
