@@ -141,7 +141,8 @@ Made by `experiments/disturbances.py`: random tasks, each executed once with its
 drawn uniformly from the stated ranges
 (`simulation/disturbances.py`). With the \
 `full` controller a sensor on the gripper that approaches (noise 1 mm and 0.5 deg)
-guides the limb to the point, and a grasp that misses is attempted once more. A walk counts as carried out if every step ends with a grasp, \
+guides the limb to the point, and a grasp that misses is attempted once more. A walk counts as \
+carried out if every step ends with a grasp, \
 without contact and with no torque at its limit
 for 0.1 s. Intervals are 95 % Wilson intervals.
 

@@ -161,7 +161,8 @@ carried out at {fast["seconds_a_step"][0]:.1f} s a step (the paper: 50 s), with 
 {fast["peak_grasp_force_N"]:.0f} N and {fast["peak_grasp_torque_N_m"]:.0f} N m on a grasp and a \
 base error of at most {fast["largest_base_error_mm"]:.0f} mm; at the gentle pace \
 {gentle["succeeded"]} at {gentle["seconds_a_step"][0]:.1f} s.
-The limits of {Limits().grasp_force:g} N and {Limits().grasp_torque:g} N m hold for the planned motion; \
+The limits of {Limits().grasp_force:g} N and {Limits().grasp_torque:g} N m hold for the \
+planned motion; \
 tracking errors and the capture of a point add to its loads.
 Quintic instead of time-optimal time scaling would take {plain:.1f} s a step, a stop at every \
 corner {sharp:.1f} s. In swings the {first.replace("_", " ")} is most often the binding limit.
