@@ -89,7 +89,7 @@ def evaluate(
         Seed of the first episode.
     max_steps
         Number of steps after which an episode counts as failed. An episode also fails when the
-        policy takes an impossible action, which it would only repeat, or when a simulated step
+        policy takes an invalid action, which it would only repeat, or when a simulated step
         fails.
     progress
         Function that is called with the number of finished episodes.

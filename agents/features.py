@@ -1,4 +1,4 @@
-"""Features of the pointer policy: points, limbs and goal in the frame of the robot's base.
+"""Features of the pointer network: points, limbs and goal in the frame of the robot's base.
 
 They depend neither on the number and order of the points nor on where in the module the robot is.
 `env_features` computes them for any environment, `TableFeatures` for many states from exact tables.
@@ -19,7 +19,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
-from mlivr_gym.stances.table_steps import Ahead, legal_positions, onward_of_actions
+from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
@@ -27,20 +27,20 @@ Features = dict[str, NDArray[np.float32]]
 """Observations of the pointer policy by name, as `point_features` returns them."""
 
 DEPTH = 4
-"""Number of steps that the reach of a point looks ahead."""
+"""Number of steps by which the lookahead of a point looks ahead of its grasp."""
 
 POINT_FEATURES, LIMB_FEATURES, GOAL_FEATURES = 8, 8 + 4 * DEPTH, 5
 """Number of features of a point, of a point for one limb, and of the goal."""
 
-REACH, ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
-"""Indices of the reach and of the arrivals among the features of a point for one limb."""
+POINT_DISTANCES, POINT_ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
+"""Indices of the lookahead distances and arrivals of a point among its features for one limb."""
 
-ONWARD_REACH = slice(ARRIVALS.stop, ARRIVALS.stop + DEPTH + 1)
-ONWARD_ARRIVALS = slice(ONWARD_REACH.stop, LIMB_FEATURES)
-"""Indices of the reach and arrivals of an action, through the steps that are possible after it."""
+ACTION_DISTANCES = slice(POINT_ARRIVALS.stop, POINT_ARRIVALS.stop + DEPTH + 1)
+ACTION_ARRIVALS = slice(ACTION_DISTANCES.stop, LIMB_FEATURES)
+"""Indices of the lookahead distances and arrivals of the action that grasps the point."""
 
-MAX_REACH = 10.0
-"""Reach of a point with which no stance can be held [m]."""
+MAX_GOAL_DISTANCE = 10.0
+"""Lookahead distance where no stance can be held, and the largest one otherwise [m]."""
 
 
 class MapPoints(NamedTuple):
@@ -65,14 +65,14 @@ class StateBatch(NamedTuple):
     """Rotations of the base, shape (k, 3, 3)."""
     stance: IntArray
     """Indices of the points held, shape (k, N)."""
-    legal: BoolArray
-    """Whether each action is possible, shape (k, N, m)."""
+    valid: BoolArray
+    """Whether each action is valid, shape (k, N, m)."""
     after: Array
-    """Position of the base after each possible action [m], shape (k, N, m, 3); else undefined."""
+    """Position of the base after each valid action [m], shape (k, N, m, 3); else undefined."""
     releasable_after: BoolArray
-    """Whether a support limb can be released after each possible action, shape (k, N, m)."""
-    onward: Array
-    """Reach and arrivals of each possible action, see `onward_of`, shape (k, N, m, 2 DEPTH + 2)."""
+    """Whether a support limb can be released after each valid action, shape (k, N, m)."""
+    lookahead: Array
+    """Result of `action_lookahead` for each valid action, shape (k, N, m, 2 DEPTH + 2)."""
 
 
 class GoalBatch(NamedTuple):
@@ -82,8 +82,8 @@ class GoalBatch(NamedTuple):
     """Goal positions [m], shape (k, 3)."""
     tolerance: float
     """Radius of the goal region [m]."""
-    reach: Array
-    """Result of `reach_of_points`, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH)."""
+    lookahead: Array
+    """Result of `point_lookahead`, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH)."""
 
 
 def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> Features:
@@ -103,11 +103,11 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     Features
         `points` (k, m, 8): position, normal, whether the point is free, risk. `limbs` (k, N, m, 8 +
         4 DEPTH): whether the limb holds the point, whether it can move there, the displacement of
-        the base if it does, whether a support limb can be released then, reach and arrivals of the
-        point, and reach and arrivals of the action; arrivals a are given as `log2(1 + a)`. `goal`
+        the base if it does, whether a support limb can be released then, the lookahead of the
+        point, and the lookahead of the action; arrivals a are given as `log2(1 + a)`. `goal`
         (k, 5): position, distance, and goal tolerance.
     """
-    base, rotation, legal = states.base, states.rotation, states.legal
+    base, rotation, valid = states.base, states.rotation, states.valid
     k, limbs = states.stance.shape
     m = len(points.positions)
     point_part = np.empty((k, m, POINT_FEATURES), dtype=np.float32)
@@ -116,17 +116,17 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     point_part[:, :, 6], point_part[:, :, 7] = points.free, points.risk
     limb_part = np.zeros((k, limbs, m, LIMB_FEATURES), dtype=np.float32)
     limb_part[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
-    limb_part[..., 1] = legal
-    state, limb, point = np.nonzero(legal)
+    limb_part[..., 1] = valid
+    state, limb, point = np.nonzero(valid)
     moved = states.after[state, limb, point] - base[state]
-    limb_part[..., 5], limb_part[..., REACH] = (
-        legal & states.releasable_after,
-        goals.reach[..., :DEPTH],
+    limb_part[..., 5], limb_part[..., POINT_DISTANCES] = (
+        valid & states.releasable_after,
+        goals.lookahead[..., :DEPTH],
     )
-    limb_part[..., ARRIVALS] = np.log2(1.0 + goals.reach[..., DEPTH:])
-    onward = states.onward[state, limb, point]
-    limb_part[state, limb, point, ONWARD_REACH] = onward[:, : DEPTH + 1]
-    limb_part[state, limb, point, ONWARD_ARRIVALS] = np.log2(1.0 + onward[:, DEPTH + 1 :])
+    limb_part[..., POINT_ARRIVALS] = np.log2(1.0 + goals.lookahead[..., DEPTH:])
+    of_action = states.lookahead[state, limb, point]
+    limb_part[state, limb, point, ACTION_DISTANCES] = of_action[:, : DEPTH + 1]
+    limb_part[state, limb, point, ACTION_ARRIVALS] = np.log2(1.0 + of_action[:, DEPTH + 1 :])
     limb_part[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
     to_goal = np.einsum("ij,ijk->ik", goals.goal - base, rotation)
     distance = np.linalg.norm(to_goal, axis=1, keepdims=True)
@@ -134,14 +134,15 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     return {"points": point_part, "limbs": limb_part, "goal": goal_part.astype(np.float32)}
 
 
-def reach_of_points(
+def point_lookahead(
     graph: StanceGraph, goal: Array, tolerance: float, held: BoolArray | None = None
 ) -> Array:
-    """Return how close to the goal the base can come after a grasp of each point, and how often.
+    """Return how near to the goal the base may come after a limb grasps a point, and how often.
 
-    The stances that follow 1 to `DEPTH` steps after the grasp are considered, with the limbs moving
-    in turn, whether or not steps lead there. With more than two limbs the stances are not known in
-    advance: the distance is that of the point, and the arrivals are 0.
+    The stances 1 to `DEPTH` steps after the grasp are considered, with the limbs moving in turn,
+    the other one first, whether or not steps lead from one stance to the next. So the distances are
+    lower bounds. With more than two limbs, whose stances are not enumerated, the distance is that
+    of the point itself, and the arrivals are 0.
 
     Parameters
     ----------
@@ -157,19 +158,25 @@ def reach_of_points(
     Returns
     -------
     Array
-        Shape (N, m, 2 DEPTH): minimum distance of the base from the goal [m], at most `MAX_REACH`,
-        and number of sequences of stances that end in the goal region.
+        Shape (N, m, 2 DEPTH). Entry d < DEPTH is the minimum distance of the base from the goal
+        d + 1 steps after the grasp [m], at most `MAX_GOAL_DISTANCE`. Entry DEPTH + d, the arrivals,
+        is the number of sequences of d + 1 stances that end in the goal region.
     """
     if not isinstance(graph, TwoLimbGraph):
-        away = np.minimum(np.linalg.norm(graph.grasp_map.positions - goal, axis=1), MAX_REACH)
+        away = np.minimum(
+            np.linalg.norm(graph.grasp_map.positions - goal, axis=1), MAX_GOAL_DISTANCE
+        )
         none = np.zeros((graph.limbs, len(away), 2 * DEPTH))
         none[..., :DEPTH] = away[None, :, None]
         return none
     held = (graph.branch_sets != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
-    distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_REACH)
+    distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_GOAL_DISTANCE)
     lost = ~held[graph.rows]
-    out, count = np.full((2, len(graph.grasp_map), DEPTH), MAX_REACH), (distance <= tolerance) * 1.0
+    out, count = (
+        np.full((2, len(graph.grasp_map), DEPTH), MAX_GOAL_DISTANCE),
+        (distance <= tolerance) * 1.0,
+    )
     arrivals = np.zeros(out.shape)
     for depth in range(DEPTH):
         for limb in range(2):
@@ -177,7 +184,7 @@ def reach_of_points(
                 other = graph.points[graph.rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
                 count[limb] = arrivals[1 - limb, other, depth - 1]
-            distance[limb, lost[limb]], count[limb, lost[limb]] = MAX_REACH, 0.0
+            distance[limb, lost[limb]], count[limb, lost[limb]] = MAX_GOAL_DISTANCE, 0.0
             known = np.flatnonzero(graph.degree[limb])
             first = graph.row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
@@ -191,17 +198,17 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     states = [env.state] if states is None else states
     k, limbs, m = len(states), graph.limbs, len(graph.grasp_map)
     base, rotation = np.empty((k, 3)), np.empty((k, 3, 3))
-    legal, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
+    valid, after = np.zeros((k, limbs, m), dtype=np.bool_), np.zeros((k, limbs, m, 3))
     releasable_after = np.ones((k, limbs, m), dtype=np.bool_)
-    reach = reach_of_points(graph, env.goal, env.goal_tolerance)
-    onward = np.zeros((k, limbs, m, 2 * DEPTH + 2))
+    of_points = point_lookahead(graph, env.goal, env.goal_tolerance)
+    lookahead = np.zeros((k, limbs, m, 2 * DEPTH + 2))
     for row, state in enumerate(states):
         steps, posture = env.moves.successors(state), graph.posture_of(state)
         base[row], rotation[row] = posture.base_position[0], posture.base_rotation[0]
-        legal[row, steps.limb, steps.point] = True
+        valid[row, steps.limb, steps.point] = True
         after[row, steps.limb, steps.point] = steps.base_position
         releasable_after[row, steps.limb, steps.point] = env.moves.releasable_after(state, steps)
-        onward[row, steps.limb, steps.point] = onward_of(env, state, steps, reach)
+        lookahead[row, steps.limb, steps.point] = action_lookahead(env, state, steps, of_points)
     free = np.ones(m, dtype=np.bool_)
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
@@ -209,16 +216,17 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
         MapPoints(
             graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability
         ),
-        StateBatch(base, rotation, stance, legal, after, releasable_after, onward),
-        GoalBatch(np.tile(env.goal, (k, 1)), env.goal_tolerance, reach[None]),
+        StateBatch(base, rotation, stance, valid, after, releasable_after, lookahead),
+        GoalBatch(np.tile(env.goal, (k, 1)), env.goal_tolerance, of_points[None]),
     )
 
 
-def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> Array:
-    """Return reach and arrivals of each step, through the steps that are possible after it.
+def action_lookahead(env: MlivrEnv, state: State, steps: Successors, of_points: Array) -> Array:
+    """Return the lookahead of each step: that of the points which valid actions grasp after it.
 
-    With more than two limbs, where computing all steps of a state takes long, the distance is that
-    of the base after the step itself, and the arrivals are 0.
+    This asks the model of the environment one step ahead. With more than two limbs, where computing
+    all steps of a state takes long, the distance is that of the base after the step itself, and the
+    arrivals are 0.
 
     Parameters
     ----------
@@ -228,8 +236,8 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
         The state.
     steps
         The k steps that leave it.
-    reach
-        Result of `reach_of_points`, shape (N, m, 2 DEPTH).
+    of_points
+        Result of `point_lookahead`, shape (N, m, 2 DEPTH).
 
     Returns
     -------
@@ -238,18 +246,18 @@ def onward_of(env: MlivrEnv, state: State, steps: Successors, reach: Array) -> A
         further steps [m], and number of sequences of stances that end in the goal region.
     """
     out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
-    out[:, : DEPTH + 1] = MAX_REACH
+    out[:, : DEPTH + 1] = MAX_GOAL_DISTANCE
     if env.graph.limbs > 2:
         away = np.linalg.norm(steps.base_position - env.goal, axis=1)
-        out[:, : DEPTH + 1] = np.minimum(away, MAX_REACH)[:, None]
+        out[:, : DEPTH + 1] = np.minimum(away, MAX_GOAL_DISTANCE)[:, None]
         return out
     for k in range(len(out)):
         after = env.moves.successors(steps.after(state, k))
         if not len(after.limb):
             continue
         away = np.linalg.norm(after.base_position - env.goal, axis=1)
-        following = reach[after.limb, after.point]
-        out[k, 0] = min(away.min(), MAX_REACH)
+        following = of_points[after.limb, after.point]
+        out[k, 0] = min(away.min(), MAX_GOAL_DISTANCE)
         out[k, 1 : DEPTH + 1] = following[:, :DEPTH].min(axis=0)
         out[k, DEPTH + 1] = np.count_nonzero(away <= env.goal_tolerance)
         out[k, DEPTH + 2 :] = following[:, DEPTH:].sum(axis=0)
@@ -273,7 +281,7 @@ class TableFeatures:
         stances: IntArray,
         branch_sets: IntArray,
         goals: Array,
-        reach: Array,
+        lookahead: Array,
         free: BoolArray | None = None,
     ) -> Features:
         """Return the features of k states.
@@ -288,41 +296,41 @@ class TableFeatures:
             Branch sets of both limbs, shape (k, 2).
         goals
             Goal positions [m], shape (k, 3).
-        reach
-            Result of `reach_of_points` for each state, shape (k, 2, m, 2 DEPTH).
+        lookahead
+            Result of `point_lookahead` for each state, shape (k, 2, m, 2 DEPTH).
         free
             Whether each point may be grasped, shape (m,) or (k, m); by default all.
         """
         k, m = len(stances), len(self.grasp_map)
-        legal, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
+        valid, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
         releasable_after = np.zeros((k, 2, m), dtype=np.int8)
-        legal_positions(stances, branch_sets, tables, legal, after, releasable_after)
+        valid_positions(stances, branch_sets, tables, valid, after, releasable_after)
         free = np.broadcast_to(np.True_ if free is None else free, (k, m))
-        legal &= free[:, None]
-        onward = np.zeros((k, 2, m, 2 * DEPTH + 2))
-        onward[..., : DEPTH + 1] = MAX_REACH
-        ahead = Ahead(goals, self.tolerance, np.ascontiguousarray(free), reach)
-        onward_of_actions(stances, branch_sets, tables, ahead, onward)
+        valid &= free[:, None]
+        of_actions = np.zeros((k, 2, m, 2 * DEPTH + 2))
+        of_actions[..., : DEPTH + 1] = MAX_GOAL_DISTANCE
+        ahead = LookaheadGoals(goals, self.tolerance, np.ascontiguousarray(free), lookahead)
+        write_action_lookahead(stances, branch_sets, tables, ahead, of_actions)
         states = StateBatch(
             tables.base_position[stances],
             self.rotation[stances],
             tables.points[stances].astype(np.int64),
-            legal.view(np.bool_),
+            valid.view(np.bool_),
             after,
             releasable_after.view(np.bool_),
-            onward,
+            of_actions,
         )
         return point_features(
             MapPoints(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),
             states,
-            GoalBatch(goals, self.tolerance, reach),
+            GoalBatch(goals, self.tolerance, lookahead),
         )
 
 
 class PointObservation(
     gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
-    """Wrapper whose observations are the features of the pointer policy, `point_features`."""
+    """Wrapper whose observations are the features of the pointer network, `point_features`."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`."""
@@ -339,7 +347,7 @@ class PointObservation(
         return {name: array[0] for name, array in env_features(inner).items()}
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are possible, shape (N m,), as `MaskablePPO` requires."""
+        """Return which actions are valid, shape (N m,), as `MaskablePPO` requires."""
         mask: BoolArray = self.env.get_wrapper_attr("action_masks")()
         return mask
 

@@ -1,7 +1,7 @@
 """Hyperparameters of the training methods, checked before anything is trained.
 
-`ImitationSettings` has the default values of imitation; `envs_assets/training.json`, which ships
-with the package, has those of PPO and of the networks, and what distinguishes the methods.
+`ImitationHyperparameters` has the default values of imitation; `envs_assets/training.json`, which
+ships with the package, has those of PPO and of the networks, and what distinguishes the methods.
 """
 
 from __future__ import annotations
@@ -16,11 +16,17 @@ from mlivr_gym.files import load
 from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, Kind, ListOf, OrNone, Struct, Tuples
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
-"""Names of the training methods; `finetune` is PPO with small steps from a checkpoint."""
+"""Names of the training methods.
+
+`"bc"` is behaviour cloning in rounds: the expert acts in all rollouts, with a share of random
+actions (Laskey et al., 2017), and samples of all rounds are kept. `"dagger"` differs in that the
+learned policy acts after the first round (Ross et al., 2011). `"ppo"` is PPO with action masks
+(Huang and Ontañón, 2022), `"finetune"` the same with small steps from a checkpoint.
+"""
 
 
 @dataclass(frozen=True)
-class ImitationSettings:
+class ImitationHyperparameters:
     """Hyperparameters of imitation learning.
 
     Attributes
@@ -28,40 +34,43 @@ class ImitationSettings:
     rounds
         Number of rounds; in each one data are gathered and then learned from.
     dagger
-        Whether the policy walks after the first round (DAgger); the expert walks in the first
-        round, and in all of them for behaviour cloning.
+        Whether the learned policy acts in the rollouts after the first round (DAgger); otherwise
+        the expert acts in all rounds (behaviour cloning). The samples of all rounds are kept in
+        both.
     layouts
         Number of layouts of the points in a round.
     goals
         Number of goals on each layout.
-    walks
-        Number of walks to each goal.
-    longest
-        Maximum number of steps of a walk.
+    rollouts
+        Number of rollouts to each goal.
+    max_rollout_steps
+        Number of steps after which a rollout ends without having reached its goal.
     most_removed
         Maximum share of the points that a layout lacks; every third layout has all points.
     noise
-        Share of random possible actions on walks.
+        Probability of a random action in a rollout, among those after which the goal can still be
+        reached.
     updates
         Number of gradient steps in a round.
     batch
-        Number of states in a gradient step.
+        Number of states in a minibatch, of which each gradient step takes one.
     learning_rate
         Initial learning rate of Adam, which a cosine lowers to a tenth.
     averaging
         Decay of the exponential moving average of the weights, which is the final policy.
     value_weight
-        Weight of the value error in the loss.
+        Weight of the squared error of the value in the loss.
     discount
-        Discount of the value.
+        Discount per step of the return that the value head learns, for the reward `"steps"`; for
+        `"base"` this return is undiscounted. The optimal actions do not depend on it.
     """
 
     rounds: int = 6
     dagger: bool = True
     layouts: int = 9
     goals: int = 12
-    walks: int = 40
-    longest: int = 20
+    rollouts: int = 40
+    max_rollout_steps: int = 20
     most_removed: float = 0.6
     noise: float = 0.05
     updates: int = 400
@@ -88,17 +97,16 @@ WEIGHT = Tuples((), 0.0)
 """Kind of a number that is at least 0."""
 
 IMITATION = Struct(
-    ImitationSettings,
+    ImitationHyperparameters,
     {
-        **dict.fromkeys(
-            ("rounds", "layouts", "goals", "walks", "longest", "updates", "batch"), COUNT
-        ),
+        **dict.fromkeys(("rounds", "layouts", "goals", "updates", "batch"), COUNT),
+        **dict.fromkeys(("rollouts", "max_rollout_steps"), COUNT),
         **dict.fromkeys(("most_removed", "noise", "averaging", "discount"), SHARE),
         **dict.fromkeys(("learning_rate", "value_weight"), Tuples((), 0.0)),
         "dagger": Flag(),
     },
 )
-"""Kind of each field of `ImitationSettings`."""
+"""Kind of each field of `ImitationHyperparameters`."""
 
 SIZES = Fields(
     {},
@@ -131,22 +139,22 @@ PPO = Fields(
 
 METHOD_FIELDS: dict[str, Kind[Any]] = {
     "imitation": IMITATION.fields,
-    "copies": Integer(1, 4096),
+    "n_envs": Integer(1, 4096),
     "timesteps": COUNT,
     "ppo": PPO,
 }
-"""Kinds of the parts of a method: imitation, PPO in copies of the environment, or both in order."""
+"""Kinds of the parts of a method: imitation, PPO in `n_envs` sub-environments, or both in order."""
 
 
-def check_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
+def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str, Any]:
     """Return the hyperparameters of one method and the sizes of the networks, after checking them.
 
     Parameters
     ----------
-    settings
-        `imitation`, or `copies`, `timesteps` and `ppo`, or all of these; and `networks`.
+    given
+        `imitation`, or `n_envs`, `timesteps` and `ppo`, or all of these; and `networks`.
     path
-        Name of the settings in messages.
+        Name of the hyperparameters in messages.
 
     Raises
     ------
@@ -154,37 +162,37 @@ def check_settings(settings: Any, path: str = "settings") -> dict[str, Any]:
         If a field is missing, unknown or invalid; the message names it.
     """
     place = FieldPath(path, SettingError)
-    found = Fields({"networks": SIZES}, METHOD_FIELDS).read(settings, place)
+    found = Fields({"networks": SIZES}, METHOD_FIELDS).read(given, place)
     if not {"imitation", "ppo"} & found.keys():
         raise place.fault("has neither imitation nor ppo, so that nothing would be learned")
-    for name in ("ppo", "copies", "timesteps"):
-        if name not in found and {"ppo", "copies", "timesteps"} & found.keys():
-            raise place.field(name).fault("is missing; ppo, copies and timesteps go together")
+    for name in ("ppo", "n_envs", "timesteps"):
+        if name not in found and {"ppo", "n_envs", "timesteps"} & found.keys():
+            raise place.field(name).fault("is missing; ppo, n_envs and timesteps go together")
     return found
 
 
-def with_method(method: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings of imitation with the walks that a method takes, and others as they are.
+def fill_dagger(method: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Return hyperparameters whose flag `imitation.dagger` is the one that a method needs.
 
-    Behaviour cloning walks as the expert does, DAgger as the policy from the second round on.
+    It is True for `"dagger"` and False for `"bc"`; other methods leave it as it is.
 
     Raises
     ------
     SettingError
-        If the settings contradict the method.
+        If the flag is given and contradicts the method.
     """
-    if method not in ("bc", "dagger") or "imitation" not in settings:
-        return settings
+    if method not in ("bc", "dagger") or "imitation" not in given:
+        return given
     dagger = method == "dagger"
-    given = settings["imitation"].get("dagger", dagger)
-    if given != dagger:
+    flag = given["imitation"].get("dagger", dagger)
+    if flag != dagger:
         raise SettingError(
-            f"settings.imitation.dagger is {given}; method {method!r} needs {dagger}"
+            f"hyperparameters.imitation.dagger is {flag}; method {method!r} needs {dagger}"
         )
-    return settings | {"imitation": settings["imitation"] | {"dagger": dagger}}
+    return given | {"imitation": given["imitation"] | {"dagger": dagger}}
 
 
-def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
+def load_hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
     """Return the hyperparameters of a method from a JSON file, by default from the package.
 
     Parameters
@@ -207,6 +215,6 @@ def hyperparameters(method: str, path: str | Path | None = None) -> dict[str, An
         found = Fields({method: every.pop(method), "networks": SIZES}, every).read(
             data, FieldPath("", SettingError)
         )
-        return check_settings({**found[method], "networks": found["networks"]}, method)
+        return check_hyperparameters({**found[method], "networks": found["networks"]}, method)
 
     return load(file, "hyperparameters", SettingError, build)

@@ -1,9 +1,20 @@
-"""Imitation of the planner: behaviour cloning and DAgger (Ross et al., 2011) on sets of actions.
+"""Imitation of the expert: behaviour cloning and DAgger with sets of optimal actions.
 
 The expert is a table of the cost-to-go from every state to a goal, which one backward search
-computes. It has the cost of all actions. Several actions are often optimal, so the loss is minus
-the logarithm of the summed probability of all optimal actions. Points are removed at random, layout
-by layout, so that the policy learns to act on maps that it has not seen.
+computes. So it labels each state with the cost of every action, not only with an action of its own.
+Several actions are often optimal, and the loss is minus the logarithm of the summed probability of
+all of them.
+
+Training goes in rounds. In each round states are gathered by rollouts, labelled by the expert and
+added to those of the rounds before; then gradient steps follow on all of them. With DAgger (Ross et
+al., 2011) the learned policy acts after the first round. With behaviour cloning the expert acts in
+all rounds. A share of the actions is random in both, so that states beside the expert's path occur
+too (Laskey et al., 2017). Points are removed at random, layout by layout, so that the policy learns
+to act on maps that it has not seen.
+
+The value head learns minus the cost-to-go: for the reward `"steps"` the discounted return `-(1 -
+discount^n) / (1 - discount)` of n further steps, for `"base"` the undiscounted sum of base
+displacements [m]. Success bonus and shaping are not part of it.
 """
 
 from __future__ import annotations
@@ -17,17 +28,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from mlivr_gym.agents.features import TableFeatures, reach_of_points
-from mlivr_gym.agents.hyperparameters import ImitationSettings
-from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.agents.features import TableFeatures, point_lookahead
+from mlivr_gym.agents.hyperparameters import ImitationHyperparameters
+from mlivr_gym.agents.networks import as_tensors, logits_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.envs.batch import ActionResults, CopyStates, TaskDistribution, advance, draw_tasks
+from mlivr_gym.envs.batch import ActionResults, SubEnvStates, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
 from mlivr_gym.envs.rewards import StepReward
-from mlivr_gym.envs.tasks import WalkTasks
-from mlivr_gym.planners.table_values import TableValues, stances_at
+from mlivr_gym.envs.streams import Stream
+from mlivr_gym.envs.tasks import WalkTasks, draw_task
+from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
 MIN_GOAL_DISTANCE = 0.01
@@ -35,7 +47,7 @@ MIN_GOAL_DISTANCE = 0.01
 
 
 class Samples(NamedTuple):
-    """States that were visited on walks, with their optimal actions and costs."""
+    """k states that rollouts visited, with the labels of the expert."""
 
     stances: NDArray[Any]
     """Stance indices, shape (k,)."""
@@ -43,14 +55,14 @@ class Samples(NamedTuple):
     """Branch sets of both limbs, shape (k, 2)."""
     goals: NDArray[Any]
     """Goal positions [m], shape (k, 3)."""
-    which: NDArray[Any]
-    """Index of the goal among those for which `Imitation` stores the reach, shape (k,)."""
+    goal_index: NDArray[Any]
+    """Index of the goal among all goals of all layouts, shape (k,)."""
     free: NDArray[Any]
     """Whether each point may be grasped, as packed bits, shape (k, ceil(m / 8))."""
     optimal: NDArray[Any]
     """Whether each action is optimal, as packed bits, shape (k, ceil(2 m / 8))."""
     cost: NDArray[Any]
-    """Cost-to-go, shape (k,)."""
+    """Cost-to-go, in steps or [m] by the reward of the environment, shape (k,)."""
 
 
 class _Layout(NamedTuple):
@@ -62,46 +74,46 @@ class _Layout(NamedTuple):
     """Goal positions [m], shape (g, 3)."""
     values: TableValues
     """Cost-to-go to these goals."""
-    first: int
-    """Index of the first of these goals among the goals of all layouts."""
+    first_goal: int
+    """Index of the first of these goals among all goals of all layouts."""
 
 
-def optimal_set_loss(scores: Tensor, legal: Tensor, optimal: Tensor) -> Tensor:
+def optimal_set_loss(logits: Tensor, valid: Tensor, optimal: Tensor) -> Tensor:
     """Return minus the mean logarithm of the summed probability of the optimal actions.
 
     Parameters
     ----------
-    scores
-        Scores (logits) of the actions, shape (k, a).
-    legal
-        Whether each action is possible, shape (k, a).
+    logits
+        Logits of the actions, shape (k, a).
+    valid
+        Whether each action is valid, shape (k, a).
     optimal
         Whether each action is optimal, at least one in each row, shape (k, a).
     """
-    best = scores.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
-    every = scores.masked_fill(~legal, -torch.inf).logsumexp(dim=1)
+    best = logits.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
+    every = logits.masked_fill(~valid, -torch.inf).logsumexp(dim=1)
     return (every - best).mean()
 
 
 class Imitation:
-    """Training of a policy to imitate the planner.
+    """Training of an actor-critic to imitate the expert.
 
     Attributes
     ----------
-    policy
-        Policy of sb3-contrib that is trained.
-    settings
+    actor_critic
+        Actor-critic policy of sb3-contrib that is trained.
+    hyperparameters
         Hyperparameters.
-    success
-        Share of the policy's walks in the last round that reached their goal.
+    data
+        Samples of all rounds so far.
     """
 
     def __init__(
         self,
         env: MlivrEnv,
-        policy: Any,
-        plain: bool,
-        settings: ImitationSettings,
+        actor_critic: Any,
+        plain_observation: bool,
+        hyperparameters: ImitationHyperparameters,
         seed: int,
         held_out: Array | None = None,
     ) -> None:
@@ -110,19 +122,27 @@ class Imitation:
         Parameters
         ----------
         env
-            The environment, with two limbs.
-        policy
-            The policy, which is changed in place.
-        plain
-            Whether the policy takes the observations of the environment itself.
-        settings
+            The environment, with two limbs and the reward `"steps"` or `"base"`. Its `tasks` draw
+            the goals. Starts are all states from which a goal can be reached, with equal
+            probability.
+        actor_critic
+            The actor-critic, which is changed in place.
+        plain_observation
+            Whether it takes the observations of the environment itself, not `point_features`.
+        hyperparameters
             Hyperparameters.
         seed
-            Seed of layouts, goals, walks and batches.
+            Seed of layouts, goals, rollouts and batches.
         held_out
             Goals that must not be learned from [m], shape (g, 3).
+
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs.
         """
-        self.env, self.policy, self.plain, self.settings = env, policy, plain, settings
+        self.env, self.actor_critic, self.hyperparameters = env, actor_critic, hyperparameters
+        self.plain_observation = plain_observation
         self.moves = env.table_moves()
         self._observation_table = ObservationTable.of(self.moves.graph)
         self.features = TableFeatures(env)
@@ -130,91 +150,119 @@ class Imitation:
         self.m = len(env.graph.grasp_map)
         self._held_out = np.zeros((0, 3)) if held_out is None else held_out
         self.data: list[Samples] = []
-        self._reach: list[NDArray[np.float32]] = []
-        self.success = 0.0
-        self._optimizer = torch.optim.Adam(policy.parameters(), lr=settings.learning_rate)
-        self._average = [parameter.detach().clone() for parameter in policy.parameters()]
-        self._streams = self.rng.integers(2**63, size=settings.goals).astype(np.uint64)
+        self._lookahead: list[NDArray[np.float32]] = []
+        self._optimizer = torch.optim.Adam(
+            actor_critic.parameters(), lr=hyperparameters.learning_rate
+        )
+        self._average = [parameter.detach().clone() for parameter in actor_critic.parameters()]
+        self._streams = self.rng.integers(2**63, size=hyperparameters.goals).astype(np.uint64)
 
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
         """Gather data and learn from them, in all rounds.
+
+        At the end the weights are the exponential moving average over all gradient steps.
 
         Parameters
         ----------
         progress
             Function that is called with the number of gradient steps done, their total number, and
-            figures by name.
+            figures by name: `loss`, `value_error`, `states` gathered so far, `gathering_seconds` of
+            the round, and `rollout_success`, the share of its rollouts that reached their goal.
+
+        Raises
+        ------
+        MlivrError
+            If the reward is an object of the user, or its task generator finds no task.
         """
-        for k in range(self.settings.rounds):
-            began = time.perf_counter()
-            expert = k == 0 or not self.settings.dagger
-            success = []
-            for layout in range(self.settings.layouts):
-                samples, reached = self.gather(self._layout(layout), expert)
+        given = self.hyperparameters
+        for k in range(given.rounds):
+            began, success = time.perf_counter(), []
+            by_expert = k == 0 or not given.dagger
+            for layout in range(given.layouts):
+                samples, reached = self.gather(self._layout(layout), by_expert)
                 self.data.append(samples)
                 success.append(reached)
-            if not expert:
-                self.success = float(np.mean(success))
             figures = {
-                "gathered_in": time.perf_counter() - began,
-                "walks_that_arrive": float(np.mean(success)),
+                "gathering_seconds": time.perf_counter() - began,
+                "rollout_success": float(np.mean(success)),
+                "states": float(sum(len(samples.stances) for samples in self.data)),
             }
-            figures["states"] = float(sum(len(d.stances) for d in self.data))
             self._learn(k, figures, progress)
         with torch.no_grad():
-            for parameter, average in zip(self.policy.parameters(), self._average, strict=True):
+            parameters = self.actor_critic.parameters()
+            for parameter, average in zip(parameters, self._average, strict=True):
                 parameter.copy_(average)
 
     def _layout(self, number: int) -> BoolArray:
         """Return whether each point belongs to a layout, shape (m,), by the layout's number."""
         free = np.ones(self.m, dtype=np.bool_)
         if number % 3:
-            share = self.rng.uniform(0.0, self.settings.most_removed)
+            share = self.rng.uniform(0.0, self.hyperparameters.most_removed)
             free[self.rng.permutation(self.m)[: int(share * self.m)]] = False
         return free
 
-    def gather(self, free: BoolArray, expert: bool) -> tuple[Samples, float]:
-        """Return the states of walks on one layout, and the share of walks that arrive."""
+    def gather(self, free: BoolArray, by_expert: bool) -> tuple[Samples, float]:
+        """Return the states that rollouts visit on one layout, labelled by the expert.
+
+        Parameters
+        ----------
+        free
+            Whether each point belongs to the layout, shape (m,).
+        by_expert
+            Whether the expert acts; otherwise the learned policy takes its most probable action.
+
+        Returns
+        -------
+        tuple[Samples, float]
+            The samples, and the share of the rollouts that reached their goal.
+        """
         tables = without_points(self.moves.tables, ~free)
-        goals = self._draw_goals(tables)
+        goals, env = self._draw_goals(tables), self.env
         if not len(goals):
             return _no_samples(self.m), 1.0
-        env = self.env
         cost, risk = cost_of(env), env.failure_probability
-        values = TableValues(tables, stances_at(tables, goals, env.goal_tolerance), cost, risk)
-        which, stances = self._draw_starts(values)
-        layout = _Layout(free, goals, values, sum(map(len, self._reach)))
+        values = TableValues(tables, in_goal_region(tables, goals, env.goal_tolerance), cost, risk)
+        goal_index, stances = self._draw_starts(values)
+        layout = _Layout(free, goals, values, sum(map(len, self._lookahead)))
         held = (tables.branch_sets != 0).all(axis=1)
         graph, tolerance = self.moves.graph, env.goal_tolerance
-        reach = [reach_of_points(graph, goal, tolerance, held) for goal in goals]
-        self._reach.append(np.array(reach, dtype=np.float32))
+        lookahead = [point_lookahead(graph, goal, tolerance, held) for goal in goals]
+        self._lookahead.append(np.array(lookahead, dtype=np.float32))
         streams = self.rng.integers(2**63, size=len(stances)).astype(np.uint64)
-        walks = CopyStates(stances, tables.branch_sets[stances].astype(np.int64), streams)
+        states = SubEnvStates(stances, tables.branch_sets[stances].astype(np.int64), streams)
         rows, count = [_no_samples(self.m)], len(stances)
-        for _ in range(self.settings.longest):
-            if not len(walks.stances):
+        for _ in range(self.hyperparameters.max_rollout_steps):
+            if not len(states.stances):
                 break
-            here, legal, optimal = self._label_states(walks, which, layout)
+            here, solvable, optimal = self._label_states(states, goal_index, layout)
             rows.append(here)
-            self._step(walks, legal, optimal if expert else self._policy_actions(here), tables)
-            going = ~values.goals[which, walks.stances]
-            walks, which = CopyStates._make(part[going] for part in walks), which[going]
+            chosen = optimal if by_expert else self._policy_actions(here)
+            self._step(states, solvable, chosen, tables)
+            going = ~values.is_goal[goal_index, states.stances]
+            states = SubEnvStates._make(part[going] for part in states)
+            goal_index = goal_index[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-        known, walking = np.isfinite(samples.cost), len(which)
-        return Samples(*(column[known] for column in samples)), 1.0 - walking / max(count, 1)
+        known, unfinished = np.isfinite(samples.cost), len(goal_index)
+        return Samples(*(column[known] for column in samples)), 1.0 - unfinished / max(count, 1)
 
     def _draw_goals(self, tables: StepTables) -> Array:
-        """Return goals that can be reached on a layout and are not held out [m], shape (g, 3)."""
-        env, count = self.env, self.settings.goals
-        goals = np.zeros((count, 3))
-        stances, branch_sets = np.zeros(count, dtype=np.int64), np.zeros((count, 2), dtype=np.int64)
-        every, grasp_map = np.ones(count, dtype=np.bool_), env.graph.grasp_map
-        tasks = env.tasks if isinstance(env.tasks, WalkTasks) else WalkTasks()
-        distribution = TaskDistribution.of(grasp_map, env.goal_tolerance, tasks)
-        copies = CopyStates(stances, branch_sets, self._streams)
-        missing = draw_tasks(every, ~every, distribution, tables, copies, goals)
-        if missing >= 0:
-            return np.zeros((0, 3))
+        """Return goals that the environment's tasks draw, without held-out ones [m], (g, 3).
+
+        A `WalkTasks` draws them on the layout, a user's generator on the whole map.
+        """
+        env, count = self.env, self.hyperparameters.goals
+        goals, tolerance = np.zeros((count, 3)), env.goal_tolerance
+        if isinstance(env.tasks, WalkTasks):
+            every, zeros = np.ones(count, dtype=np.bool_), np.zeros((count, 2), dtype=np.int64)
+            distribution = TaskDistribution.of(env.graph.grasp_map, tolerance, env.tasks)
+            states = SubEnvStates(zeros[:, 0].copy(), zeros, self._streams)
+            if draw_tasks(every, ~every, distribution, tables, states, goals) >= 0:
+                return np.zeros((0, 3))
+        else:
+            for k in range(count):
+                stream = Stream(int(self._streams[k]))
+                goals[k] = draw_task(env.tasks, env.graph, stream, tolerance).goal
+                self._streams[k] = stream.state
         if not len(self._held_out):
             return goals
         away = np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1)
@@ -222,82 +270,82 @@ class Imitation:
         return allowed
 
     def _label_states(
-        self, walks: CopyStates, which: IntArray, layout: _Layout
+        self, states: SubEnvStates, goal_index: IntArray, layout: _Layout
     ) -> tuple[Samples, BoolArray, BoolArray]:
-        """Return the states of k walks, labelled with their optimal actions and costs.
+        """Return k states, labelled with their optimal actions and costs.
 
         Returns
         -------
         tuple[Samples, BoolArray, BoolArray]
-            The samples, and whether each action is possible and optimal, both of shape (k, 2 m).
+            The samples; whether the goal can be reached after each action; and whether each action
+            is optimal, both of shape (k, 2 m).
         """
-        costs = layout.values.of_actions(walks.stances, walks.branch_sets, which, 2 * self.m)
-        least = costs.min(axis=1)
-        legal = np.isfinite(costs)
-        optimal = legal & (costs <= least[:, None] + 1e-6)
+        costs = layout.values.of_actions(states.stances, states.branch_sets, goal_index, 2 * self.m)
+        least, solvable = costs.min(axis=1), np.isfinite(costs)
+        optimal = solvable & (costs <= least[:, None] + 1e-6)
         samples = Samples(
-            walks.stances.copy(),
-            walks.branch_sets.copy(),
-            layout.goals[which],
-            layout.first + which,
-            np.tile(np.packbits(layout.free), (len(walks.stances), 1)),
+            states.stances.copy(),
+            states.branch_sets.copy(),
+            layout.goals[goal_index],
+            layout.first_goal + goal_index,
+            np.tile(np.packbits(layout.free), (len(states.stances), 1)),
             np.packbits(optimal, axis=1),
             least.astype(np.float32),
         )
-        return samples, legal, optimal
+        return samples, solvable, optimal
 
     def _step(
-        self, walks: CopyStates, legal: BoolArray, preferred: BoolArray, tables: StepTables
+        self, states: SubEnvStates, solvable: BoolArray, chosen: BoolArray, tables: StepTables
     ) -> None:
-        """Take a preferred action on each walk, or with probability `noise` any possible one."""
-        rng, count = self.rng, len(walks.stances)
-        noisy = rng.random(count) < self.settings.noise
-        likely = np.where(noisy[:, None], legal, preferred)
+        """Take a chosen action in each state, or with probability `noise` any solvable one."""
+        rng, count = self.rng, len(states.stances)
+        noisy = rng.random(count) < self.hyperparameters.noise
+        likely = np.where(noisy[:, None], solvable, chosen)
         actions = (rng.random(likely.shape, dtype=np.float32) * likely).argmax(axis=1)
         skip, risk = np.zeros(count, np.bool_), self.env.failure_probability
-        advance(actions, skip, risk, tables, walks, ActionResults.of(count))
+        advance(actions, skip, risk, tables, states, ActionResults.of(count))
 
     def _draw_starts(self, values: TableValues) -> tuple[IntArray, IntArray]:
-        """Return goals and start stances of walks; each goal can be reached, and is not yet."""
-        which, stances = [], []
-        for g in range(len(values.goals)):
+        """Return goal indices, and starts from which the goal can be reached but is not yet."""
+        goal_index, stances = [], []
+        for g in range(len(values.is_goal)):
             cost = values.of_stances(g)
-            far = np.flatnonzero(np.isfinite(cost) & ~values.goals[g])
+            far = np.flatnonzero(np.isfinite(cost) & ~values.is_goal[g])
             if len(far):
-                chosen = self.rng.choice(far, self.settings.walks)
-                which.append(np.full(len(chosen), g))
+                chosen = self.rng.choice(far, self.hyperparameters.rollouts)
+                goal_index.append(np.full(len(chosen), g))
                 stances.append(chosen)
-        nothing = [np.zeros(0, dtype=np.int64)]
-        return np.concatenate(which or nothing), np.concatenate(stances or nothing).astype(np.int64)
+        nothing = np.zeros(0, dtype=np.int64)
+        return np.concatenate([nothing, *goal_index]), np.concatenate([nothing, *stances])
 
     def _policy_actions(self, samples: Samples) -> BoolArray:
-        """Return the action with the best score of the policy in each state, shape (k, 2 m)."""
+        """Return the most probable action of the learned policy in each state, shape (k, 2 m)."""
         chosen = np.zeros((len(samples.stances), 2 * self.m), dtype=np.bool_)
         for at in range(0, len(chosen), 512):
             part = Samples(*(column[at : at + 512] for column in samples))
-            observation, legal = self.observe(part)
+            observation, valid = self.observe(part)
             with torch.no_grad():
-                scores, _ = scores_and_value(self.policy, observation)
-            best = scores.masked_fill(~legal, -torch.inf).argmax(dim=1).numpy()
+                logits, _ = logits_and_value(self.actor_critic, observation)
+            best = logits.masked_fill(~valid, -torch.inf).argmax(dim=1).numpy()
             chosen[at + np.arange(len(best)), best] = True
         return chosen
 
     def observe(self, samples: Samples) -> tuple[dict[str, Tensor], Tensor]:
-        """Return the observations of the policy, and which actions are possible, shape (k, 2 m)."""
+        """Return the observations of the actor-critic, and which actions are valid, (k, 2 m)."""
         free = np.unpackbits(samples.free, axis=1, count=self.m).view(np.bool_)
-        if len(self._reach) > 1:
-            self._reach = [np.concatenate(self._reach)]
-        reach = self._reach[0][samples.which].astype(np.float64)
+        if len(self._lookahead) > 1:
+            self._lookahead = [np.concatenate(self._lookahead)]
+        lookahead = self._lookahead[0][samples.goal_index].astype(np.float64)
         seen = self.features(
-            self.moves.tables, samples.stances, samples.branch_sets, samples.goals, reach, free
+            self.moves.tables, samples.stances, samples.branch_sets, samples.goals, lookahead, free
         )
-        legal = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
-        if self.plain:
+        valid = torch.as_tensor(seen["limbs"][..., 1].reshape(len(free), -1) > 0.5)
+        if self.plain_observation:
             arrays = ObservationArrays.of(
                 self._observation_table, samples.stances, samples.branch_sets, samples.goals
             )
-            return as_tensors(self.policy, arrays.observation()), legal
-        return as_tensors(self.policy, seen), legal
+            return as_tensors(self.actor_critic, arrays.observation()), valid
+        return as_tensors(self.actor_critic, seen), valid
 
     def _learn(
         self,
@@ -306,35 +354,37 @@ class Imitation:
         progress: Callable[[int, int, dict[str, float]], None] | None,
     ) -> None:
         """Take the gradient steps of round `number` (from 0) on all data gathered so far."""
-        settings = self.settings
+        given = self.hyperparameters
         data = Samples(*(np.concatenate(column) for column in zip(*self.data, strict=True)))
         self.data = [data]
-        total = settings.rounds * settings.updates
-        for k in range(settings.updates):
-            done = number * settings.updates + k
+        total = given.rounds * given.updates
+        for k in range(given.updates):
+            done = number * given.updates + k
             for group in self._optimizer.param_groups:
-                group["lr"] = settings.learning_rate * (0.55 + 0.45 * np.cos(np.pi * done / total))
-            chosen = self.rng.integers(len(data.stances), size=settings.batch)
+                group["lr"] = given.learning_rate * (0.55 + 0.45 * np.cos(np.pi * done / total))
+            chosen = self.rng.integers(len(data.stances), size=given.batch)
             batch = Samples(*(column[chosen] for column in data))
-            observation, legal = self.observe(batch)
+            observation, valid = self.observe(batch)
             optimal = torch.as_tensor(
                 np.unpackbits(batch.optimal, axis=1, count=2 * self.m).astype(bool)
             )
-            scores, value = scores_and_value(self.policy, observation)
-            loss = optimal_set_loss(scores, legal, optimal)
+            logits, value = logits_and_value(self.actor_critic, observation)
+            loss = optimal_set_loss(logits, valid, optimal)
             cost = torch.as_tensor(batch.cost)
-            if isinstance(self.env.reward.reward, StepReward):
-                # the discounted sum of the rewards of this many steps
-                cost = (1.0 - settings.discount**cost) / (1.0 - settings.discount)
+            if isinstance(self.env.reward.reward, StepReward) and given.discount < 1.0:
+                # minus the discounted return of this many steps
+                cost = (1.0 - given.discount**cost) / (1.0 - given.discount)
             error = (value + cost).square().mean()
             self._optimizer.zero_grad()
-            torch.autograd.backward(loss + settings.value_weight * error)
-            torch.nn.utils.clip_grad_norm_(self.policy.parameters(), 1.0)
+            torch.autograd.backward(loss + given.value_weight * error)
+            torch.nn.utils.clip_grad_norm_(self.actor_critic.parameters(), 1.0)
             self._optimizer.step()
             with torch.no_grad():
                 # A smaller decay at first, so that the initial weights are soon forgotten.
-                decay = min(settings.averaging, (1.0 + done) / (10.0 + done))
-                for average, parameter in zip(self._average, self.policy.parameters(), strict=True):
+                decay = min(given.averaging, (1.0 + done) / (10.0 + done))
+                for average, parameter in zip(
+                    self._average, self.actor_critic.parameters(), strict=True
+                ):
                     average.lerp_(parameter, 1.0 - decay)
             if progress is not None:
                 progress(

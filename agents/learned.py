@@ -1,4 +1,4 @@
-"""Learned policies, beam search with them, and checkpoints: weights and training configuration."""
+"""Learned policies, beam search with them, and checkpoints of weights with their configuration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import torch
 
 from mlivr_gym.agents.features import env_features, point_space
 from mlivr_gym.agents.hyperparameters import SIZES
-from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
+from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_critic
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
@@ -35,7 +35,7 @@ MAX_WEIGHT = 1e3
 """Largest magnitude of a weight.
 
 Through six layers of 256 such weights, from features of at most 100, no number exceeds 3e34, so
-every score is finite; larger weights may overflow single precision. Those that ship are at most
+every logit is finite; larger weights may overflow single precision. Those that ship are at most
 1.3.
 """
 
@@ -58,25 +58,27 @@ class CheckpointError(MlivrError):
 
 
 class LearnedPolicy:
-    """Policy that takes the action with the best score among those that lead to a new stance.
+    """Policy that takes the most probable of the actions that lead to a new stance.
 
-    New are stances that this episode has not visited; if there are none, the best of all possible
-    actions is taken. Without this rule a deterministic policy that once steps back and forth never
-    stops.
+    New are stances that this episode has not visited; if there are none, the most probable of all
+    valid actions is taken. Without this rule a deterministic policy that once steps back and forth
+    never stops.
 
     Attributes
     ----------
-    policy
-        Policy of sb3-contrib.
+    actor_critic
+        Actor-critic policy of sb3-contrib, which has the network.
     network
         `"pointer"` or `"mlp"`.
     config
-        Configuration of its training.
+        Configuration of its training, as in the file; empty if it was not loaded or trained here.
     """
 
-    def __init__(self, policy: Any, network: str, config: dict[str, Any] | None = None) -> None:
-        """Wrap a policy of sb3-contrib."""
-        self.policy, self.network, self.config = policy, network, config or {}
+    def __init__(
+        self, actor_critic: Any, network: str, config: dict[str, Any] | None = None
+    ) -> None:
+        """Wrap an actor-critic of sb3-contrib."""
+        self.actor_critic, self.network, self.config = actor_critic, network, config or {}
         self._visited: set[tuple[int, ...]] = set()
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
@@ -87,31 +89,34 @@ class LearnedPolicy:
             else {k: np.asarray(v)[None] for k, v in observation.items()}
         )
         with torch.no_grad():
-            scores = scores_and_value(self.policy, as_tensors(self.policy, seen))[0][0].numpy()
-        if scores.shape != mask.shape:
+            logits = logits_and_value(self.actor_critic, as_tensors(self.actor_critic, seen))[0][
+                0
+            ].numpy()
+        if logits.shape != mask.shape:
             raise CheckpointError(
-                f"the policy has {len(scores)} actions and the environment {len(mask)}; use a "
+                f"the policy has {len(logits)} actions and the environment {len(mask)}; use a "
                 "policy that was made for this environment"
             )
         if env.steps == 0:
             self._visited.clear()
         self._visited.add(env.state.stance)
-        scores = np.where(mask, scores, -np.inf)
-        steps, fresh = env.successors(), scores.copy()
+        logits = np.where(mask, logits, -np.inf)
+        steps, fresh = env.successors(), logits.copy()
         for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
             if env.state.stance_after(limb, point) in self._visited:
                 fresh[limb * len(env.graph.grasp_map) + point] = -np.inf
-        return int((fresh if np.isfinite(fresh).any() else scores).argmax())
+        return int((fresh if np.isfinite(fresh).any() else logits).argmax())
 
 
-def beam_walk(
-    policy: LearnedPolicy, env: MlivrEnv, width: int, longest: int = 60
+def beam_search(
+    policy: LearnedPolicy, env: MlivrEnv, width: int, max_steps: int = 60
 ) -> list[int] | None:
     """Return actions from the present state to the goal by a beam search, or None if it finds none.
 
-    Each of the `width` most probable walks, by the probabilities of a pointer policy, is extended
-    by its most probable actions. The first walk that reaches the goal is returned. No walk leads to
-    a stance that any of them has visited.
+    Each of the `width` most probable action sequences is extended by its most probable actions,
+    which are carried out in the model. The probability of a sequence is the product of those of its
+    actions. The first sequence that reaches the goal is returned. None leads to a stance that any
+    of them has visited.
 
     Parameters
     ----------
@@ -120,19 +125,19 @@ def beam_walk(
     env
         The environment.
     width
-        Number of walks in the beam.
-    longest
+        Number of action sequences in the beam.
+    max_steps
         Maximum number of steps.
     """
     m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
     beam: list[tuple[float, State, list[int]]] = [(0.0, env.state, [])]
     seen = {env.state.stance}
-    for _ in range(longest):
+    for _ in range(max_steps):
         states = [state for _, state, _ in beam]
         with torch.no_grad():
-            seen_now = as_tensors(policy.policy, env_features(env, states))
-            scores, _ = scores_and_value(policy.policy, seen_now)
-            chances = torch.log_softmax(scores, dim=1).numpy()
+            seen_now = as_tensors(policy.actor_critic, env_features(env, states))
+            logits, _ = logits_and_value(policy.actor_critic, seen_now)
+            chances = torch.log_softmax(logits, dim=1).numpy()
         found: list[tuple[float, State, list[int]]] = []
         arrived: list[tuple[float, list[int]]] = []
         for (chance, state, actions), logs in zip(beam, chances, strict=True):
@@ -156,14 +161,14 @@ def beam_walk(
 
 
 def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
-    """Return a policy that follows the walks of `beam_walk`.
+    """Return a policy that follows the action sequences of `beam_search`.
 
     Parameters
     ----------
     policy
         A pointer policy.
     width
-        Number of walks in the beam.
+        Number of action sequences in the beam.
 
     Raises
     ------
@@ -174,24 +179,24 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
         raise SettingError(
             f"beam search needs a pointer policy; this policy has network {policy.network!r}"
         )
-    return PlanPolicy(lambda env: beam_walk(policy, env, width))
+    return PlanPolicy(lambda env: beam_search(policy, env, width))
 
 
-def save_policy(path: str | Path, policy: Any, config: dict[str, Any]) -> None:
+def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> None:
     """Write the weights to `PATH.pt` and the configuration to `PATH.json`.
 
     Parameters
     ----------
     path
         Path without suffix.
-    policy
-        The policy of sb3-contrib.
+    actor_critic
+        The actor-critic of sb3-contrib.
     config
         Configuration of the training. Loading needs `network`, `sizes` and the result of
         `made_for`; format, number of the graph's rules and checksum are added here.
     """
     buffer = io.BytesIO()
-    torch.save(policy.state_dict(), buffer)
+    torch.save(actor_critic.state_dict(), buffer)
     path, weights = Path(path), buffer.getvalue()
     config = config | {"format": FORMAT, "rules": GRAPH_RULES}
     config |= {"checksum": checksum(config, weights)}
@@ -252,21 +257,21 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, build)
         _check_made_for(config, made_for(env, config["network"]), prefix)
         weights = torch.load(io.BytesIO(read[0]), map_location="cpu", weights_only=True)
-        policy = make_policy(env, config["network"], config["sizes"])
-        if _shapes(weights) != _shapes(policy.state_dict()):
+        actor_critic = make_actor_critic(env, config["network"], config["sizes"])
+        if _shapes(weights) != _shapes(actor_critic.state_dict()):
             raise CheckpointError(
                 f"{prefix}: its weights have other shapes than the {config['network']} network of "
                 "this version has for this environment; train it again"
             )
         _check_weights(weights, prefix)
-        policy.load_state_dict(weights)
+        actor_critic.load_state_dict(weights)
     except CheckpointError:
         raise
     except Exception as error:  # torch raises many types of errors
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise CheckpointError(f"{prefix}: {reason}") from None
-    policy.set_training_mode(False)
-    return LearnedPolicy(policy, config["network"], config)
+    actor_critic.set_training_mode(False)
+    return LearnedPolicy(actor_critic, config["network"], config)
 
 
 def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
@@ -275,7 +280,7 @@ def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:
 
 
 def _check_weights(weights: dict[str, Any], prefix: str) -> None:
-    """Check that all weights are finite and not too large, so that every score is finite."""
+    """Check that all weights are finite and not too large, so that every logit is finite."""
     for name, tensor in weights.items():
         wrong = tensor[~(tensor.abs() <= MAX_WEIGHT)]  # NaN does not satisfy it either
         if len(wrong):

@@ -1,4 +1,8 @@
-"""Policies of sb3-contrib by name, and the calls of them that learning needs."""
+"""Actor-critic networks of sb3-contrib by name, and the calls of them that learning needs.
+
+Stable-baselines3 calls these objects policies (`MaskableActorCriticPolicy`). Here a policy is what
+chooses actions in a `MlivrEnv` (`agents.policies.Policy`), and they are called actor-critics.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +23,16 @@ NETWORKS = ("pointer", "mlp")
 """Names of the networks: `PointerPolicy`, or a multilayer perceptron on the plain observation."""
 
 
-def policy_class(network: str) -> type[Any]:
-    """Return the class of a policy by the name of its network."""
+def actor_critic_class(network: str) -> type[Any]:
+    """Return the class of an actor-critic by the name of its network."""
     choice("network", network, NETWORKS)
     return PointerPolicy if network == "pointer" else MaskableMultiInputActorCriticPolicy
 
 
-def make_policy(
+def make_actor_critic(
     env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4
 ) -> Any:
-    """Return a new policy for an environment.
+    """Return a new actor-critic for an environment.
 
     Parameters
     ----------
@@ -37,24 +41,24 @@ def make_policy(
     network
         One of `NETWORKS`.
     sizes
-        Further arguments of the policy's class.
+        Further arguments of the class, such as widths of layers.
     learning_rate
-        Learning rate of the policy's optimiser.
+        Learning rate of its optimiser; imitation has an optimiser of its own.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
-    return policy_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
+    return actor_critic_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
 
 
-def as_tensors(policy: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]:
-    """Return a batch of observations as tensors on the policy's device."""
+def as_tensors(actor_critic: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]:
+    """Return a batch of observations as tensors on the device of an actor-critic."""
     return {
-        name: torch.as_tensor(np.ascontiguousarray(array)).to(policy.device)
+        name: torch.as_tensor(np.ascontiguousarray(array)).to(actor_critic.device)
         for name, array in observation.items()
     }
 
 
-def scores_and_value(policy: Any, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-    """Return the scores of all actions before masking, shape (k, a), and the values, shape (k,)."""
-    features = policy.extract_features(observation)
-    actor, critic = policy.mlp_extractor(features)
-    return policy.action_net(actor), policy.value_net(critic)[:, 0]
+def logits_and_value(actor_critic: Any, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
+    """Return the logits of all actions before masking, shape (k, a), and the values, shape (k,)."""
+    features = actor_critic.extract_features(observation)
+    actor, critic = actor_critic.mlp_extractor(features)
+    return actor_critic.action_net(actor), actor_critic.value_net(critic)[:, 0]

@@ -1,8 +1,9 @@
 """The pointer policy: one network for every point and limb, whatever their number and order.
 
-A DeepSets encoder (Zaheer et al., 2017) summarises the points that may be grasped. A pointer head
-(Vinyals et al., 2015) then scores each possible action from the point to which it leads, the
-displacement of the base, the goal, the points held and that summary.
+A DeepSets encoder (Zaheer et al., 2017) encodes the points that may be grasped and pools them into
+a summary. A pointer head (Vinyals et al., 2015) then computes the logit of each valid action from
+the point to which it leads, the displacement of the base, the goal, the points held and that
+summary.
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from mlivr_gym.agents.features import (
-    ARRIVALS,
+    ACTION_ARRIVALS,
+    ACTION_DISTANCES,
     DEPTH,
     GOAL_FEATURES,
-    ONWARD_ARRIVALS,
-    ONWARD_REACH,
+    POINT_ARRIVALS,
+    POINT_DISTANCES,
     POINT_FEATURES,
-    REACH,
 )
 
-IMPOSSIBLE = -1e8
-"""Score of an action that is not possible."""
+INVALID_LOGIT = -1e8
+"""Logit of an invalid action."""
 
 LENGTH = 3.0
 """Unit of lengths inside the network [m], so that all its inputs are of similar size."""
@@ -54,7 +55,7 @@ def mlp(sizes: list[int]) -> nn.Sequential:
 
 
 class PointerNetwork(nn.Module):
-    """Network that scores all actions, and summarises the state for the value."""
+    """Network that computes the logits of all actions, and summarises the state for the value."""
 
     def __init__(self, width: int = 96, summary: int = 32) -> None:
         """Build the layers.
@@ -75,7 +76,7 @@ class PointerNetwork(nn.Module):
         self.of_action = nn.Linear(POINT_FEATURES + 9 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
         self.assess = mlp([4 * summary + GOAL_FEATURES + POINT_FEATURES + 3 * DEPTH, width, width])
-        # Before training the scores are almost equal, so that a new policy explores evenly.
+        # Before training the logits are almost equal, so that a new policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
@@ -86,9 +87,9 @@ class PointerNetwork(nn.Module):
         """Return an observation in the units of the network."""
         points, limbs = observation["points"].clone(), observation["limbs"].clone()
         points[..., :3] /= LENGTH
-        for lengths in (slice(2, 5), REACH, ONWARD_REACH):
+        for lengths in (slice(2, 5), POINT_DISTANCES, ACTION_DISTANCES):
             limbs[..., lengths] /= LENGTH
-        for arrivals in (ARRIVALS, ONWARD_ARRIVALS):
+        for arrivals in (POINT_ARRIVALS, ACTION_ARRIVALS):
             limbs[..., arrivals] /= ARRIVAL
         return {"points": points, "limbs": limbs, "goal": observation["goal"] / LENGTH}
 
@@ -99,9 +100,12 @@ class PointerNetwork(nn.Module):
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
         expanded = goal[:, None].expand(-1, points.shape[1], -1)
         limbs = observation["limbs"]
-        reach, arrivals = limbs[..., REACH].amin(dim=1), limbs[..., ARRIVALS].amax(dim=1)
+        distances, arrivals = (
+            limbs[..., POINT_DISTANCES].amin(dim=1),
+            limbs[..., POINT_ARRIVALS].amax(dim=1),
+        )
         code: Tensor = torch.relu(
-            self.encode(torch.cat([points, held, expanded, to_goal, reach, arrivals], dim=-1))
+            self.encode(torch.cat([points, held, expanded, to_goal, distances, arrivals], dim=-1))
         )
         return code * points[..., 6:7]
 
@@ -109,14 +113,14 @@ class PointerNetwork(nn.Module):
         """Return a summary of all points, and the features of the points that the limbs hold.
 
         Points are weighted by their distance from the base, and again by their distance from a
-        place `AHEAD` towards the goal.
+        position `AHEAD` towards the goal.
 
         Returns
         -------
         tuple[Tensor, Tensor]
             The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            its reach, its arrivals and whether the reach is within the tolerance, shape (k, N, 8 +
-            3 DEPTH).
+            the lookahead distances and arrivals of this point, and whether the distances are within
+            the tolerance, shape (k, N, 8 + 3 DEPTH).
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))
@@ -129,11 +133,11 @@ class PointerNetwork(nn.Module):
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
         held = torch.einsum("knm,kmf->knf", limbs[..., 0], points)
-        onward = torch.einsum(
-            "knm,knmd->knd", limbs[..., 0], limbs[..., REACH.start : ARRIVALS.stop]
+        lookahead = torch.einsum(
+            "knm,knmd->knd", limbs[..., 0], limbs[..., POINT_DISTANCES.start : POINT_ARRIVALS.stop]
         )
-        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), onward[..., :DEPTH])
-        return torch.cat(parts, dim=-1), torch.cat([held, onward, arrives], dim=-1)
+        arrives = self._arrives(goal[:, None].expand(-1, held.shape[1], -1), lookahead[..., :DEPTH])
+        return torch.cat(parts, dim=-1), torch.cat([held, lookahead, arrives], dim=-1)
 
     @staticmethod
     def _arrives(goal: Tensor, distance: Tensor) -> Tensor:
@@ -141,7 +145,7 @@ class PointerNetwork(nn.Module):
         return torch.sigmoid((goal[..., 4:5] - distance) / SIGMOID_WIDTH)
 
     def forward_actor(self, observation: dict[str, Tensor]) -> Tensor:
-        """Return the score of each action, shape (k, N m)."""
+        """Return the logit of each action, shape (k, N m)."""
         return self.forward(observation)[0]
 
     def forward_critic(self, observation: dict[str, Tensor]) -> Tensor:
@@ -149,14 +153,14 @@ class PointerNetwork(nn.Module):
         return self.forward(observation)[1]
 
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-        """Return the scores of all actions, (k, N m), and the value layer's input, (k, width)."""
+        """Return the logits of all actions, (k, N m), and the value layer's input, (k, width)."""
         observation = self.scaled(observation)
         summary, held = self.summarise(observation, self.codes(observation))
         of_state = torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
-        return self._scores(observation, summary, held), torch.relu(self.assess(of_state))
+        return self._logits(observation, summary, held), torch.relu(self.assess(of_state))
 
-    def _scores(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
-        """Return the score of each action, shape (k, N m), from the results of `summarise`."""
+    def _logits(self, observation: dict[str, Tensor], summary: Tensor, held: Tensor) -> Tensor:
+        """Return the logits of all actions, shape (k, N m), from the results of `summarise`."""
         points, limbs, goal = observation["points"], observation["limbs"], observation["goal"]
         count = limbs.shape[1]
         others = (held.sum(dim=1, keepdim=True) - held) / (count - 1)
@@ -164,16 +168,19 @@ class PointerNetwork(nn.Module):
         context = self.of_limb(torch.cat([held, others, whole], dim=-1))
         state, limb, point = torch.nonzero(limbs[..., 1] > 0.5, as_tuple=True)
         of_action = limbs[state, limb, point]
-        action, onward = of_action[:, 2:6], of_action[:, ONWARD_REACH.start : ONWARD_ARRIVALS.stop]
+        action, lookahead = (
+            of_action[:, 2:6],
+            of_action[:, ACTION_DISTANCES.start : ACTION_ARRIVALS.stop],
+        )
         remaining = (action[:, :3] - goal[state, :3]).norm(dim=-1, keepdim=True)
-        distances = torch.cat([remaining, of_action[:, ONWARD_REACH]], dim=-1)
+        distances = torch.cat([remaining, of_action[:, ACTION_DISTANCES]], dim=-1)
         arrives = self._arrives(goal[state], distances)
         seen = self.of_action(
-            torch.cat([points[state, point], action, onward, remaining, arrives], dim=-1)
+            torch.cat([points[state, point], action, lookahead, remaining, arrives], dim=-1)
         )
-        scores = points.new_full(limbs.shape[:3], IMPOSSIBLE)
-        scores[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
-        return scores.flatten(1)
+        logits = points.new_full(limbs.shape[:3], INVALID_LOGIT)
+        logits[state, limb, point] = self.score(seen + context[state, limb])[:, 0]
+        return logits.flatten(1)
 
 
 class _IdentityExtractor(BaseFeaturesExtractor):

@@ -17,7 +17,7 @@ from mlivr_gym.planners.baselines import find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
-from mlivr_gym.planners.table_values import TableValues, stances_at
+from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -35,20 +35,20 @@ class Policy(Protocol):
         observation
             Its present observation.
         mask
-            Whether each action is possible, shape (N m,).
+            Whether each action is valid, shape (N m,).
         """
         ...
 
 
 class RandomPolicy:
-    """Policy that draws uniformly from the possible actions."""
+    """Policy that draws uniformly from the valid actions."""
 
     def __init__(self, seed: int = 0) -> None:
         """Start the random numbers from a seed."""
         self._rng = np.random.default_rng(seed)
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return a random possible action; see `Policy.act`."""
+        """Return a random valid action; see `Policy.act`."""
         return int(self._rng.choice(np.flatnonzero(mask)))
 
 
@@ -99,7 +99,7 @@ class ExpertPolicy:
             risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
             cost = cost_of(env)
             self._moves, self._goal = moves, goal
-            goals = stances_at(moves.tables, env.goal[None], env.goal_tolerance)
+            goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)
         if env.state.pose is not None:
             # The table lacks this state; failures of its first grasp are not considered.
@@ -111,7 +111,7 @@ class ExpertPolicy:
         costs = self._values.of_actions(
             s, np.array([env.state.branch_sets]), np.zeros(1, dtype=np.int64), len(mask)
         )[0]
-        # If no action leads to the goal, any possible one is taken.
+        # If no action leads to the goal, the first valid one is taken.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
 
 
@@ -155,7 +155,7 @@ class PlanPolicy:
         self.plans = 0
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the next action of the plan, or an impossible action if no plan is found."""
+        """Return the next action of the plan, or an invalid action if no plan is found."""
         if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
             self._goal, self.plans = env.goal.tobytes(), self.plans + 1
@@ -174,8 +174,8 @@ def planner_policy(
 
     By default the planner plans on the stance graph of the environment, from the present state:
     after a failed grasp a limb may be on only some of its branches. A planner for another graph of
-    the same map, for example without manipulability, plans from the present stance, and its plans
-    are followed whether they are possible or not.
+    the same map, for example without thresholds, plans from the present stance, and its plans
+    are followed whether their actions are valid or not.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from mlivr_gym.agents.features import DEPTH, TableFeatures, point_space, reach_of_points
+from mlivr_gym.agents.features import DEPTH, TableFeatures, point_lookahead, point_space
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
@@ -22,7 +22,7 @@ OBSERVATIONS = ("points", "plain")
 
 
 class TableVecEnv(VecEnv):
-    """Copies of a two-limb environment for stable-baselines3.
+    """`MlivrVectorEnv` as a `VecEnv` of stable-baselines3, with two limbs.
 
     Points that are occupied in the environment's graph do not occur in its tables.
     """
@@ -34,47 +34,47 @@ class TableVecEnv(VecEnv):
         observation: str = "points",
         max_episode_steps: int = 100,
     ) -> None:
-        """Make copies of an environment.
+        """Make the sub-environments.
 
         Parameters
         ----------
         env
-            The environment.
+            The environment, unwrapped, whose world, rewards and tasks they have.
         num_envs
-            Number of copies.
+            Number of sub-environments k.
         observation
             One of `OBSERVATIONS`.
         max_episode_steps
             Number of steps after which an episode is truncated.
         """
         self.plain = choice("observation", observation, OBSERVATIONS) == "plain"
-        self.copies = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
+        self.vector_env = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
         self.features = TableFeatures(env)
         self._info: dict[str, Any] = {}
         self._return = np.zeros(num_envs)
         self._goals = np.full((num_envs, 3), np.nan)
-        self._reach = np.zeros((num_envs, 2, len(env.graph.grasp_map), 2 * DEPTH))
+        self._lookahead = np.zeros((num_envs, 2, len(env.graph.grasp_map), 2 * DEPTH))
         space = env.observation_space if self.plain else point_space(env)
         super().__init__(num_envs, space, env.action_space)
 
     def _observe(self, plain: Observation) -> dict[str, NDArray[Any]]:
-        """Return the observations of all copies for the policy."""
+        """Return the observations of all sub-environments for the policy."""
         if self.plain:
             return dict[str, Any](**plain)
-        copies = self.copies
-        graph = copies.env.graph
+        batch = self.vector_env
+        graph = batch.env.graph
         free = np.ones(len(self.features.grasp_map), dtype=np.bool_)
         free[list(graph.occupied)] = False
-        for k in np.flatnonzero((self._goals != copies.goals).any(axis=1)):
-            self._goals[k] = copies.goals[k]
-            self._reach[k] = reach_of_points(graph, copies.goals[k], copies.env.goal_tolerance)
-        where = copies.tables, copies.stances, copies.branch_sets, copies.goals
-        return dict(self.features(*where, self._reach, free))
+        for k in np.flatnonzero((self._goals != batch.goals).any(axis=1)):
+            self._goals[k] = batch.goals[k]
+            self._lookahead[k] = point_lookahead(graph, batch.goals[k], batch.env.goal_tolerance)
+        where = batch.tables, batch.stances, batch.branch_sets, batch.goals
+        return dict(self.features(*where, self._lookahead, free))
 
     def reset(self) -> dict[str, NDArray[Any]]:
-        """Reset all copies and return their observations."""
+        """Reset all sub-environments and return their observations."""
         seed = self._seeds[0]
-        plain, self._info = self.copies.reset(seed=None if seed is None else int(seed))
+        plain, self._info = self.vector_env.reset(seed=None if seed is None else int(seed))
         self._reset_seeds()
         self._reset_options()
         self._return[:] = 0.0
@@ -87,8 +87,8 @@ class TableVecEnv(VecEnv):
     def step_wait(
         self,
     ) -> tuple[dict[str, NDArray[Any]], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
-        """Take the stored actions; copies whose episode has ended are reset at once."""
-        plain, reward, terminated, truncated, self._info = self.copies.step(self._actions)
+        """Take the stored actions; those whose episode has ended are reset at once."""
+        plain, reward, terminated, truncated, self._info = self.vector_env.step(self._actions)
         done = terminated | truncated
         self._return += reward
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -103,12 +103,12 @@ class TableVecEnv(VecEnv):
                     "is_success": bool(self._info["is_success"][k]),
                 }
             self._return[done] = 0.0
-            plain, self._info = self.copies.reset(options={"reset_mask": done})
+            plain, self._info = self.vector_env.reset(options={"reset_mask": done})
             seen = self._observe(plain)
         return seen, reward.astype(np.float32), done, infos
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are possible, shape (k, N m).
+        """Return which actions are valid, shape (k, N m).
 
         Raises
         ------
@@ -123,24 +123,25 @@ class TableVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Return the action masks of copies; no other method can be called on copies."""
+        """Return the action masks of sub-environments; they have no other method."""
         choice("method", method_name, ["action_masks"])
         masks = self.action_masks()
         return [masks[k] for k in self._get_indices(indices)]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute of the environment, once for each copy."""
-        owner = self if attr_name == "action_masks" else self.copies.env
+        """Return an attribute of the environment, once for each sub-environment."""
+        owner = self if attr_name == "action_masks" else self.vector_env.env
         return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Raise an error, since the copies share one world."""
+        """Raise an error, since the sub-environments share one world."""
         raise SettingError(
-            f"attribute {attr_name!r} cannot be set: the copies share one world, `copies.env`"
+            f"attribute {attr_name!r} cannot be set: the sub-environments share one world, "
+            "`vector_env.env`"
         )
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Return False for each copy, since none is wrapped."""
+        """Return False for each sub-environment, since none is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
     def close(self) -> None:

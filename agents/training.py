@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 import time
 from collections.abc import Callable
@@ -16,17 +17,18 @@ import torch
 from mlivr_gym import __version__
 from mlivr_gym.agents.hyperparameters import (
     METHODS,
-    ImitationSettings,
-    check_settings,
-    hyperparameters,
-    with_method,
+    ImitationHyperparameters,
+    check_hyperparameters,
+    fill_dagger,
+    load_hyperparameters,
 )
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
-from mlivr_gym.agents.networks import make_policy, policy_class
+from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.errors import SettingError, choice
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
@@ -40,7 +42,7 @@ def train(
     *,
     env: MlivrEnv | None = None,
     env_arguments: dict[str, Any] | None = None,
-    settings: dict[str, Any] | None = None,
+    hyperparameters: dict[str, Any] | None = None,
     init: str | Path | None = None,
     out: str | Path | None = None,
     command: str = "",
@@ -58,12 +60,13 @@ def train(
     seed
         Seed of all random numbers.
     env
-        The environment, unwrapped; by default one is made.
+        The environment, unwrapped; give it or `env_arguments`. If `gymnasium.make` made it, the
+        configuration stores the arguments of its spec; otherwise they are not known and the
+        configuration has None.
     env_arguments
-        Arguments of `MlivrEnv`, which are stored in the configuration; the environment is made from
-        them if none is given.
-    settings
-        Result of `hyperparameters`; by default those of the package.
+        Arguments of `MlivrEnv`, from which the environment is made; by default none.
+    hyperparameters
+        Result of `load_hyperparameters`; by default those of the package.
     init
         Checkpoint to start from, without suffix; `"finetune"` needs one.
     out
@@ -71,8 +74,8 @@ def train(
     command
         Command that repeats the training, for the configuration.
     progress
-        Function that is called with the phase, the steps done, their total number, and figures by
-        name.
+        Function that is called with the phase (`"imitation"`: gradient steps, or `"ppo"`:
+        environment steps), the steps done, their total number, and figures by name.
     logs
         Folder for TensorBoard logs; needs the package `tensorboard`.
 
@@ -89,16 +92,22 @@ def train(
         If the training is interrupted; `out` then contains the policy learned so far.
     """
     choice("method", method, METHODS)
-    settings = hyperparameters(method) if settings is None else check_settings(settings)
-    settings = with_method(method, settings)
+    if hyperparameters is None:
+        hyperparameters = load_hyperparameters(method)
+    hyperparameters = fill_dagger(method, check_hyperparameters(hyperparameters))
+    if env is not None and env_arguments is not None:
+        raise SettingError("env and env_arguments are both given; give one of them")
     if method == "finetune" and init is None:
         raise SettingError(
             "method 'finetune' needs a checkpoint to start from; give its path as init"
         )
-    request = _TrainingRequest(
-        method, network, seed, dict(env_arguments or {}), settings, init, command
-    )
-    env = request.make_env() if env is None else env
+    if env is None:
+        env_arguments = env_arguments or {}
+        env = MlivrEnv(**(env_arguments | {"precompute": True}))
+    elif env.spec is not None:
+        env_arguments = env.spec.kwargs
+    stored = None if env_arguments is None else _stored_arguments(env_arguments)
+    request = _TrainingRequest(method, network, seed, stored, hyperparameters, init, command)
     env.table_moves()
     return _train(request, env, _TrainingReport(progress, logs), out)
 
@@ -110,26 +119,22 @@ class _TrainingRequest:
     method: str
     network: str
     seed: int
-    env_arguments: dict[str, Any]
-    settings: dict[str, Any]
+    env_arguments: dict[str, Any] | None
+    hyperparameters: dict[str, Any]
     init: str | Path | None
     command: str
 
     @property
     def sizes(self) -> dict[str, Any]:
         """Sizes of the network, as arguments of its class."""
-        return dict(self.settings["networks"].get(self.network, {}))
+        return dict(self.hyperparameters["networks"].get(self.network, {}))
 
-    def make_env(self) -> MlivrEnv:
-        """Return the environment with all steps of its map computed."""
-        return MlivrEnv(**(self.env_arguments | {"precompute": True}))
-
-    def _complete_settings(self) -> dict[str, Any]:
-        """Return the hyperparameters without the networks, with all default values of imitation."""
-        settings = {name: value for name, value in self.settings.items() if name != "networks"}
-        if "imitation" in settings:
-            settings["imitation"] = asdict(ImitationSettings(**settings["imitation"]))
-        return settings
+    def _complete_hyperparameters(self) -> dict[str, Any]:
+        """Return the hyperparameters without the networks, with all defaults of imitation."""
+        used = {name: value for name, value in self.hyperparameters.items() if name != "networks"}
+        if "imitation" in used:
+            used["imitation"] = asdict(ImitationHyperparameters(**used["imitation"]))
+        return used
 
     def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
         """Return the configuration that a checkpoint stores."""
@@ -140,7 +145,7 @@ class _TrainingRequest:
             "seed": self.seed,
             "env": self.env_arguments,
             "init": None if self.init is None else Path(self.init).name,
-            "settings": self._complete_settings(),
+            "hyperparameters": self._complete_hyperparameters(),
             **made_for(env, self.network),
             "version": __version__,
             "command": self.command,
@@ -187,50 +192,51 @@ def _train(
     """Train, and write the checkpoint; on an interruption too, if anything was learned."""
     began = time.perf_counter()
     torch.manual_seed(request.seed)
-    policy = make_policy(env, request.network, request.sizes)
+    actor_critic = make_actor_critic(env, request.network, request.sizes)
     if request.init is not None:
-        policy.load_state_dict(load_policy(request.init, env).policy.state_dict())
+        first = load_policy(request.init, env).actor_critic
+        actor_critic.load_state_dict(first.state_dict())
     interrupted = False
     try:
-        if "imitation" in request.settings:
-            _run_imitation(request, env, policy, report)
-        if "ppo" in request.settings:
-            _run_ppo(request, env, policy, report)
+        if "imitation" in request.hyperparameters:
+            _run_imitation(request, env, actor_critic, report)
+        if "ppo" in request.hyperparameters:
+            _run_ppo(request, env, actor_critic, report)
     except KeyboardInterrupt:
         interrupted = True
     report.close()
     config = request.config(env, time.perf_counter() - began)
     if interrupted:
         config["interrupted"] = True
-    policy.set_training_mode(False)
+    actor_critic.set_training_mode(False)
     outcome = "nothing was written"
     if out is not None and (report.learned or not interrupted):
-        save_policy(out, policy, config)
+        save_policy(out, actor_critic, config)
         outcome = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
     if interrupted:
         raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {outcome}")
-    return LearnedPolicy(policy, request.network, config)
+    return LearnedPolicy(actor_critic, request.network, config)
 
 
 def _run_imitation(
-    request: _TrainingRequest, env: MlivrEnv, policy: Any, report: _TrainingReport
+    request: _TrainingRequest, env: MlivrEnv, actor_critic: Any, report: _TrainingReport
 ) -> None:
-    """Train a policy in place by imitation of the planner."""
-    settings = ImitationSettings(**request.settings["imitation"])
+    """Train an actor-critic in place by imitation of the expert."""
+    given = ImitationHyperparameters(**request.hyperparameters["imitation"])
     plain = request.network == "mlp"
-    imitation = Imitation(env, policy, plain, settings, request.seed, held_out_goals())
+    imitation = Imitation(env, actor_critic, plain, given, request.seed, held_out_goals())
     imitation.run(partial(report, "imitation"))
 
 
 def _run_ppo(
-    request: _TrainingRequest, env: MlivrEnv, policy: Any, report: _TrainingReport
+    request: _TrainingRequest, env: MlivrEnv, actor_critic: Any, report: _TrainingReport
 ) -> None:
-    """Train a policy in place by PPO; its weights are updated on an interruption too."""
+    """Train an actor-critic in place by PPO; its weights are updated on an interruption too."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
-    settings, plain = request.settings, request.network == "mlp"
-    total = int(settings["timesteps"])
+    given, plain = request.hyperparameters, request.network == "mlp"
+    total = int(given["timesteps"])
 
     class Rollouts(BaseCallback):
         def _on_step(self) -> bool:
@@ -242,18 +248,28 @@ def _run_ppo(
             report("ppo", min(self.num_timesteps, total), total, figures)
 
     model = MaskablePPO(
-        policy_class(request.network),
-        TableVecEnv(env, settings["copies"], "plain" if plain else "points"),
+        actor_critic_class(request.network),
+        TableVecEnv(env, given["n_envs"], "plain" if plain else "points"),
         policy_kwargs=request.sizes,
         seed=request.seed,
         device="cpu",
-        **settings["ppo"],
+        **given["ppo"],
     )
-    model.policy.load_state_dict(policy.state_dict())
+    model.policy.load_state_dict(actor_critic.state_dict())
     try:
         model.learn(total, callback=Rollouts())
     finally:
-        policy.load_state_dict(model.policy.state_dict())
+        actor_critic.load_state_dict(model.policy.state_dict())
+
+
+def _stored_arguments(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments as data of JSON; an object that has no such form is replaced by its type."""
+
+    def describe(value: Any) -> str:
+        return f"not stored: an object of type {type(value).__module__}.{type(value).__qualname__}"
+
+    stored: dict[str, Any] = json.loads(json.dumps(plain_value(arguments), default=describe))
+    return stored
 
 
 def _tensorboard_writer(logs: str | Path | None) -> Any:

@@ -130,7 +130,10 @@ def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
         for (start, goal), plan in zip(tasks, known, strict=True):
             away = np.linalg.norm(graph.base_position - goal, axis=1)
             cost, first = Cost.named("base"), graph.find(start.stance)
-            h = [*cost.heuristic("consistent", away, TOLERANCE, graph.max_step).tolist(), 0.0]
+            h = [
+                *cost.heuristic("consistent", away, TOLERANCE, graph.max_displacement).tolist(),
+                0.0,
+            ]
             for method, heuristic in (("A*", h), ("Dijkstra", None)):
                 goals = np.flatnonzero(away <= TOLERANCE).tolist()
                 seconds, path = table.search(first, goals, heuristic)

@@ -173,7 +173,7 @@ at the walk's footholds are optimised; *carried out*: share of walks that succee
 fastest pace; both only for the first tasks. *First action*: median time from the reset to the \
 first action, including checks of the world; *action*: median time of the policy alone. On the \
 dense map, methods use the results of step checks of earlier methods; the fair first action is the \
-one with no step known. An episode ends when a policy takes an impossible step, and after 60 steps.
+one with no step known. An episode ends when a policy takes an invalid action, and after 60 steps.
 
 ## Aims
 

@@ -24,10 +24,10 @@ from tqdm import tqdm
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
 from mlivr_gym.agents.evaluation import EvaluationTask
-from mlivr_gym.agents.hyperparameters import ImitationSettings, hyperparameters
+from mlivr_gym.agents.hyperparameters import ImitationHyperparameters, load_hyperparameters
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy
-from mlivr_gym.agents.networks import make_policy, policy_class
+from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.envs.env import MlivrEnv
@@ -98,32 +98,32 @@ class Curve:
         self._fewest = fewest_steps(env, self._tasks)
         self.points: list[Measure] = []
 
-    def add(self, policy: Any, steps: int) -> None:
-        """Evaluate a policy of sb3-contrib after some environment steps."""
-        policy.set_training_mode(False)
-        learned = LearnedPolicy(policy, "pointer")
+    def add(self, actor_critic: Any, steps: int) -> None:
+        """Evaluate an actor-critic of sb3-contrib after some environment steps."""
+        actor_critic.set_training_mode(False)
+        learned = LearnedPolicy(actor_critic, "pointer")
         self.points.append(
             {"steps": steps, **measure(self.env, learned, self._tasks, self._fewest)}
         )
-        policy.set_training_mode(True)
+        actor_critic.set_training_mode(True)
         self._bar.set_postfix(self.points[-1], refresh=False)
 
 
 def imitate(method: str, seed: int, curve: Curve, bar: tqdm) -> Any:
     """Train by imitation, with a point of the curve after each round."""
-    settings = hyperparameters(method)
-    policy = make_policy(curve.env, "pointer", settings["networks"]["pointer"])
-    given = ImitationSettings(**settings["imitation"])
-    imitation = Imitation(curve.env, policy, False, given, seed)
+    hyperparameters = load_hyperparameters(method)
+    actor_critic = make_actor_critic(curve.env, "pointer", hyperparameters["networks"]["pointer"])
+    given = ImitationHyperparameters(**hyperparameters["imitation"])
+    imitation = Imitation(curve.env, actor_critic, False, given, seed)
 
     def progress(done: int, total: int, figures: dict[str, float]) -> None:
         bar.total, bar.n = total, done
         bar.update(0)
         if done % given.updates == 0:
-            curve.add(policy, int(figures["states"]))
+            curve.add(actor_critic, int(figures["states"]))
 
     imitation.run(progress)
-    return policy
+    return actor_critic
 
 
 def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
@@ -131,27 +131,30 @@ def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
-    settings = hyperparameters("ppo")
+    hyperparameters = load_hyperparameters("ppo")
 
     class Rollouts(BaseCallback):
         def _on_step(self) -> bool:
             return True
 
         def _on_rollout_start(self) -> None:
-            bar.total, bar.n = settings["timesteps"], self.num_timesteps
+            bar.total, bar.n = hyperparameters["timesteps"], self.num_timesteps
             bar.update(0)
-            if self.num_timesteps // self.model.n_steps // settings["copies"] % ROLLOUTS == 0:
+            if (
+                self.num_timesteps // self.model.n_steps // hyperparameters["n_envs"] % ROLLOUTS
+                == 0
+            ):
                 curve.add(self.model.policy, self.num_timesteps)
 
     model = MaskablePPO(
-        policy_class("pointer"),
-        TableVecEnv(curve.env, settings["copies"], "points"),
-        policy_kwargs=settings["networks"]["pointer"],
+        actor_critic_class("pointer"),
+        TableVecEnv(curve.env, hyperparameters["n_envs"], "points"),
+        policy_kwargs=hyperparameters["networks"]["pointer"],
         seed=seed,
         device="cpu",
-        **settings["ppo"],
+        **hyperparameters["ppo"],
     )
-    model.learn(settings["timesteps"], callback=Rollouts())
+    model.learn(hyperparameters["timesteps"], callback=Rollouts())
     curve.add(model.policy, model.num_timesteps)
     return model.policy
 
@@ -162,11 +165,13 @@ def run_of(method: str, seed: int) -> Measure:
     env, began = make_env(), time.perf_counter()
     with tqdm(desc=f"{method} {seed}", mininterval=10.0) as bar:
         curve = Curve(env, bar)
-        policy = improve(seed, curve, bar) if method == "ppo" else imitate(method, seed, curve, bar)
+        actor_critic = (
+            improve(seed, curve, bar) if method == "ppo" else imitate(method, seed, curve, bar)
+        )
     seconds = time.perf_counter() - began
-    policy.set_training_mode(False)
+    actor_critic.set_training_mode(False)
     tasks = tasks_of(env, TESTED)
-    tested = measure(env, LearnedPolicy(policy, "pointer"), tasks, fewest_steps(env, tasks))
+    tested = measure(env, LearnedPolicy(actor_critic, "pointer"), tasks, fewest_steps(env, tasks))
     return {"curve": curve.points, "test": tested, "seconds": round(seconds, 1)}
 
 

@@ -18,7 +18,7 @@ import torch
 from reports import command_line
 from tqdm import tqdm
 
-from mlivr_gym.agents.hyperparameters import hyperparameters
+from mlivr_gym.agents.hyperparameters import load_hyperparameters
 from mlivr_gym.agents.training import train
 
 RUNS = (
@@ -72,9 +72,9 @@ def main() -> None:
                     bar.set_postfix(figures, refresh=False)
                     bar.update(0)
 
-                settings = hyperparameters(method, args.hyperparameters)
+                hyperparameters = load_hyperparameters(method, args.hyperparameters)
                 train(
-                    method, network, seed, env_arguments=arguments, settings=settings,
+                    method, network, seed, env_arguments=arguments, hyperparameters=hyperparameters,
                     init=out / init if init else None, out=path, command=command, progress=show,
                 )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """Algorithm 1 of the paper in plain Python: A* over stances (Hart, Nilsson and Raphael 1968).
 
 This is the search to read first, and the reference for the compiled searches (`table_search`,
-`implicit_search`). It uses `posture_of`, `successors` and `max_step` of a stance graph alone, so it
-serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
+`implicit_search`). It uses `posture_of`, `successors` and `max_displacement` of a stance graph
+alone, so it serves any number of limbs. With `Settings(transitions=False, collisions=False)` and
 `heuristic="paper"` its nodes, edges and estimates are those of the paper. If steps are checked, a
 node of the search is a `State`: a stance together with the branches that each limb may be on.
 
@@ -90,7 +90,9 @@ def algorithm1(
 
     def estimate(positions: Array) -> Array:
         distance = goal.distance(positions)
-        return inflation * cost.heuristic(heuristic, distance, goal.tolerance, graph.max_step)
+        return inflation * cost.heuristic(
+            heuristic, distance, goal.tolerance, graph.max_displacement
+        )
 
     tree = SearchTree()
     origin = graph.posture_of(start).base_position[0]

@@ -88,13 +88,15 @@ class Cost:
             return cls(cost, 1.0, regrasp_price)
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
-    def heuristic(self, name: str, distance: Array, tolerance: float, max_step: float) -> Array:
+    def heuristic(
+        self, name: str, distance: Array, tolerance: float, max_displacement: float
+    ) -> Array:
         """Estimate the cost from base positions to the goal by their distance to it.
 
         With the goal region a ball of radius `tolerance`, `"consistent"` is `base_weight * d_r +
-        step_weight * ceil(d_r / max_step)` with `d_r = max(0, d - tolerance)`: an admissible and
-        consistent lower bound. `"paper"` uses the distance `d` to the centre of the ball and `d /
-        max_step`, which may overestimate.
+        step_weight * ceil(d_r / max_displacement)` with `d_r = max(0, d - tolerance)`: an
+        admissible and consistent lower bound. `"paper"` uses the distance `d` to the centre of the
+        ball and `d / max_displacement`, which may overestimate.
 
         Parameters
         ----------
@@ -104,7 +106,7 @@ class Cost:
             Distances to the goal [m], any shape.
         tolerance
             Radius of the goal region [m].
-        max_step
+        max_displacement
             Upper bound of the base displacement of one step [m].
 
         Returns
@@ -115,10 +117,10 @@ class Cost:
         if name == "zero":
             return np.zeros_like(distance)
         if name == "paper":
-            return self.base_weight * distance + self.step_weight * distance / max_step
+            return self.base_weight * distance + self.step_weight * distance / max_displacement
         remaining = np.maximum(distance - tolerance, 0.0)
         return self.base_weight * remaining + self.step_weight * np.ceil(
-            remaining / max_step - 1e-9
+            remaining / max_displacement - 1e-9
         )
 
     def inadmissible_estimate(self, distance: Array, moves: Array | None = None) -> Array:

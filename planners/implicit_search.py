@@ -121,7 +121,7 @@ class _ImplicitSearch:
     def __init__(self, graph: ImplicitGraph, start: State, search: SearchQuery) -> None:
         self.graph, self.search, self.start_time = graph, search, search.start_time
         self.start, self.goal, self.cost = start, search.goal, search.goal.cost
-        self.max_step = graph.max_step
+        self.max_displacement = graph.max_displacement
         self.result, self.iteration = ImplicitSearchResult(), 0
         self.by_lower_bound, self.by_estimate, self.inflated = OpenQueue(), OpenQueue(), OpenQueue()
         self.closed: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
@@ -267,7 +267,7 @@ class _ImplicitSearch:
         if self.search.heuristic == "zero":
             return costs
         distance = np.maximum(goal.distance(positions) - goal.tolerance, 0.0)
-        by_distance = cost.step_weight * np.ceil(distance / self.max_step - 1e-9)
+        by_distance = cost.step_weight * np.ceil(distance / self.max_displacement - 1e-9)
         lower_bound: Array = costs + cost.base_weight * distance
         lower_bound += np.maximum(self._step_costs(self.moves.steps(stances)), by_distance)
         return lower_bound
@@ -285,7 +285,9 @@ class _ImplicitSearch:
         if self.search.anytime:
             moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
             return costs + self.cost.inadmissible_estimate(distances, moves)
-        return self.search.cost_weight * costs + self.search.estimate(distances, self.max_step)
+        return self.search.cost_weight * costs + self.search.estimate(
+            distances, self.max_displacement
+        )
 
     def _compute_postures(self, blocks: list[tuple[int, float, IntArray]]) -> None:
         """Compute postures of stances, and push those stances that are nodes."""

@@ -123,7 +123,7 @@ class LowerBounds:
     def from_distance(self, search: SearchQuery) -> GoalBounds:
         """Return the bounds of a heuristic that is given by the distance to the goal alone."""
         distance = distances(self.table.base_position, search.goal.target)
-        h = search.estimate(distance, self.graph.max_step)
+        h = search.estimate(distance, self.graph.max_displacement)
         h = np.where(self._goal_nodes(search.goal), 0.0, np.maximum(h, MIN_COST_OUTSIDE_GOAL))
         h[self._occupied_nodes()] = np.inf
         none = np.zeros(len(h), dtype=np.bool_)

@@ -268,10 +268,10 @@ class SearchQuery:
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf
 
-    def estimate(self, distance: Array, max_step: float) -> Array:
+    def estimate(self, distance: Array, max_displacement: float) -> Array:
         """Estimate the cost to the goal from distances to it [m], see `Cost.heuristic`."""
         goal = self.goal
-        return goal.cost.heuristic(self.heuristic, distance, goal.tolerance, max_step)
+        return goal.cost.heuristic(self.heuristic, distance, goal.tolerance, max_displacement)
 
     @property
     def record(self) -> Query:

@@ -237,7 +237,7 @@ class _TableSearch:
         base, nodes = lazy_table.table.base_position, np.flatnonzero(goal_bounds.h == 0.0)
         distances_to_start = distances(base, base[start])
         start_bounds = goal.cost.heuristic(
-            "consistent", distances_to_start, 0.0, self.graph.max_step
+            "consistent", distances_to_start, 0.0, self.graph.max_displacement
         )
         start_bounds = np.maximum(start_bounds, MIN_COST_OUTSIDE_GOAL)
         start_bounds[start] = 0.0

@@ -122,7 +122,7 @@ def step_values(
     stances: IntArray,
     branch_sets: IntArray,
     goal_of_state: IntArray,
-    goals: BoolArray,
+    is_goal: BoolArray,
     prices: StepPrices,
     tables: StepTables,
     costs: CostTables,
@@ -138,8 +138,8 @@ def step_values(
         Branches that each limb may be on, shape (k, 2).
     goal_of_state
         Index of the goal of each state, shape (k,).
-    goals
-        Whether each stance is at each goal, shape (g, n).
+    is_goal
+        Whether each stance is in each goal region, shape (g, n).
     prices
         Prices of a step to each point.
     tables
@@ -171,7 +171,7 @@ def step_values(
                 for b in range(16):
                     if has(branches, b):
                         remaining = min(remaining, values[g, s2, support, b])
-                if goals[g, s2]:
+                if is_goal[g, s2]:
                     remaining = 0.0
                 out[k, moving * m + point] = (
                     step_cost[point] + base_cost[point] * np.sqrt(square) + remaining
@@ -195,7 +195,7 @@ def expected_prices(cost: Cost, failure: Array) -> StepPrices:
     return StepPrices(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
-def stances_at(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
+def in_goal_region(tables: StepTables, goals: Array, tolerance: float) -> BoolArray:
     """Return whether each base is within a tolerance [m] of goal positions, (g, 3) -> (g, n)."""
     return np.array([distances(tables.base_position, goal) <= tolerance for goal in goals])
 
@@ -207,8 +207,8 @@ class TableValues:
     ----------
     tables
         The steps of the layout.
-    goals
-        Whether each stance is at each goal, shape (g, n).
+    is_goal
+        Whether each stance is in each goal region, shape (g, n).
     values
         Costs by goal, stance, holding limb and branch, shape (g, n, 2, 16); infinite where the goal
         cannot be reached.
@@ -217,7 +217,7 @@ class TableValues:
     """
 
     def __init__(
-        self, tables: StepTables, goals: BoolArray, cost: Cost, failure: Array | None = None
+        self, tables: StepTables, is_goal: BoolArray, cost: Cost, failure: Array | None = None
     ) -> None:
         """Compute the costs backward from the stances of each goal.
 
@@ -225,8 +225,8 @@ class TableValues:
         ----------
         tables
             The steps.
-        goals
-            Whether each stance is at each goal, shape (g, n).
+        is_goal
+            Whether each stance is in each goal region, shape (g, n).
         cost
             Cost of a step.
         failure
@@ -236,17 +236,17 @@ class TableValues:
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
         self.prices = expected_prices(cost, np.zeros(points) if failure is None else failure)
-        n, count = len(tables.points), len(goals)
-        self.goals: BoolArray = goals & (tables.branch_sets != 0).all(axis=1)
+        n, count = len(tables.points), len(is_goal)
+        self.is_goal: BoolArray = is_goal & (tables.branch_sets != 0).all(axis=1)
         self._costs = CostTables(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
         self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            compute_costs(self.goals[g], self.prices, tables, self._costs, g, queue, queued)
+            compute_costs(self.is_goal[g], self.prices, tables, self._costs, g, queue, queued)
 
     def of_stances(self, g: int) -> Array:
         """Return the cost from each stance to goal `g` with all its branches, shape (n,)."""
-        return np.where(self.goals[g], 0.0, self.values[g].min(axis=(1, 2)))
+        return np.where(self.is_goal[g], 0.0, self.values[g].min(axis=(1, 2)))
 
     def of_actions(
         self, stances: IntArray, branch_sets: IntArray, goal_of_state: IntArray, actions: int
@@ -274,7 +274,7 @@ class TableValues:
             stances,
             branch_sets,
             goal_of_state,
-            self.goals,
+            self.is_goal,
             self.prices,
             self.tables,
             self._costs,

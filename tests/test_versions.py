@@ -13,7 +13,7 @@ import pytest
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.agents.learned import CheckpointError, load_policy, made_for, save_policy
-from mlivr_gym.agents.networks import make_policy
+from mlivr_gym.agents.networks import make_actor_critic
 from mlivr_gym.agents.test_set import SPLITS, freeze_test_set, load_test_set
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
@@ -44,7 +44,7 @@ def a_plan(env, folder):
 
 def a_checkpoint(env, folder):
     path, config = folder / "policy", {"network": "mlp", "sizes": {}} | made_for(env, "mlp")
-    save_policy(path, make_policy(env, "mlp", {}), config)
+    save_policy(path, make_actor_critic(env, "mlp", {}), config)
     assert "rules" not in config
     assert load_policy(path, env).config["rules"] == GRAPH_RULES
     return path.with_suffix(".json"), lambda: load_policy(path, env)

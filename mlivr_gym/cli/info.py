@@ -113,5 +113,5 @@ def _pair_summary(graph: TwoLimbGraph) -> dict[str, Any]:
         "stances_of_the_largest_part": int(np.bincount(part).max()),
         "w_m": [float(graph.w_m.min()), float(graph.w_m.max())],
         "w_b": [float(graph.w_b.min()), float(graph.w_b.max())],
-        "longest_step": graph.max_step,
+        "longest_step": graph.max_displacement,
     }

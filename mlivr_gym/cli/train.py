@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     import torch
 
-    from mlivr_gym.agents.hyperparameters import hyperparameters
+    from mlivr_gym.agents.hyperparameters import load_hyperparameters
     from mlivr_gym.agents.training import train
 
     out = Path(args.out)
@@ -65,8 +65,8 @@ def run(args: argparse.Namespace) -> int:
             f"cannot write a checkpoint to {args.out!r}: it is a folder; add the name of a file"
         )
     check_outputs(*(out.with_suffix(end) for end in (".pt", ".json")), inputs=input_files(args))
-    settings = hyperparameters(args.method, args.hyperparameters)
-    if "ppo" not in settings:
+    hyperparameters = load_hyperparameters(args.method, args.hyperparameters)
+    if "ppo" not in hyperparameters:
         refuse_without_effect(
             args, f"with --method {args.method}, which uses no shaping", "shaping"
         )
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
             args.network,
             args.seed,
             env_arguments=environment_arguments(args),
-            settings=settings,
+            hyperparameters=hyperparameters,
             init=args.init,
             out=args.out,
             command=shlex.join(["mlivr-gym", *sys.argv[1:]]),
@@ -99,7 +99,7 @@ def _progress_callback(progress: Progress) -> Callable[[str, int, int, dict[str,
             progress.begin(phase, total)
         shown = [
             f"{name} {figures[name]:.3g}"
-            for name in ("loss", "walks_that_arrive", "mean_return")
+            for name in ("loss", "rollout_success", "mean_return")
             if name in figures
         ]
         progress.show(done, ", ".join(shown))

@@ -38,17 +38,17 @@ def action_number(action: Any, count: int) -> int:
     return number
 
 
-def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
+def action_numbers(actions: Any, k: int, count: int) -> IntArray:
     """Return a batch of actions as an array, shape (k,).
 
     Parameters
     ----------
     actions
         Integers, shape (k,): an array, a tensor or a list.
-    copies
-        Number of copies k of the environment.
+    k
+        Number of sub-environments.
     count
-        Number of actions of one copy.
+        Number of actions of one sub-environment.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
         array = np.asarray(actions)
     except (TypeError, ValueError) as error:  # a ragged list, a tensor on another device
         array, fault = np.zeros(0), str(error)
-    if not fault and array.shape != (copies,):
+    if not fault and array.shape != (k,):
         fault = f"they have shape {array.shape}"
     elif not fault and array.dtype.kind not in "iu":
         fault = f"they are of type {array.dtype}"
@@ -71,6 +71,6 @@ def action_numbers(actions: Any, copies: int, count: int) -> IntArray:
             fault = f"one is {array[wrong][0]}"
     if fault:
         raise SettingError(
-            f"actions must be {copies} numbers of Discrete({count}), in integers: {fault}"
+            f"actions must be {k} numbers of Discrete({count}), in integers: {fault}"
         )
     return numbers

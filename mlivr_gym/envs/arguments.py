@@ -19,7 +19,7 @@ from mlivr_gym.settings import SETTINGS
 from mlivr_gym.world.grasp_map import MAP
 
 AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)}
-"""Modes of the vector environment for copies whose episode has ended, by name."""
+"""Modes of the vector environment for sub-environments whose episode has ended, by name."""
 
 
 def _read_autoreset_mode(value: object, place: FieldPath) -> AutoresetMode:

@@ -1,4 +1,4 @@
-"""Kernels that step many copies of the two-limb environment, and draw their starts and goals.
+"""Kernels that step many two-limb sub-environments, and draw their starts and goals.
 
 They read the tables of all steps; the kinematic `MlivrEnv` draws its tasks by them too.
 """
@@ -38,8 +38,8 @@ MAX_DRAWS = 1000
 """Number of draws after which no start and goal are considered to exist."""
 
 
-class CopyStates(NamedTuple):
-    """States of k copies of the environment, which the kernels change."""
+class SubEnvStates(NamedTuple):
+    """States of k sub-environments, which the kernels change."""
 
     stances: IntArray
     """Stance indices, shape (k,)."""
@@ -54,8 +54,8 @@ class ActionResults(NamedTuple):
 
     displacement: Array
     """Base displacement [m], shape (k,): there and back if the grasp fails, 0 without a step."""
-    masked_out: BoolArray
-    """Whether the action is not possible, shape (k,)."""
+    invalid: BoolArray
+    """Whether the action is invalid, shape (k,)."""
     grasp_failed: BoolArray
     """Whether the attempt to grasp fails, shape (k,)."""
     edge: IntArray
@@ -118,7 +118,7 @@ def advance(
     skip: BoolArray,
     failure_probability: Array,
     tables: StepTables,
-    copies: CopyStates,
+    states: SubEnvStates,
     results: ActionResults,
 ) -> None:
     """Take one action in each of k states.
@@ -133,14 +133,14 @@ def advance(
         Probability that an attempt to grasp each point fails, shape (m,).
     tables
         Tables of all steps.
-    copies
+    states
         The states, which are changed.
     results
         Written; its flags are False before.
     """
-    stances, branch_sets, displacement = copies.stances, copies.branch_sets, results.displacement
-    streams, m = copies.streams, len(failure_probability)
-    # Distant memory is read for all copies before it is used, so that the reads overlap.
+    stances, branch_sets, displacement = states.stances, states.branch_sets, results.displacement
+    streams, m = states.streams, len(failure_probability)
+    # Distant memory is read for all sub-environments before it is used, so that the reads overlap.
     for k in range(len(actions)):
         results.edge[k] = find_step(stances[k], actions[k] // m, actions[k] % m, tables)
     for k in range(len(actions)):
@@ -159,7 +159,7 @@ def advance(
         held, s = 1 - moving, stances[k]
         kept = kept_on_edge(branch_sets[k, held], tables.kept[edge] if edge >= 0 else 0)
         if not kept or not can_release(branch_sets[k, moving], tables.releasable[s, moving]):
-            displacement[k], results.masked_out[k] = 0.0, True
+            displacement[k], results.invalid[k] = 0.0, True
             continue
         branch_sets[k, held] = kept
         risk = failure_probability[point]
@@ -258,16 +258,16 @@ def _draw_walk_task(
         np.zeros((1, 2), np.int64),
         np.empty((1, 3)),
     )
-    which, given = np.ones(1, np.bool_), np.full(1, start is not None)
+    is_drawn, has_start = np.ones(1, np.bool_), np.full(1, start is not None)
     if start is not None:
         stances[0], branch_sets[0] = moves.stance_at[start.stance], start.branch_sets
-    copies = CopyStates(stances, branch_sets, np.array([stream.state], dtype=np.uint64))
+    states = SubEnvStates(stances, branch_sets, np.array([stream.state], dtype=np.uint64))
     distribution = TaskDistribution.of(grasp_map, tolerance, tasks)
-    if draw_tasks(which, given, distribution, tables, copies, goals) >= 0:
+    if draw_tasks(is_drawn, has_start, distribution, tables, states, goals) >= 0:
         raise StanceError(
             f"no goal that can be reached was found on map {grasp_map.name!r} in {MAX_DRAWS} draws"
         )
-    stream.state = int(copies.streams[0])
+    stream.state = int(states.streams[0])
     return Task(
         state_of(tables, int(stances[0]), branch_sets[0]) if start is None else start, goals[0]
     )
@@ -275,26 +275,26 @@ def _draw_walk_task(
 
 @entry
 def draw_tasks(
-    which: BoolArray,
-    given: BoolArray,
+    is_drawn: BoolArray,
+    has_start: BoolArray,
     distribution: TaskDistribution,
     tables: StepTables,
-    copies: CopyStates,
+    states: SubEnvStates,
     goals: Array,
 ) -> int:
     """Draw starts and goals as `tasks.sample_task` does, from the same numbers of the streams.
 
     Parameters
     ----------
-    which
-        Copies for which a task is drawn, shape (k,).
-    given
-        Copies among them whose start is given in `copies`, shape (k,).
+    is_drawn
+        Whether a task is drawn for each sub-environment, shape (k,).
+    has_start
+        Whether its start is given in `states`, shape (k,).
     distribution
         The distribution of the tasks.
     tables
         Tables of all steps.
-    copies
+    states
         The states, where starts that are not given are written.
     goals
         Goal positions [m], shape (k, 3), written.
@@ -302,19 +302,19 @@ def draw_tasks(
     Returns
     -------
     int
-        Index of the first copy for which no task was found, or -1.
+        Index of the first sub-environment for which no task was found, or -1.
     """
     targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
     axis, middle = distribution.axis, distribution.middle
-    stances, branch_sets, streams = copies.stances, copies.branch_sets, copies.streams
+    stances, branch_sets, streams = states.stances, states.branch_sets, states.streams
     position = tables.base_position
     n = len(position)
-    for k in range(len(which)):
-        if not which[k]:
+    for k in range(len(is_drawn)):
+        if not is_drawn[k]:
             continue
         found = False
         for _ in range(MAX_DRAWS):
-            if not given[k]:
+            if not has_start[k]:
                 s = random_below(streams, k, n)
                 mask0, mask1 = tables.branch_sets[s]
                 if mask0 == 0 or mask1 == 0 or not any_step(s, (mask0, mask1), tables):

@@ -1,4 +1,4 @@
-"""Possible steps in a world that may change: points are occupied, obstacles added and removed."""
+"""Steps of a stance graph whose world may change, by occupied points and obstacles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 class CurrentMoves:
-    """The possible steps of a stance graph, evaluated again when its world changes.
+    """The steps of a stance graph, evaluated again when its world changes.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """The Gymnasium environment `MLIVR-JEM-v0`: a multi-limbed robot climbs to a goal, step by step.
 
 The environment joins parts that are objects of their own: `rewards`, `tasks`, `observations`, the
-steps of a stance graph (`current_moves`), and pictures (`viewer`). `vector_env` has many copies.
+steps of a stance graph (`current_moves`), and pictures (`viewer`). `vector_env` steps many at once.
 """
 
 from __future__ import annotations
@@ -60,18 +60,19 @@ class MlivrEnv(StanceGraphEnv):
 
     With `grasp_failure` above 0 an attempt to grasp a point fails with that point's
     `failure_probability`. The base then returns along its path, and the limb grasps the point that
-    it released. The attempt costs a step and twice the base displacement. The limb may then be on
-    all branches on which it can be released, the support limbs on those that the step allows.
+    it released. The attempt costs a step and twice the base displacement. The limb may then be
+    on all branches on which it can be released, the support limbs on those that they keep on the
+    step.
 
     ## Action Space
     `Discrete(N * m)` for m graspable points: action `limb * m + point` moves `limb` to `point`. Few
-    actions are possible in a stance: those of `action_masks()` (bool) and `info["action_mask"]`
-    (int8). An action that is masked out changes nothing, counts as a step, and sets
-    `info["invalid_action"]`.
+    actions are *valid* in a state: those for which the robot can make the step, marked in
+    `action_masks()` (bool) and `info["action_mask"]` (int8). An *invalid* action changes nothing,
+    counts as a step, and sets `info["invalid_action"]`.
 
     When points are occupied or obstacles are added to `graph` during an episode, the mask becomes
-    that of the new world. The robot stays where it is; if no step is possible, all actions are
-    masked out.
+    that of the new world. The robot stays where it is; if no step leaves its state, all
+    actions are invalid.
 
     ## Observation Space
     A dictionary, see `envs.observations.Observation`:
@@ -85,14 +86,14 @@ class MlivrEnv(StanceGraphEnv):
     | `goal` | `Box(3)` | goal position of the base | m |
     | `branches` | `MultiBinary(16 N)` | branches and flips on which each limb may be | |
 
-    ## Rewards
-    `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
-    [m], and for a masked-out action minus `max_step`, an upper bound of the displacement. A step
-    that fails in simulation counts as a step, with the displacement of the base until the failure.
-    An object is called with the `envs.rewards.StepOutcome` and returns the reward. `success_bonus`
-    is added when the goal is reached. Without shaping the undiscounted return of an episode without
-    masked-out actions is minus the cost of its walk, plus the bonus. With `dynamics="mujoco"` a
-    failed step ends the episode, so give a bonus, or an agent gains by failing early.
+    ## Rewards `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base
+    displacement [m], and for an invalid action minus `max_displacement`, an upper bound of the
+    displacement. A step that fails in simulation counts as a step, with the displacement of the
+    base until the failure. An object is called with the `envs.rewards.StepOutcome` and returns the
+    reward. `success_bonus` is added when the goal is reached. Without shaping the undiscounted
+    return of an episode without invalid actions is minus the cost of its walk, plus the bonus. With
+    `dynamics="mujoco"` a failed step ends the episode, so give a bonus, or an agent gains by
+    failing early.
 
     With `shaping=True` the potential-based term `discount * phi(after) - phi(before)` is added,
     where `phi` is minus the distance to the goal [m], and 0 in the goal region. It keeps the
@@ -100,7 +101,7 @@ class MlivrEnv(StanceGraphEnv):
     Harada and Russell, 1999), not where a failed step in simulation ends them.
 
     ## Starting State
-    `tasks` draws start and goal: `"walk"` such that a walk of possible steps joins them, `"far"`
+    `tasks` draws start and goal: `"walk"` such that a walk of valid steps joins them, `"far"`
     (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module. Tasks and grasp failures are
     drawn from one random stream, which the seed of `reset` starts. `reset(options=...)` takes:
 
@@ -124,9 +125,9 @@ class MlivrEnv(StanceGraphEnv):
     | `base_position` | position of the base, shape (3,) [m] |
     | `base_translation`, `steps` | sum of base displacements [m], and actions, since the reset |
     | `limb_manipulability`, `base_manipulability` | w_m of each limb, shape (N,), and w_b |
-    | `action_mask` | 1 for each possible action, shape (N m,), int8 |
+    | `action_mask` | 1 for each valid action, shape (N m,), int8 |
     | `is_success` | whether the base is in the goal region |
-    | `invalid_action`, `grasp_failed` | whether the action was masked out, or its grasp failed |
+    | `invalid_action`, `grasp_failed` | whether the action was invalid, or its grasp failed |
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
@@ -139,7 +140,7 @@ class MlivrEnv(StanceGraphEnv):
     | `robot` | `"mlivr2"` | name, path of a JSON file, `RobotSpec`, or plain data |
     | `map` | None | name in `PLACES`, path of a file, `GraspMap`, or plain data; None: the JEM |
     | `manipulability` | True | whether stances must meet both thresholds |
-    | `transitions` | True | whether steps are checked; if not, all are assumed possible |
+    | `transitions` | True | whether steps are checked; if not, all are taken as valid |
     | `limb_threshold` | 0.1 | threshold of w_m |
     | `base_threshold` | None | threshold of w_b; by default `0.001 (2/N)^3` |
     | `collisions` | True | whether collisions are checked; False reproduces the paper |
@@ -312,13 +313,13 @@ class MlivrEnv(StanceGraphEnv):
             )
         action = action_number(action, self.graph.limbs * points)
         limb, point = divmod(action, points)
-        legal, displacement, failed = bool(self._mask[action]), 0.0, False
+        valid, displacement, failed = bool(self._mask[action]), 0.0, False
         before = self._distance
         self.steps, simulated = self.steps + 1, None
-        if legal:
+        if valid:
             after = self.moves.take(state, action)
             reached = self.moves.stance_properties(after).base_position
-            displacement = distance(reached, self._place.base_position)
+            displacement = distance(reached, self._properties.base_position)
             risk = self.failure_probability[point]
             failed = bool(risk > 0.0 and self._stream.random() < risk)
             if failed:
@@ -337,9 +338,9 @@ class MlivrEnv(StanceGraphEnv):
             self.base_translation += displacement
         success = self._distance <= self.goal_tolerance
         outcome = StepOutcome(
-            displacement, before, self._distance, success, legal, self.graph.max_step
+            displacement, before, self._distance, success, valid, self.graph.max_displacement
         )
         reward = self.reward(outcome)
-        self._record_event(action_caption(self.graph, (limb, point), legal, failed), simulated)
+        self._record_event(action_caption(self.graph, (limb, point), valid, failed), simulated)
         ended = success or bool(self._simulation_info.get("failure"))
-        return self._observation(), float(reward), ended, False, self._info(not legal, failed)
+        return self._observation(), float(reward), ended, False, self._info(not valid, failed)

@@ -72,7 +72,7 @@ class Observer:
         self._rows: tuple[NDArray[Any], ...] = ()
 
     def observation(
-        self, moves: Moves, state: State, place: StanceProperties, goal: Array
+        self, moves: Moves, state: State, properties: StanceProperties, goal: Array
     ) -> Observation:
         """Return the observation of a state and its stance's properties, in new arrays."""
         if isinstance(moves, TableMoves) and state.pose is None:
@@ -83,8 +83,8 @@ class Observer:
         else:
             stance = np.array(state.stance, dtype=np.int64)
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
-            position = np.array(place.base_position).astype(np.float32)
-            turn = place.quaternion.astype(np.float32)
+            position = np.array(properties.base_position).astype(np.float32)
+            turn = properties.quaternion.astype(np.float32)
         branches = MASK_BITS.take(state.branch_sets, axis=0).ravel()
         return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
@@ -137,7 +137,7 @@ class ObservationTable(NamedTuple):
 
 
 class ObservationArrays(NamedTuple):
-    """Observations of k copies, with a leading axis k, and further numbers for `info`."""
+    """Observations of k sub-environments, with a leading axis k, and further numbers for `info`."""
 
     stance: IntArray
     grasps: Floats

@@ -17,13 +17,13 @@ from mlivr_gym.schema import Choice, FieldPath
 
 
 class StepOutcome(NamedTuple):
-    """Outcome of an action: numbers for one environment, arrays of shape (k,) for k copies."""
+    """Outcome of an action: numbers, or arrays of shape (k,) for k sub-environments."""
 
     displacement: float | Array
     """Base displacement [m].
 
     If the grasp failed it counts twice, there and back. If a step failed in simulation it is the
-    distance by which the base had moved by then. If the action was masked out it is 0.
+    distance by which the base had moved by then. If the action was invalid it is 0.
     """
     before: float | Array
     """Distance of the base from the goal before the action [m]."""
@@ -31,9 +31,9 @@ class StepOutcome(NamedTuple):
     """Distance of the base from the goal after the action [m]."""
     success: bool | BoolArray
     """Whether the base is in the goal region after the action."""
-    legal: bool | BoolArray
-    """Whether the action mask allowed the action."""
-    max_step: float
+    valid: bool | BoolArray
+    """Whether the action was valid."""
+    max_displacement: float
     """Upper bound of the base displacement of one step [m]."""
 
 
@@ -60,8 +60,8 @@ class Reward(Protocol):
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return the reward of a step, a number, or an array of shape (k,) as in the outcome.
 
-        In the vector environment the outcome has the copies that took an action, and not those that
-        were just reset.
+        In the vector environment the outcome has the sub-environments that took an action, and not
+        those that were just reset.
         """
 
 
@@ -80,11 +80,11 @@ class StepReward:
 
 @dataclass(frozen=True)
 class BaseReward:
-    """Reward of minus the base displacement [m], or minus `max_step` for a masked-out action."""
+    """Reward of minus the base displacement [m]; of an invalid action, of its upper bound."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Return minus the base displacement, or minus `max_step`."""
-        return -np.where(outcome.legal, outcome.displacement, outcome.max_step)
+        """Return minus the base displacement, or minus `max_displacement`."""
+        return -np.where(outcome.valid, outcome.displacement, outcome.max_displacement)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which the kind `REWARD` builds this reward."""

@@ -56,10 +56,10 @@ class Snapshot(NamedTuple):
         return positions[-1], quaternions[-1], joints[-1]
 
 
-def action_caption(graph: StanceGraph, action: tuple[int, int], legal: bool, failed: bool) -> str:
-    """Return a text that says which limb moved to which point, and whether it could."""
+def action_caption(graph: StanceGraph, action: tuple[int, int], valid: bool, failed: bool) -> str:
+    """Return a text that says which limb moved to which point, and what came of it."""
     limb, point = action
-    outcome = "" if legal and not failed else ", the grasp failed" if legal else ", not possible"
+    outcome = (", the grasp failed" if failed else "") if valid else ", an invalid action"
     return f"limb {limb} to {graph.grasp_map.ids[point]}{outcome}"
 
 

@@ -63,11 +63,11 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     @property
     def moves(self) -> Moves:
-        """The possible steps in the present world."""
+        """The steps of the stance graph in the present world."""
         return self._moves.current()
 
     def table_moves(self) -> TableMoves:
-        """Return the possible steps from exact tables, which are used from now on.
+        """Return the steps from exact tables, which are used from now on.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         return self._state
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are possible, shape (N m,); `MaskablePPO` of sb3-contrib calls this.
+        """Return which actions are valid, shape (N m,); `MaskablePPO` of sb3-contrib calls this.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         return self._mask.copy()
 
     def successors(self) -> Successors:
-        """Return the steps that leave the present state, with where each one leads."""
+        """Return the steps that leave the present state, with the state after each."""
         return self.moves.successors(self.state)
 
     def _refresh(self) -> None:
@@ -114,24 +114,24 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def _enter_state(self, state: State) -> None:
         """Set the present state, and evaluate its posture, goal distance and mask."""
         self._graph_version = self.graph.version
-        self._state, self._place = state, self.moves.stance_properties(state)
-        self._distance = distance(self._place.base_position, self.goal.tolist())
+        self._state, self._properties = state, self.moves.stance_properties(state)
+        self._distance = distance(self._properties.base_position, self.goal.tolist())
         self._mask = self.moves.action_mask(state)
 
     def _observation(self) -> Observation:
         """Return the observation of the present state."""
-        return self._observer.observation(self.moves, self.state, self._place, self.goal)
+        return self._observer.observation(self.moves, self.state, self._properties, self.goal)
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         """Return the information on the present state and the last action."""
-        place = self._place
+        properties = self._properties
         return {
-            "stance": place.ids,
-            "base_position": np.array(place.base_position),
+            "stance": properties.ids,
+            "base_position": np.array(properties.base_position),
             "base_translation": self.base_translation,
             "steps": self.steps,
-            "limb_manipulability": place.w_m.copy(),
-            "base_manipulability": place.w_b,
+            "limb_manipulability": properties.w_m.copy(),
+            "base_manipulability": properties.w_b,
             "action_mask": self._mask.astype(np.int8),
             "is_success": self._distance <= self.goal_tolerance,
             "invalid_action": invalid,

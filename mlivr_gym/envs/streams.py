@@ -1,4 +1,4 @@
-"""Random streams of the environments; the vector environment has one for each copy."""
+"""Random streams of the environments; the vector environment has one for each sub-environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks: generators that draw starts and goals such that possible steps lead from one to the other.
+"""Tasks: generators that draw starts and goals which a walk of valid steps connects.
 
 Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"` and `"far"`
 stand for `WalkTasks()` and `WalkTasks(far=True)`.
@@ -211,7 +211,7 @@ def sample_task(
     *,
     far: bool = False,
 ) -> Task:
-    """Return a random start, and a goal to which a walk of possible steps leads; see `WalkTasks`.
+    """Return a random start, and a goal to which a walk of valid steps leads; see `WalkTasks`.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Many copies of the two-limb environment that step in one batch.
+"""Many two-limb environments that step in one batch.
 
-`gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)` makes it. All copies read the same tables of
-exact steps, and one call of compiled code steps them all.
+`gymnasium.make_vec("MLIVR-JEM-v0", num_envs=...)` makes it. All sub-environments read the same
+tables of exact steps, and one call of compiled code steps them all.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mlivr_gym.arguments import SEED, InstanceOf, Kinds, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
-from mlivr_gym.envs.batch import ActionResults, CopyStates, TaskDistribution, advance, draw_tasks
+from mlivr_gym.envs.batch import ActionResults, SubEnvStates, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
@@ -29,14 +29,14 @@ from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, ListOf, OrNone
 from mlivr_gym.stances.step_tables import StepTables, state_of
-from mlivr_gym.stances.table_steps import legal_actions
+from mlivr_gym.stances.table_steps import valid_actions
 from mlivr_gym.world.grasp_map import GOAL, STANCE
 
-MAX_COPIES = 1 << 20
-"""Maximum number of copies, whose observations of the JEM take some gigabytes."""
+MAX_SUB_ENVS = 1 << 20
+"""Maximum number of sub-environments, whose observations of the JEM take some gigabytes."""
 
 VECTOR_ARGUMENTS: Kinds = {
-    "num_envs": Integer(1, MAX_COPIES),
+    "num_envs": Integer(1, MAX_SUB_ENVS),
     "max_episode_steps": OrNone(EPISODE_STEPS),
     "autoreset_mode": AUTORESET_MODE,
     "env": OrNone(InstanceOf(MlivrEnv)),
@@ -53,13 +53,13 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     `invalid_action` and `grasp_failed`, of shape (k,) unless stated.
 
     The same objects serve as rewards and task generators. A reward is called with arrays that have
-    an entry for each copy that took an action, a generator once for each copy that is reset. Each
-    copy draws its tasks and grasp failures from a stream of its own. With seed s, copy i does
-    exactly what a `MlivrEnv` with seed s + i does under the same actions, over any number of
-    episodes.
+    an entry for each sub-environment that took an action, a generator once for each one that is
+    reset. Each sub-environment draws its tasks and grasp failures from a stream of its own. With
+    seed s, sub-environment i does exactly what a `MlivrEnv` with seed s + i does under the same
+    actions, over any number of episodes.
 
-    By default a copy whose episode has ended is reset on the next step, which ignores its action
-    and returns reward 0. With `autoreset_mode="Disabled"` call `reset` with the option
+    By default a sub-environment whose episode has ended is reset on the next step, which ignores
+    its action and returns reward 0. With `autoreset_mode="Disabled"` call `reset` with the option
     `reset_mask`.
 
     When points or obstacles of `env.graph` change, the tables are made again, and masks and steps
@@ -72,7 +72,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     goals
         Goal positions [m], shape (k, 3).
     stances
-        Stance index of each copy in `tables`, shape (k,).
+        Stance index of each sub-environment in `tables`, shape (k,).
     branch_sets
         Branch sets of both limbs, shape (k, 2).
     steps
@@ -95,7 +95,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Parameters
         ----------
         num_envs
-            Number of copies k.
+            Number of sub-environments k.
         max_episode_steps
             Number of steps after which an episode is truncated.
         autoreset_mode
@@ -136,7 +136,6 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
-        self._all = np.ones(num_envs, dtype=np.bool_)
 
     def reset(
         self,
@@ -144,63 +143,62 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
-        """Reset every copy, or the copies of `options["reset_mask"]`, a bool array of shape (k,).
+        """Reset all sub-environments, or those of `options["reset_mask"]`.
 
         Parameters
         ----------
         seed
-            Seed of copy 0, where copy i has seed + i; or a list of k seeds. A copy whose seed is
-            None continues its random stream.
+            Seed of sub-environment 0, where number i has seed + i; or a list of k seeds. One whose
+            seed is None continues its random stream.
         options
-            `reset_mask`; `start`, point ids or indices of each copy's stance, (k, N); `goal`, shape
-            (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is not given is
-            drawn by `tasks`.
+            `reset_mask`, k flags; `start`, point ids or indices of each stance, (k, N); `goal`,
+            shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is not given
+            is drawn by `tasks`.
 
         Returns
         -------
         tuple[Observation, dict[str, Any]]
-            The observations and the information of all copies.
+            The observations and the information of all sub-environments.
 
         Raises
         ------
         MlivrError
             If seed or options cannot be used, or no goal that can be reached was drawn (a goal that
-            is given is not checked); states and random streams of all copies stay as they were.
+            is given is not checked); states and random streams stay as they were.
         """
         self._refresh_tables()
         given, seeds = self._read_reset_arguments(options, seed)
-        which = given.get("reset_mask", self._all)
+        is_reset = given.get("reset_mask", np.ones(self.num_envs, np.bool_))
         starts, goals, numbers = (given.get(name) for name in ("start", "goal", "task"))
         if numbers is not None:
             if not (starts is None and goals is None):
                 raise SettingError("reset option 'task' includes start and goal; give it alone")
             env = self.env
-            fixed = [
-                fixed_task(env.tasks, env.graph, number, env.goal_tolerance) for number in numbers
-            ]
+            tolerance = env.goal_tolerance
+            fixed = [fixed_task(env.tasks, env.graph, number, tolerance) for number in numbers]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
-        new, new_goals = self._copy_states(), self.goals.copy()
-        self._seed_streams(seeds, which, new.streams)
+        new, new_goals = self._copied_states(), self.goals.copy()
+        self._seed_streams(seeds, is_reset, new.streams)
         graph = self.env.graph
         if starts is not None:
-            for k in np.flatnonzero(which):
+            for k in np.flatnonzero(is_reset):
                 at = graph.state(starts[k])
                 new.stances[k], new.branch_sets[k] = self._stance_at[at.stance], at.branch_sets
-            self._check_starts(which, new)
+            self._check_starts(is_reset, new)
         if starts is None or goals is None:
-            self._draw(which, starts is not None, new, new_goals)
+            self._draw(is_reset, starts is not None, new, new_goals)
         if goals is not None:
-            for k in np.flatnonzero(which):
+            for k in np.flatnonzero(is_reset):
                 new_goals[k] = graph.grasp_map.check_goal(goals[k])
-        self._start_episodes(which, new, new_goals)
-        self._ended[which] = False
+        self._start_episodes(is_reset, new, new_goals)
+        self._ended[is_reset] = False
         self._observe()
         return self._seen.observation(), self._info(*np.zeros((2, self.num_envs), np.bool_))
 
     def _read_reset_arguments(
         self, options: object, seed: object
     ) -> tuple[dict[str, Any], list[int | None]]:
-        """Return the options after checking them, and a seed or None for each copy."""
+        """Return the options after checking them, and a seed or None for each sub-environment."""
         k = self.num_envs
         kinds: Kinds = {
             "reset_mask": Reader(self._read_reset_mask),
@@ -217,21 +215,21 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         return given, [None if first is None else first + i for i in range(k)]
 
     def _read_reset_mask(self, mask: object, place: FieldPath) -> BoolArray:
-        """Return which copies are reset."""
+        """Return which sub-environments are reset."""
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
             return mask.copy()
         return np.array(ListOf(Flag(), k, k).read(mask, place))
 
     def _seed_streams(
-        self, seeds: list[int | None], which: BoolArray, streams: NDArray[np.uint64]
+        self, seeds: list[int | None], is_reset: BoolArray, streams: NDArray[np.uint64]
     ) -> None:
-        """Write the random streams of the copies that are reset with a seed, or for the first time.
+        """Write the random streams of those that are reset with a seed, or for the first time.
 
         A stream that starts without a seed is stored at once; a reset that fails does not change
         which numbers the next one draws.
         """
-        for k in np.flatnonzero(which):
+        for k in np.flatnonzero(is_reset):
             if (seed := seeds[k]) is not None:
                 streams[k] = Stream.of_seed(seed).state
             elif not self._seeded[k]:
@@ -240,7 +238,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 self._seeded[k] = True
 
     def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
-        """Take one action in each copy.
+        """Take one action in each sub-environment.
 
         Parameters
         ----------
@@ -256,10 +254,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Raises
         ------
         gymnasium.error.ResetNeeded
-            If a copy was never reset.
+            If a sub-environment was never reset.
         SettingError
-            If the actions are not in the action space, or the episode of a copy has ended and
-            copies are not reset automatically.
+            If the actions are not in the action space, or the episode of a sub-environment has
+            ended and none is reset automatically.
         """
         self._check_reset()
         self._refresh_tables()
@@ -269,41 +267,42 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             if self.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
                 first = int(np.flatnonzero(restart)[0])
                 raise SettingError(
-                    f"the episode of copy {first} has ended; reset it with option 'reset_mask'"
+                    f"the episode of sub-environment {first} has ended; reset it with option "
+                    "'reset_mask'"
                 )
-            new, new_goals = self._copy_states(), self.goals.copy()
+            new, new_goals = self._copied_states(), self.goals.copy()
             self._draw(restart, False, new, new_goals)
             self._start_episodes(restart, new, new_goals)
-        copies = CopyStates(self.stances, self.branch_sets, self._streams)
+        states = SubEnvStates(self.stances, self.branch_sets, self._streams)
         results = ActionResults.of(self.num_envs)
-        advance(actions, restart, env.failure_probability, self.tables, copies, results)
-        going = ~restart
-        self.steps += going
+        advance(actions, restart, env.failure_probability, self.tables, states, results)
+        active = ~restart
+        self.steps += active
         self.base_translation += results.displacement
         self._observe()
         success = (after := self._seen.goal_distance) <= env.goal_tolerance
         reward = np.zeros(self.num_envs)
-        if going.any():
-            legal, max_step = ~results.masked_out[going], env.graph.max_step
-            distances = (results.displacement[going], before[going], after[going])
-            outcome = StepOutcome(*distances, success[going], legal, max_step)
-            reward[going] = env.reward(outcome)
-        terminated, truncated = success & going, (self.steps >= self.max_episode_steps) & going
+        if active.any():
+            valid, longest = ~results.invalid[active], env.graph.max_displacement
+            distances = (results.displacement[active], before[active], after[active])
+            outcome = StepOutcome(*distances, success[active], valid, longest)
+            reward[active] = env.reward(outcome)
+        terminated, truncated = success & active, active & (self.steps >= self.max_episode_steps)
         self._ended = terminated | truncated
-        info = self._info(results.masked_out, results.grasp_failed)
+        info = self._info(results.invalid, results.grasp_failed)
         return self._seen.observation(), reward, terminated, truncated, info
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are possible, shape (k, N m).
+        """Return which actions are valid, shape (k, N m).
 
         Raises
         ------
         gymnasium.error.ResetNeeded
-            If a copy was never reset.
+            If a sub-environment was never reset.
         """
         self._check_reset()
         self._refresh_tables()
-        return self._legal(self.stances, self.branch_sets)
+        return self._valid(self.stances, self.branch_sets)
 
     def _refresh_tables(self) -> None:
         """Make the tables again if the world has changed; the indices of stances stay."""
@@ -312,37 +311,39 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             self._version = self.env.graph.version
 
     def _check_reset(self) -> None:
-        """Check that every copy was reset at least once."""
+        """Check that every sub-environment was reset at least once."""
         if not self._started.all():
             first = int(np.argmin(self._started))
-            raise gymnasium.error.ResetNeeded(f"copy {first} was never reset; call reset() first")
+            raise gymnasium.error.ResetNeeded(
+                f"sub-environment {first} was never reset; call reset() first"
+            )
 
-    def _check_starts(self, which: BoolArray, states: CopyStates) -> None:
+    def _check_starts(self, is_reset: BoolArray, states: SubEnvStates) -> None:
         """Check that at least one step leaves each start."""
-        stuck = which & ~self._legal(states.stances, states.branch_sets).any(axis=1)
+        stuck = is_reset & ~self._valid(states.stances, states.branch_sets).any(axis=1)
         if stuck.any():
             stance = self.env.graph.ids(self.tables.points[states.stances[stuck.argmax()]])
             raise StanceError(f"no step leaves the start stance {stance}; choose another start")
 
-    def _legal(self, stances: IntArray, branch_sets: IntArray) -> BoolArray:
-        """Return which actions are possible in k states, shape (k, 2 m)."""
+    def _valid(self, stances: IntArray, branch_sets: IntArray) -> BoolArray:
+        """Return which actions are valid in k states, shape (k, 2 m)."""
         k, m = self.num_envs, len(self._stance_at)
         out = np.zeros((k, 2, m), dtype=np.int8)
-        legal_actions(stances, branch_sets, self.tables, out)
+        valid_actions(stances, branch_sets, self.tables, out)
         return out.reshape(k, 2 * m).view(np.bool_)
 
-    def _copy_states(self) -> CopyStates:
+    def _copied_states(self) -> SubEnvStates:
         """Return copies of states and streams, in which tasks are drawn before they are taken."""
-        return CopyStates(self.stances.copy(), self.branch_sets.copy(), self._streams.copy())
+        return SubEnvStates(self.stances.copy(), self.branch_sets.copy(), self._streams.copy())
 
-    def _draw(self, which: BoolArray, given: bool, states: CopyStates, goals: Array) -> None:
+    def _draw(self, is_reset: BoolArray, given: bool, states: SubEnvStates, goals: Array) -> None:
         """Draw goals, and starts unless they are given, and write them into the arrays."""
         graph, grasp_map = self.env.graph, self.env.graph.grasp_map
         if not isinstance(self.env.tasks, WalkTasks):
-            self._draw_one_by_one(which, given, states, goals)
+            self._draw_one_by_one(is_reset, given, states, goals)
             return
         distribution = TaskDistribution.of(grasp_map, self.env.goal_tolerance, self.env.tasks)
-        missing = draw_tasks(which, which & given, distribution, self.tables, states, goals)
+        missing = draw_tasks(is_reset, is_reset & given, distribution, self.tables, states, goals)
         if missing >= 0:
             start = graph.ids(self.tables.points[states.stances[missing]])
             task = f"goal that can be reached from start {start} was"
@@ -350,11 +351,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             raise StanceError(f"no {task} found on map {grasp_map.name!r}")
 
     def _draw_one_by_one(
-        self, which: BoolArray, given: bool, states: CopyStates, goals: Array
+        self, is_reset: BoolArray, given: bool, states: SubEnvStates, goals: Array
     ) -> None:
-        """Draw the tasks of a user's generator, each copy from its stream."""
+        """Draw the tasks of a user's generator, each from the stream of its sub-environment."""
         env, (stances, branch_sets, streams) = self.env, states
-        for k in np.flatnonzero(which):
+        for k in np.flatnonzero(is_reset):
             stream = Stream(int(streams[k]))
             start = state_of(self.tables, int(stances[k]), branch_sets[k]) if given else None
             task = draw_task(env.tasks, env.graph, stream, env.goal_tolerance, start)
@@ -365,23 +366,23 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             stances[k], branch_sets[k] = self._stance_at[task.start.stance], task.start.branch_sets
             goals[k] = task.goal
             streams[k] = stream.state
-        self._check_starts(which, states)
+        self._check_starts(is_reset, states)
 
-    def _start_episodes(self, which: BoolArray, states: CopyStates, goals: Array) -> None:
-        """Take the states and goals that were drawn; start the counters of the chosen copies."""
+    def _start_episodes(self, is_reset: BoolArray, states: SubEnvStates, goals: Array) -> None:
+        """Take the states and goals that were drawn; start the counters of those that are reset."""
         self.stances[:], self.branch_sets[:], self._streams[:] = states
         self.goals[:] = goals
-        self.steps[which], self.base_translation[which] = 0, 0.0
-        self._seeded[which] = self._started[which] = True
+        self.steps[is_reset], self.base_translation[is_reset] = 0, 0.0
+        self._seeded[is_reset] = self._started[is_reset] = True
 
     def _observe(self) -> None:
-        """Compute the observations of all copies."""
+        """Compute the observations of all sub-environments."""
         self._seen = ObservationArrays.of(
             self._observation_table, self.stances, self.branch_sets, self.goals
         )
 
     def _info(self, invalid: BoolArray, failed: BoolArray) -> dict[str, Any]:
-        """Return the information on all copies, in Gymnasium's format of vector environments."""
+        """Return the information, in Gymnasium's format of vector environments."""
         seen = self._seen
         info: dict[str, Any] = {
             "stance": self._ids.take(seen.stance),
@@ -390,7 +391,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "steps": self.steps.copy(),
             "limb_manipulability": seen.w_m,
             "base_manipulability": seen.w_b,
-            "action_mask": self._legal(self.stances, self.branch_sets).view(np.int8),
+            "action_mask": self._valid(self.stances, self.branch_sets).view(np.int8),
             "is_success": seen.goal_distance <= self.env.goal_tolerance,
             "invalid_action": invalid,
             "grasp_failed": failed,

@@ -129,6 +129,6 @@ class ActionMaskObservation(
         return {**observation, "action_mask": mask.astype(np.int8)}
 
     def action_masks(self) -> BoolArray:
-        """Return which actions are possible, shape (N m,), as `MaskablePPO` requires."""
+        """Return which actions are valid, shape (N m,), as `MaskablePPO` requires."""
         mask: BoolArray = self.env.get_wrapper_attr("action_masks")()
         return mask

@@ -216,7 +216,7 @@ class ImplicitGraph(StanceGraph):
         return likely
 
     @property
-    def max_step(self) -> float:
+    def max_displacement(self) -> float:
         """An upper bound of the base displacement of one step [m].
 
         The supports stay where they are, and each is within reach of the base before and after.

@@ -16,7 +16,7 @@ from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
-from mlivr_gym.stances.table_steps import legal_actions
+from mlivr_gym.stances.table_steps import valid_actions
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
@@ -51,10 +51,10 @@ class Moves(Protocol):
         """Return all steps that leave a state."""
 
     def action_mask(self, state: State) -> BoolArray:
-        """Return which actions a state allows, shape (N m,)."""
+        """Return which actions are valid in a state, shape (N m,)."""
 
     def take(self, state: State, action: int) -> State:
-        """Return the state that an allowed action leads to."""
+        """Return the state that a valid action leads to."""
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,)."""
@@ -89,11 +89,11 @@ class GraphMoves:
         return self._steps[state]
 
     def action_mask(self, state: State) -> BoolArray:
-        """Return which actions a state allows, shape (N m,)."""
+        """Return which actions are valid in a state, shape (N m,)."""
         return action_mask(self.graph, self.successors(state))
 
     def take(self, state: State, action: int) -> State:
-        """Return the state that an allowed action leads to."""
+        """Return the state that a valid action leads to."""
         steps = self.successors(state)
         return steps.after(state, steps.find(*divmod(action, len(self.graph.grasp_map))))
 
@@ -136,16 +136,16 @@ class TableMoves:
         return self.tables.successors(int(self.stance_at[state.stance]), state.branch_sets)
 
     def action_mask(self, state: State) -> BoolArray:
-        """Return which actions a state allows, shape (2 m,)."""
+        """Return which actions are valid in a state, shape (2 m,)."""
         if state.pose is not None:
             return self._from_given_pose.action_mask(state)
         out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
         stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
-        legal_actions(stance, np.array([state.branch_sets], dtype=np.int64), self.tables, out)
+        valid_actions(stance, np.array([state.branch_sets], dtype=np.int64), self.tables, out)
         return out.ravel().view(np.bool_)
 
     def take(self, state: State, action: int) -> State:
-        """Return the state that an allowed action leads to."""
+        """Return the state that a valid action leads to."""
         if state.pose is not None:
             return self._from_given_pose.take(state, action)
         limb, point = divmod(action, len(self.stance_at))

@@ -391,5 +391,5 @@ class StanceGraph(CheckedSteps):
 
     @property
     @abstractmethod
-    def max_step(self) -> float:
+    def max_displacement(self) -> float:
         """An upper bound of the base displacement of one step [m]."""

@@ -56,10 +56,10 @@ def steps_of_state(
 
 
 @entry
-def legal_actions(
+def valid_actions(
     stances: IntArray, branch_sets: IntArray, tables: Any, out: NDArray[np.int8]
 ) -> np.uint16:
-    """Mark the actions that states allow.
+    """Mark the valid actions of k states.
 
     The steps of random stances lie far from each other in tables larger than the processor's
     caches. To fetch them for several states at once is twice as fast as state by state.
@@ -73,7 +73,7 @@ def legal_actions(
     tables
         `StepTables`.
     out
-        Zeros, shape (k, 2, m); receives ones for the actions allowed.
+        Zeros, shape (k, 2, m); receives ones for valid actions.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def legal_actions(
 
 
 @entry
-def legal_positions(
+def valid_positions(
     stances: IntArray,
     branch_sets: IntArray,
     tables: Any,
@@ -106,7 +106,7 @@ def legal_positions(
     position: Array,
     releasable_after: NDArray[np.int8],
 ) -> None:
-    """Mark the actions that states allow, and write the base position after each.
+    """Mark the valid actions of k states, and write the base position after each.
 
     Parameters
     ----------
@@ -117,9 +117,9 @@ def legal_positions(
     tables
         `StepTables`.
     out
-        Zeros, shape (k, 2, m); receives ones for the actions allowed.
+        Zeros, shape (k, 2, m); receives ones for valid actions.
     position
-        Receives base positions [m] for the actions allowed, shape (k, 2, m, 3).
+        Receives base positions [m] after valid actions, shape (k, 2, m, 3).
     releasable_after
         Zeros, shape (k, 2, m); receives ones if the support limb could be released after the
         action.
@@ -142,8 +142,8 @@ def legal_positions(
                         position[k, moving, point, axis] = tables.base_position[s2, axis]
 
 
-class Ahead(NamedTuple):
-    """Goals of k states, and the lower bounds of points that continue the steps of the tables."""
+class LookaheadGoals(NamedTuple):
+    """Goals of k states, and the lookahead of points behind the steps of the tables."""
 
     goals: Array
     """Goal positions [m], shape (k, 3)."""
@@ -152,12 +152,12 @@ class Ahead(NamedTuple):
     free: NDArray[np.bool_]
     """Whether each point may be grasped, shape (k, m)."""
     of_points: Array
-    """Reach and arrivals once a limb has grasped a point, shape (k, 2, m, 2 d)."""
+    """Distances and arrivals of points, see `agents.features.point_lookahead`, (k, 2, m, 2 d)."""
 
 
 @entry
-def onward_of_actions(
-    stances: IntArray, branch_sets: IntArray, tables: Any, ahead: Ahead, out: Array
+def write_action_lookahead(
+    stances: IntArray, branch_sets: IntArray, tables: Any, ahead: LookaheadGoals, out: Array
 ) -> None:
     """Compute how close to the goal each action can lead with any step after it.
 
@@ -170,11 +170,11 @@ def onward_of_actions(
     tables
         `StepTables`.
     ahead
-        Goals, and reach and arrivals of points.
+        Goals, and the lookahead of points.
     out
-        Shape (k, 2, m, 2 d + 2), whose first d + 1 entries have the reach without steps. For
-        allowed actions they receive the minimum reach over the steps after them, that of the step
-        itself first, and the others the sums of their arrivals.
+        Shape (k, 2, m, 2 d + 2), whose first d + 1 entries have the distance without steps. For
+        valid actions they receive the minimum distances over the steps that follow, after that step
+        and after 1 to d more; the other entries receive the sums of the arrivals.
     """
     depth = ahead.of_points.shape[3] // 2
     for k in range(len(stances)):
@@ -190,14 +190,19 @@ def onward_of_actions(
                     grasped = tables.releasable[s2, moving]
                     after = (grasped, kept) if moving == 0 else (kept, grasped)
                     point = tables.points[s2, moving]
-                    _look_onward(k, (s2, after), tables, ahead, out[k, moving, point], depth)
+                    _look_ahead(k, (s2, after), tables, ahead, out[k, moving, point], depth)
 
 
 @kernel
-def _look_onward(
-    k: int, state: tuple[int, tuple[int, int]], tables: Any, ahead: Ahead, out: Array, depth: int
+def _look_ahead(
+    k: int,
+    state: tuple[int, tuple[int, int]],
+    tables: Any,
+    ahead: LookaheadGoals,
+    out: Array,
+    depth: int,
 ) -> None:
-    """Add the steps after one action to its row of `onward_of_actions`, shape (2 d + 2,)."""
+    """Add the steps after one action to its row of `write_action_lookahead`, shape (2 d + 2,)."""
     s, branch_sets = state
     for moving in range(2):
         if not can_release(branch_sets[moving], tables.releasable[s, moving]):

@@ -185,7 +185,7 @@ class TwoLimbGraph(StanceGraph):
             return
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
-        close = self.close_to_obstacles(self.base_position, around + 0.8 * self.max_step)
+        close = self.close_to_obstacles(self.base_position, around + 0.8 * self.max_displacement)
         taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
         taken[list(self.occupied)] = True
         gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
@@ -391,7 +391,7 @@ class TwoLimbGraph(StanceGraph):
         )
 
     @cached_property
-    def max_step(self) -> float:
+    def max_displacement(self) -> float:
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for support in range(2):

@@ -48,7 +48,7 @@ class PolicyView:
         self._policy: LearnedPolicy = load_policy("pretrained", self._env)
 
     def probabilities(self, state: State, goal: Array, tolerance: float) -> Array:
-        """Compute the probability of each action, shape (N, m), 0 for actions masked out.
+        """Compute the probability of each action, shape (N, m), 0 for invalid actions.
 
         The goal is given by its position [m] and the radius of the goal region [m].
 
@@ -60,7 +60,7 @@ class PolicyView:
         import torch
 
         from mlivr_gym.agents.features import env_features
-        from mlivr_gym.agents.networks import as_tensors, scores_and_value
+        from mlivr_gym.agents.networks import as_tensors, logits_and_value
 
         env, graph = self._env, self.graph
         if (env.graph.obstacles, env.graph.occupied) != (graph.obstacles, graph.occupied):
@@ -74,9 +74,9 @@ class PolicyView:
         steps = graph.successors(state)
         mask[steps.limb, steps.point] = True
         with torch.no_grad():
-            tensors = as_tensors(self._policy.policy, env_features(env, [state]))
-            scores = scores_and_value(self._policy.policy, tensors)[0][0].numpy()
-        scores = np.where(mask, scores.reshape(mask.shape), -np.inf)
-        weights = np.exp(scores - scores.max()) if mask.any() else np.zeros(mask.shape)
+            tensors = as_tensors(self._policy.actor_critic, env_features(env, [state]))
+            logits = logits_and_value(self._policy.actor_critic, tensors)[0][0].numpy()
+        logits = np.where(mask, logits.reshape(mask.shape), -np.inf)
+        weights = np.exp(logits - logits.max()) if mask.any() else np.zeros(mask.shape)
         probability: Array = weights / max(float(weights.sum()), 1e-300)
         return probability

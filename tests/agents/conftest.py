@@ -3,14 +3,14 @@
 import pytest
 import torch
 
-from mlivr_gym.agents.networks import make_policy
+from mlivr_gym.agents.networks import make_actor_critic
 from mlivr_gym.envs.env import MlivrEnv
 
 
 @pytest.fixture(scope="session")
 def short():
     """Settings of an imitation that takes a moment."""
-    return {"rounds": 2, "layouts": 2, "goals": 4, "walks": 3, "updates": 10, "batch": 32}
+    return {"rounds": 2, "layouts": 2, "goals": 4, "rollouts": 3, "updates": 10, "batch": 32}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -31,7 +31,7 @@ def env(small_map):
 def policy(env):
     """A small pointer policy of random weights."""
     torch.manual_seed(0)
-    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
+    policy = make_actor_critic(env, "pointer", {"width": 32, "summary": 16})
     for parameter in policy.parameters():
         torch.nn.init.normal_(parameter, std=0.3)
     return policy

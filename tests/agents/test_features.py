@@ -8,12 +8,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.agents.features import (
+    ACTION_ARRIVALS,
+    ACTION_DISTANCES,
     DEPTH,
-    ONWARD_ARRIVALS,
-    ONWARD_REACH,
     PointObservation,
     env_features,
-    reach_of_points,
+    point_lookahead,
 )
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.stances.moves import GraphMoves
@@ -55,7 +55,7 @@ def test_features_are_positions_seen_from_the_robot(env):
 def test_reach_is_the_nearest_base_of_all_stances_that_follow(env):
     """After one step any stance with the point, then any that keeps the point of the other limb."""
     graph, goal = env.graph, np.array([1.5, 0.0, 0.0])
-    reach, held = reach_of_points(graph, goal, 0.2), (graph.branch_sets > 0).all(axis=1)
+    reach, held = point_lookahead(graph, goal, 0.2), (graph.branch_sets > 0).all(axis=1)
     distance = np.linalg.norm(graph.base_position - goal, axis=1)
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 3):
@@ -83,7 +83,7 @@ def test_arrivals_are_the_sequences_of_stances_that_end_in_the_goal_region(env):
             return sum(arrives[pair] for pair in after)
         return sum(arrivals(1 - limb, pair[1 - limb], steps - 1) for pair in after)
 
-    found = reach_of_points(graph, goal, tolerance)[..., DEPTH:]
+    found = point_lookahead(graph, goal, tolerance)[..., DEPTH:]
     for limb in range(2):
         for point in range(0, len(graph.grasp_map), 7):
             assert [arrivals(limb, point, n) for n in (1, 2, 3)] == found[limb, point, :3].tolist()
@@ -95,12 +95,12 @@ def test_an_action_tells_how_near_a_possible_step_after_it_leads(env):
     """From the environment, step by step: where the base is after two, and what follows them."""
     env.reset(seed=3)
     seen, graph = env_features(env)["limbs"][0], env.graph
-    reach = reach_of_points(graph, env.goal, env.goal_tolerance)
+    reach = point_lookahead(graph, env.goal, env.goal_tolerance)
     steps, some = env.successors(), 0
     for k, (limb, point) in enumerate(zip(steps.limb, steps.point, strict=True)):
         after = graph.successors(steps.after(env.state, k))
         away = np.linalg.norm(after.base_position - env.goal, axis=1)
-        onward, arrivals = seen[limb, point, ONWARD_REACH], seen[limb, point, ONWARD_ARRIVALS]
+        onward, arrivals = seen[limb, point, ACTION_DISTANCES], seen[limb, point, ACTION_ARRIVALS]
         assert onward[0] == pytest.approx(away.min(), rel=1e-6)
         assert 2.0 ** arrivals[0] - 1.0 == pytest.approx(
             (away <= env.goal_tolerance).sum(), abs=1e-4
@@ -119,7 +119,7 @@ def test_with_more_limbs_an_action_tells_where_the_base_is_after_it(jem):
     world.reset(seed=0)
     seen, steps = env_features(world)["limbs"][0], world.successors()
     away = np.linalg.norm(steps.base_position - world.goal, axis=1)
-    onward = seen[steps.limb, steps.point, ONWARD_REACH]
+    onward = seen[steps.limb, steps.point, ACTION_DISTANCES]
     np.testing.assert_allclose(onward, np.tile(away[:, None], DEPTH + 1), rtol=1e-5)
 
 

@@ -7,7 +7,7 @@ from fuzz import damaged, few, loaded, mutated
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.agents.hyperparameters import METHODS, hyperparameters
+from mlivr_gym.agents.hyperparameters import METHODS, load_hyperparameters
 from mlivr_gym.agents.learned import load_policy, made_for, save_policy
 from mlivr_gym.agents.test_set import load_test_set
 from mlivr_gym.envs_assets import asset_path
@@ -22,7 +22,7 @@ TASKS["worlds"] = [world | {"tasks": world["tasks"][:2]} for world in TASKS["wor
 def test_mutated_hyperparameters_are_one_error_at_most(tmp_path, data):
     content = json.dumps(data.draw(mutated(HYPERPARAMETERS))).encode()
     method = data.draw(st.sampled_from(METHODS))
-    loaded(lambda path: hyperparameters(method, path), tmp_path / "hyper.json", content)
+    loaded(lambda path: load_hyperparameters(method, path), tmp_path / "hyper.json", content)
 
 
 @given(st.data())

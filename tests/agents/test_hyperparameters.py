@@ -6,9 +6,9 @@ import pytest
 
 from mlivr_gym.agents.hyperparameters import (
     METHODS,
-    check_settings,
-    hyperparameters,
-    with_method,
+    check_hyperparameters,
+    fill_dagger,
+    load_hyperparameters,
 )
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs_assets import asset_path
@@ -19,19 +19,19 @@ SHIPPED = json.loads(asset_path("training.json").read_text())
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_shipped_ones_are_returned_as_they_are(method):
-    plain = json.loads(json.dumps(hyperparameters(method)))
+    plain = json.loads(json.dumps(load_hyperparameters(method)))
     assert plain == SHIPPED[method] | {"networks": SHIPPED["networks"]}
-    assert hyperparameters(method, asset_path("training.json")) == hyperparameters(method)
+    assert load_hyperparameters(method, asset_path("training.json")) == load_hyperparameters(method)
 
 
 def test_the_method_says_whether_the_policy_walks():
-    part = check_settings({"imitation": {"rounds": 3}, "networks": {}})
+    part = check_hyperparameters({"imitation": {"rounds": 3}, "networks": {}})
     for method, dagger in (("bc", False), ("dagger", True)):
-        assert with_method(method, part)["imitation"] == {"rounds": 3, "dagger": dagger}
+        assert fill_dagger(method, part)["imitation"] == {"rounds": 3, "dagger": dagger}
         wrong = {"imitation": {"dagger": not dagger}, "networks": {}}
         with pytest.raises(SettingError, match=f"dagger is {not dagger}; method '{method}'"):
-            with_method(method, wrong)
-    assert with_method("ppo", part) == part
+            fill_dagger(method, wrong)
+    assert fill_dagger("ppo", part) == part
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_the_method_says_whether_the_policy_walks():
         ("ppo", ("ppo", "ppo", "n_steps"), 2**20 + 1, "n_steps is 1048577"),
         ("ppo", ("networks", "mlp", "net_arch"), [3, "x"], r"networks.mlp.net_arch\[1\] is 'x'"),
         ("ppo", ("ppo",), {}, "neither imitation nor ppo"),
-        ("ppo", ("ppo",), {"ppo": {}}, "ppo.copies is missing; .*go together"),
+        ("ppo", ("ppo",), {"ppo": {}}, "ppo.n_envs is missing; .*go together"),
     ],
 )
 def test_a_faulty_field_is_named(tmp_path, method, path, value, words):
@@ -55,21 +55,21 @@ def test_a_faulty_field_is_named(tmp_path, method, path, value, words):
     file = tmp_path / "hyper.json"
     file.write_text(json.dumps(data))
     with pytest.raises(SettingError, match=rf"^hyperparameters '.*hyper\.json': .*{words}"):
-        hyperparameters(method, file)
+        load_hyperparameters(method, file)
 
 
 def test_what_is_missing_is_named(tmp_path):
     file = tmp_path / "hyper.json"
     file.write_text(json.dumps({"networks": {}}))
     with pytest.raises(SettingError, match="bc is missing"):
-        hyperparameters("bc", file)
+        load_hyperparameters("bc", file)
     file.write_text(json.dumps({"bc": SHIPPED["bc"]}))
     with pytest.raises(SettingError, match="networks is missing"):
-        hyperparameters("bc", file)
+        load_hyperparameters("bc", file)
 
 
 def test_settings_of_a_caller_are_checked_too(env):
-    with pytest.raises(SettingError, match="settings has an unknown field 'imitatoin'"):
-        train("bc", env=env, settings={"imitatoin": {}, "networks": {}})
+    with pytest.raises(SettingError, match="hyperparameters has an unknown field 'imitatoin'"):
+        train("bc", env=env, hyperparameters={"imitatoin": {}, "networks": {}})
     with pytest.raises(SettingError, match="networks is missing"):
-        check_settings({"imitation": {}})
+        check_hyperparameters({"imitation": {}})

@@ -6,34 +6,37 @@ import torch
 
 from mlivr_gym.agents import evaluate
 from mlivr_gym.agents.features import env_features
-from mlivr_gym.agents.hyperparameters import ImitationSettings
+from mlivr_gym.agents.hyperparameters import ImitationHyperparameters
 from mlivr_gym.agents.imitation import Imitation, optimal_set_loss
 from mlivr_gym.agents.learned import LearnedPolicy
-from mlivr_gym.agents.networks import make_policy, scores_and_value
+from mlivr_gym.agents.networks import logits_and_value, make_actor_critic
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import Task
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
 
 def test_loss_on_sets_against_brute_force():
     rng = np.random.default_rng(0)
-    scores = rng.normal(size=(5, 7))
-    legal = rng.random((5, 7)) < 0.7
-    legal[:, 0] = True
-    optimal = legal & (rng.random((5, 7)) < 0.4)
+    logits = rng.normal(size=(5, 7))
+    valid = rng.random((5, 7)) < 0.7
+    valid[:, 0] = True
+    optimal = valid & (rng.random((5, 7)) < 0.4)
     optimal[:, 0] = True
     expected = 0.0
     for k in range(5):
-        weights = [np.exp(scores[k, a]) if legal[k, a] else 0.0 for a in range(7)]
+        weights = [np.exp(logits[k, a]) if valid[k, a] else 0.0 for a in range(7)]
         expected -= np.log(sum(weights[a] for a in range(7) if optimal[k, a]) / sum(weights)) / 5
-    loss = optimal_set_loss(*map(torch.as_tensor, (scores, legal, optimal)))
+    loss = optimal_set_loss(*map(torch.as_tensor, (logits, valid, optimal)))
     assert loss.item() == pytest.approx(expected, abs=1e-12)
 
 
 def test_labels_are_the_steps_of_optimal_plans(env, short):
     """Costs are those of the planner's plans, and optimal actions those of its cost-to-go."""
-    imitation = Imitation(env, make_policy(env, "mlp", {}), True, ImitationSettings(**short), 0)
-    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    imitation = Imitation(
+        env, make_actor_critic(env, "mlp", {}), True, ImitationHyperparameters(**short), 0
+    )
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), by_expert=True)
     planner, tables = Planner(env.graph), env.table_moves().tables
     m = len(env.graph.grasp_map)
     fresh = [
@@ -65,11 +68,13 @@ def test_labels_are_the_steps_of_optimal_plans(env, short):
 
 
 def test_held_out_goals_are_not_learnt_from(env, short):
-    settings = ImitationSettings(**short)
+    settings = ImitationHyperparameters(**short)
     free = np.ones(len(env.graph.grasp_map), dtype=bool)
-    first, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3).gather(free, True)
+    first, _ = Imitation(env, make_actor_critic(env, "mlp", {}), True, settings, 3).gather(
+        free, True
+    )
     goal = first.goals[:1]
-    second, _ = Imitation(env, make_policy(env, "mlp", {}), True, settings, 3, goal).gather(
+    second, _ = Imitation(env, make_actor_critic(env, "mlp", {}), True, settings, 3, goal).gather(
         free, True
     )
     assert (np.linalg.norm(first.goals - goal, axis=1) < 0.01).any()
@@ -80,9 +85,9 @@ def test_held_out_goals_are_not_learnt_from(env, short):
 def test_imitation_lowers_its_loss_arrives_and_teaches_the_value(env):
     """Of states it has not seen: the farther from the goal, the lower the value."""
     torch.manual_seed(0)
-    policy = make_policy(env, "pointer", {"width": 32, "summary": 16})
-    settings = ImitationSettings(
-        rounds=2, layouts=3, goals=8, walks=6, updates=80, batch=64, learning_rate=3e-3,
+    policy = make_actor_critic(env, "pointer", {"width": 32, "summary": 16})
+    settings = ImitationHyperparameters(
+        rounds=2, layouts=3, goals=8, rollouts=6, updates=80, batch=64, learning_rate=3e-3,
         value_weight=0.5,
     )  # fmt: skip
     losses, imitation = [], Imitation(env, policy, False, settings, 0)
@@ -91,19 +96,19 @@ def test_imitation_lowers_its_loss_arrives_and_teaches_the_value(env):
     assert np.mean(losses[-20:]) < 0.75 * np.mean(losses[:20])
     result = evaluate(env, LearnedPolicy(policy, "pointer"), 20, seed=100, max_steps=30)
     assert result.success_rate >= 0.8
-    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    samples, _ = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), by_expert=True)
     with torch.no_grad():
-        value = scores_and_value(policy, imitation.observe(samples)[0])[1].numpy()
+        value = logits_and_value(policy, imitation.observe(samples)[0])[1].numpy()
     assert np.corrcoef(value, -samples.cost)[0, 1] > 0.5
 
 
 def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):
     """With points taken away: what the policy learns from is what it will see."""
-    policy = make_policy(env, "pointer", {"width": 16, "summary": 8})
-    imitation = Imitation(env, policy, False, ImitationSettings(**short), 5)
+    policy = make_actor_critic(env, "pointer", {"width": 16, "summary": 8})
+    imitation = Imitation(env, policy, False, ImitationHyperparameters(**short), 5)
     free = np.ones(len(env.graph.grasp_map), dtype=bool)
     free[[3, 8, 21]] = False
-    samples, _ = imitation.gather(free, expert=True)
+    samples, _ = imitation.gather(free, by_expert=True)
     seen = imitation.observe(samples)[0]
     world = MlivrEnv(map=env.graph.grasp_map, collisions=False)
     world.graph.occupy([3, 8, 21])
@@ -119,9 +124,11 @@ def test_samples_of_a_layout_are_seen_as_the_environment_shows_them(env, short):
 
 def test_walks_of_the_expert_go_one_step_nearer_each_time(env, short):
     """Without noise each walk gives one sample for each number of steps that remain."""
-    settings = ImitationSettings(**(short | {"noise": 0.0}))
-    imitation = Imitation(env, make_policy(env, "mlp", {}), True, settings, 2)
-    samples, arrived = imitation.gather(np.ones(len(env.graph.grasp_map), dtype=bool), expert=True)
+    settings = ImitationHyperparameters(**(short | {"noise": 0.0}))
+    imitation = Imitation(env, make_actor_critic(env, "mlp", {}), True, settings, 2)
+    samples, arrived = imitation.gather(
+        np.ones(len(env.graph.grasp_map), dtype=bool), by_expert=True
+    )
     counts = np.bincount(samples.cost.astype(int))[1:]
     assert arrived == 1.0
     assert len(counts) > 2
@@ -130,9 +137,9 @@ def test_walks_of_the_expert_go_one_step_nearer_each_time(env, short):
 
 @pytest.mark.parametrize("dagger", [True, False])
 def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypatch, short):
-    settings = ImitationSettings(**(short | {"rounds": 3, "updates": 1, "dagger": dagger}))
+    settings = ImitationHyperparameters(**(short | {"rounds": 3, "updates": 1, "dagger": dagger}))
     imitation, walks, rounds = (
-        Imitation(env, make_policy(env, "mlp", {}), True, settings, 0),
+        Imitation(env, make_actor_critic(env, "mlp", {}), True, settings, 0),
         [],
         [],
     )
@@ -143,3 +150,36 @@ def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypa
     monkeypatch.setattr(imitation, "_learn", lambda *given: rounds.append(learn(*given)))
     imitation.run()
     assert set(walks) == ({1, 2} if dagger else set())
+
+
+def test_goals_are_drawn_by_the_tasks_of_the_environment(env, small_map, short):
+    """A user's generator with one goal: all samples have it, in all rounds."""
+    goal = env.graph.base_position[0]
+
+    class OneGoal:
+        def draw(self, graph, rng, tolerance, start=None):
+            return Task(graph.state((0, 1)) if start is None else start, goal)
+
+    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal())
+    given = ImitationHyperparameters(**(short | {"updates": 1}))
+    imitation = Imitation(own, make_actor_critic(own, "mlp", {}), True, given, 0)
+    imitation.run()
+    goals = imitation.data[0].goals
+    assert len(goals) > 10
+    assert (goals == goal).all()
+
+
+@pytest.mark.parametrize("discount", [0.9, 1.0])
+def test_the_value_learns_the_discounted_return(env, short, discount):
+    """Of a policy with value 0, the error is the mean square of sums of discounted rewards."""
+    given = ImitationHyperparameters(
+        **(short | {"rounds": 1, "updates": 1, "batch": 4096, "discount": discount})
+    )
+    network = make_actor_critic(env, "mlp", {})
+    torch.nn.init.zeros_(network.value_net.weight)
+    torch.nn.init.zeros_(network.value_net.bias)
+    imitation, found = Imitation(env, network, True, given, 0), []
+    imitation.run(lambda done, total, figures: found.append(figures["value_error"]))
+    returns = {n: -sum(discount**k for k in range(n)) for n in range(1, 30)}
+    squares = [returns[int(n)] ** 2 for n in imitation.data[0].cost]
+    assert found[0] == pytest.approx(np.mean(squares), rel=0.1)

@@ -14,12 +14,12 @@ from mlivr_gym.agents.learned import (
     CheckpointError,
     LearnedPolicy,
     beam_policy,
-    beam_walk,
+    beam_search,
     load_policy,
     made_for,
     save_policy,
 )
-from mlivr_gym.agents.networks import as_tensors, make_policy, scores_and_value
+from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_critic
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
@@ -33,10 +33,10 @@ def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladd
     Where a stance was visited in an earlier episode only, it counts as new.
     """
     env = MlivrEnv(map=ladder, collisions=False, precompute=True)
-    policy, m = LearnedPolicy(make_policy(env, "mlp", {}), "mlp"), len(env.graph.grasp_map)
+    policy, m = LearnedPolicy(make_actor_critic(env, "mlp", {}), "mlp"), len(env.graph.grasp_map)
     scores = np.random.default_rng(0).permutation(2 * m)
     told = torch.tensor(scores[None], dtype=torch.float32)
-    monkeypatch.setattr("mlivr_gym.agents.learned.scores_and_value", lambda *_: (told, None))
+    monkeypatch.setattr("mlivr_gym.agents.learned.logits_and_value", lambda *_: (told, None))
     again, earlier, ever = 0, 0, set()
     for seed in range(3):
         observation, _ = env.reset(seed=seed)
@@ -78,7 +78,7 @@ def kept(tmp_path, env, network="pointer", policy=None, **change):
     """A checkpoint of small networks, and the path it lies at."""
     sizes = {"pointer": {"width": 32, "summary": 16}, "mlp": {"net_arch": [8]}}[network]
     config = {"network": network, "sizes": sizes} | made_for(env, network) | change
-    save_policy(tmp_path / "p", policy or make_policy(env, network, sizes), config)
+    save_policy(tmp_path / "p", policy or make_actor_critic(env, network, sizes), config)
     return tmp_path / "p"
 
 
@@ -108,7 +108,9 @@ def test_weights_that_cannot_be_trusted_are_refused(tmp_path, env, policy, value
         tensor.fill_(1000.0)
     observation, _ = env.reset(seed=0)
     loaded = load_policy(kept(tmp_path, env, policy=policy), env)
-    scores = scores_and_value(loaded.policy, as_tensors(loaded.policy, env_features(env)))
+    scores = logits_and_value(
+        loaded.actor_critic, as_tensors(loaded.actor_critic, env_features(env))
+    )
     assert all(torch.isfinite(part).all() for part in scores)
     assert env.action_masks()[loaded.act(env, observation, env.action_masks())]
 
@@ -163,8 +165,8 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     for fewest, seed in sorted(tasks)[-2:]:
         env.reset(seed=seed)
         assert fewest > 2
-        assert len(beam_walk(learned, env, len(env.graph))) == fewest
-        actions = beam_walk(learned, env, 64)
+        assert len(beam_search(learned, env, len(env.graph))) == fewest
+        actions = beam_search(learned, env, 64)
         assert actions is not None
         for k, action in enumerate(actions):
             _, _, terminated, _, info = env.step(action)
@@ -172,7 +174,7 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
             assert terminated == (k == len(actions) - 1)
     assert evaluate(env, beam_policy(learned, 64), 2).success.all()
     with pytest.raises(SettingError, match="needs a pointer policy"):
-        beam_policy(LearnedPolicy(make_policy(env, "mlp", {}), "mlp"))
+        beam_policy(LearnedPolicy(make_actor_critic(env, "mlp", {}), "mlp"))
 
 
 def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):

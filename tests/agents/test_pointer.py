@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from mlivr_gym.agents.features import LIMB_FEATURES, PointObservation, env_features
-from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.agents.networks import as_tensors, logits_and_value
 
 
 def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
@@ -25,7 +25,7 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
     for name, change in {"as it is": {}, **changed}.items():
         rows = {key: array.astype(np.float32) for key, array in (seen | change).items()}
         with torch.no_grad():
-            scores, value = scores_and_value(policy, as_tensors(policy, rows))
+            scores, value = logits_and_value(policy, as_tensors(policy, rows))
         found[name] = scores.numpy().reshape(2, -1)
         values.append(float(value))
     scores = found["as it is"]
@@ -43,7 +43,7 @@ def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_p
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    from mlivr_gym.agents.networks import policy_class
+    from mlivr_gym.agents.networks import actor_critic_class
 
     vector = make_vec_env(
         "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv,
@@ -51,7 +51,7 @@ def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_p
         wrapper_class=PointObservation if network == "pointer" else None,
     )  # fmt: skip
     try:
-        model = MaskablePPO(policy_class(network), vector, n_steps=16, batch_size=16, seed=0)
+        model = MaskablePPO(actor_critic_class(network), vector, n_steps=16, batch_size=16, seed=0)
         model.learn(32)
         model.save(tmp_path / "model")
         loaded = MaskablePPO.load(tmp_path / "model")

@@ -25,8 +25,8 @@ def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map
     singles = [MlivrEnv(map=small_map, collisions=False) for _ in range(3)]
 
     def follow(k):
-        stance = copies.copies.tables.points[copies.copies.stances[k]].tolist()
-        singles[k].reset(options={"start": stance, "goal": copies.copies.goals[k].copy()})
+        stance = copies.vector_env.tables.points[copies.vector_env.stances[k]].tolist()
+        singles[k].reset(options={"start": stance, "goal": copies.vector_env.goals[k].copy()})
 
     for k in range(3):
         follow(k)
@@ -53,7 +53,7 @@ def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map
                 np.testing.assert_array_equal(rows[0], infos[k]["terminal_observation"][name])
             follow(k)
         for k, single in enumerate(singles):
-            assert single.state.branch_sets == tuple(copies.copies.branch_sets[k].tolist())
+            assert single.state.branch_sets == tuple(copies.vector_env.branch_sets[k].tolist())
     assert ended >= 25
     assert 3 <= arrived < ended
 
@@ -68,8 +68,8 @@ def test_a_goal_that_is_reached_with_the_last_step_is_no_truncation(env, small_m
     for seed in range(40):
         copies.seed(seed)
         copies.reset()
-        stance = copies.copies.tables.points[copies.copies.stances[0]].tolist()
-        single.reset(options={"start": stance, "goal": copies.copies.goals[0].copy()})
+        stance = copies.vector_env.tables.points[copies.vector_env.stances[0]].tolist()
+        single.reset(options={"start": stance, "goal": copies.vector_env.goals[0].copy()})
         _, _, dones, (info,) = copies.step([expert.act(single, {}, single.action_masks())])
         assert dones[0]
         assert info["TimeLimit.truncated"] is not info["is_success"]

@@ -82,7 +82,7 @@ def test_an_action_that_changes_nothing_shows_the_robot_standing():
     film = snapshot_frames(environment.unwrapped.graph, snapshots)
     assert [len(part) for part in film] == [1, 25]
     assert all(configuration is film[0][0] for configuration in film[1])
-    assert snapshots[1].caption.endswith(", not possible")
+    assert snapshots[1].caption.endswith(", an invalid action")
 
 
 def test_a_simulated_step_is_shown_as_it_went():

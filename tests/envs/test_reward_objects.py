@@ -19,7 +19,7 @@ class Toll:
 
     def __call__(self, outcome):
         progress = outcome.before - outcome.after
-        toll = np.where(outcome.legal, 0.25, 4.0)
+        toll = np.where(outcome.valid, 0.25, 4.0)
         return 3.0 * progress - outcome.displacement - toll + 7.0 * outcome.success
 
 
@@ -77,13 +77,13 @@ def test_the_outcome_says_what_the_step_did(small_map):
     _, info = single.reset(seed=3)
     there = np.linalg.norm(info["base_position"] - single.goal)
     mask = single.action_masks()
-    for action, legal in ((np.argmin(mask), False), (np.argmax(mask), True)):
+    for action, valid in ((np.argmin(mask), False), (np.argmax(mask), True)):
         _, _, _, _, after = single.step(int(action))
         outcome = reward.outcomes[-1]
         moved = np.linalg.norm(after["base_position"] - info["base_position"])
-        assert outcome.legal is legal
+        assert outcome.valid is valid
         assert outcome.displacement == pytest.approx(moved)
-        assert outcome.max_step == single.graph.max_step
+        assert outcome.max_displacement == single.graph.max_displacement
         assert outcome.before == pytest.approx(there)
         there = np.linalg.norm(after["base_position"] - single.goal)
         assert outcome.after == pytest.approx(there)

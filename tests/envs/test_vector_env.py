@@ -64,7 +64,7 @@ def test_only_some_copies_start_anew(small_map):
     for _ in range(2):
         _, _, ended, cut, infos = copies.step(infos["action_mask"].argmax(axis=1))
     assert (ended | cut).all()
-    with pytest.raises(SettingError, match="the episode of copy 0 has ended"):
+    with pytest.raises(SettingError, match="the episode of sub-environment 0 has ended"):
         copies.step(infos["action_mask"].argmax(axis=1))
     goals = copies.goals.copy()
     copies.reset(options={"reset_mask": np.array([True, False, False])})
@@ -86,10 +86,12 @@ def test_nothing_goes_before_the_first_reset(small_map):
     for mode in ("NextStep", "Disabled"):
         copies = MlivrVectorEnv(2, autoreset_mode=mode, map=small_map, collisions=False)
         for call in (copies.action_masks, lambda c=copies: c.step(np.zeros(2, dtype=int))):
-            with pytest.raises(gymnasium.error.ResetNeeded, match="copy 0 was never reset"):
+            with pytest.raises(
+                gymnasium.error.ResetNeeded, match="sub-environment 0 was never reset"
+            ):
                 call()
         copies.reset(seed=0, options={"reset_mask": np.array([True, False])})
-        with pytest.raises(gymnasium.error.ResetNeeded, match="copy 1 was never reset"):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="sub-environment 1 was never reset"):
             copies.step(np.zeros(2, dtype=int))
         copies.reset(options={"reset_mask": np.array([False, True])})
         copies.step(copies.action_masks().argmax(axis=1))

@@ -15,7 +15,7 @@ def test_heuristics_never_overestimate_and_the_papers_does(small_graph, weight):
     over = 0
     for name in ("base", "steps"):
         truth = Planner(graph).cost_to_go(goal, name).values
-        ours = Cost.named(name).heuristic("consistent", distance, 0.2, graph.max_step)
+        ours = Cost.named(name).heuristic("consistent", distance, 0.2, graph.max_displacement)
         assert (ours <= truth + 1e-9).all()
         steps = np.random.default_rng(0).integers(0, len(graph), 10)
         for s in steps:
@@ -27,7 +27,8 @@ def test_heuristics_never_overestimate_and_the_papers_does(small_graph, weight):
                 )
                 assert ours[s] <= edge + ours[t] + 1e-9
         over += (
-            Cost.named(name).heuristic("paper", distance, 0.2, graph.max_step) > truth + 1e-9
+            Cost.named(name).heuristic("paper", distance, 0.2, graph.max_displacement)
+            > truth + 1e-9
         ).sum()
     assert over > 0
 

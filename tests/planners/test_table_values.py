@@ -5,12 +5,12 @@ import pytest
 
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.table_values import TableValues, stances_at
+from mlivr_gym.planners.table_values import TableValues, in_goal_region
 
 
 def values_to(env, cost, risk=None):
     tables = env.table_moves().tables
-    return TableValues(tables, stances_at(tables, env.goal[None], 0.2), Cost.named(cost), risk)
+    return TableValues(tables, in_goal_region(tables, env.goal[None], 0.2), Cost.named(cost), risk)
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])
@@ -52,7 +52,7 @@ def test_expected_costs_solve_the_bellman_equation(env, cost):
         for held in range(2):
             for b in range(16):
                 mine = values.values[0, s, held, b]
-                if values.goals[0, s] or not np.isfinite(mine):
+                if values.is_goal[0, s] or not np.isfinite(mine):
                     continue
                 best = np.inf
                 for e in range(tables.start[2 * s + 1 - held], tables.start[2 * s + 2 - held]):

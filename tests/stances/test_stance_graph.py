@@ -135,7 +135,7 @@ def test_max_step_bounds_every_step_of_three_limbs(jem):
         state = random_state(graph, rng)
         here = graph.posture(state.stance).base_position[0]
         moved = np.linalg.norm(graph.successors(state).base_position - here, axis=1)
-        assert moved.max() <= graph.max_step
+        assert moved.max() <= graph.max_displacement
 
 
 def test_configuration_reaches_every_held_point(graph):

@@ -5,13 +5,13 @@ import pytest
 
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import (
-    Ahead,
+    LookaheadGoals,
     any_step,
     find_step,
-    legal_actions,
-    legal_positions,
-    onward_of_actions,
     steps_of_state,
+    valid_actions,
+    valid_positions,
+    write_action_lookahead,
 )
 
 POINTS = 6
@@ -74,10 +74,10 @@ def test_actions_and_where_they_lead(seed):
     tables, k = random_tables(rng), 30
     stances, branch_sets = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
     actions = np.zeros((k, 2, POINTS), dtype=np.int8)
-    legal_actions(stances, branch_sets, tables, actions)
-    legal, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
+    valid_actions(stances, branch_sets, tables, actions)
+    valid, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
     position = np.zeros((k, 2, POINTS, 3))
-    legal_positions(stances, branch_sets, tables, legal, position, again)
+    valid_positions(stances, branch_sets, tables, valid, position, again)
     expected = np.zeros((2, k, 2, POINTS), dtype=np.int8)
     places = np.zeros_like(position)
     for i in range(k):
@@ -87,7 +87,7 @@ def test_actions_and_where_they_lead(seed):
             expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
             places[i, moving, point] = tables.base_position[s2]
     np.testing.assert_array_equal(actions, expected[0])
-    np.testing.assert_array_equal(legal, expected[0])
+    np.testing.assert_array_equal(valid, expected[0])
     np.testing.assert_array_equal(again, expected[1])
     np.testing.assert_array_equal(position, places)
 
@@ -102,7 +102,9 @@ def test_where_the_steps_after_an_action_lead(seed):
     found = np.zeros((k, 2, POINTS, 2 * depth + 2))
     found[..., : depth + 1] = 2.5
     expected = found.copy()
-    onward_of_actions(stances, branch_sets, tables, Ahead(goals, 1.5, free, of_points), found)
+    write_action_lookahead(
+        stances, branch_sets, tables, LookaheadGoals(goals, 1.5, free, of_points), found
+    )
     for i in range(k):
         for moving, _, s2, kept in plain_steps(tables, stances[i], branch_sets[i]):
             grasped = int(tables.releasable[s2, moving])

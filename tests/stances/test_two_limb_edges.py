@@ -67,7 +67,7 @@ def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
             between = places[:, None] - places[None]
             assert out[point] == pytest.approx((between**2).sum(axis=2).max(initial=0.0))
         longest = max(longest, float(np.sqrt(out.max())))
-    assert graph.max_step == pytest.approx(longest)
+    assert graph.max_displacement == pytest.approx(longest)
 
 
 def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_graph):

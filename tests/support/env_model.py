@@ -79,7 +79,7 @@ class EnvModel:
         steps = self.graph.successors(self.state)
         before, k = self._away(), steps.find(limb, point)
         self.invalid, self.failed = k < 0, False
-        moved = self.graph.max_step
+        moved = self.graph.max_displacement
         if k >= 0:
             after = steps.after(self.state, k)
             moved = math.dist(self._base(after), self._base(self.state))

@@ -9,7 +9,7 @@ import torch
 
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.learned import load_policy
-from mlivr_gym.agents.networks import as_tensors, scores_and_value
+from mlivr_gym.agents.networks import as_tensors, logits_and_value
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.viewer.policy_view import PolicyView
@@ -36,8 +36,8 @@ def test_chances_are_those_of_the_policy_in_its_environment(small_checked_graph)
     assert after[:, action % len(graph.grasp_map)].sum() == 0.0
     env.graph.occupy([action % len(graph.grasp_map)])
     env.reset(options={"start": graph.ids(state.stance), "goal": goal})
-    network = load_policy("pretrained", env).policy
+    network = load_policy("pretrained", env).actor_critic
     with torch.no_grad():
-        scores = scores_and_value(network, as_tensors(network, env_features(env)))[0][0].numpy()
+        scores = logits_and_value(network, as_tensors(network, env_features(env)))[0][0].numpy()
     likely = np.where(env.action_masks(), np.exp(scores), 0.0)
     np.testing.assert_allclose(after.ravel(), likely / likely.sum(), atol=1e-5)
