@@ -29,7 +29,7 @@ RULES_KEY = "graph_rules"
 """Metadata key of the number of the stance graph's rules."""
 
 DESCRIPTION = (
-    "Optimal walks of a two-limb robot through the Japanese Experiment Module, with action masks."
+    "Optimal episodes of a two-limb robot in the Japanese Experiment Module, with action masks."
 )
 """Description in the metadata of every data set."""
 
@@ -41,9 +41,10 @@ def write_dataset(
     env_arguments: dict[str, Any] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Any:
-    """Write episodes of the optimal expert; episode k starts from `reset(seed=seed + k)`.
+    """Write episodes of the expert; episode k starts from `reset(seed=seed + k)`.
 
-    The data set can rebuild its environment: `load_dataset(id).recover_environment()`.
+    The expert is an `ExpertPolicy`. The data set can rebuild its environment:
+    `load_dataset(id).recover_environment()`.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def write_dataset(
             warnings.filterwarnings("ignore", message=message)
         dataset = collector.create_dataset(
             dataset_id=dataset_id,
-            algorithm_name="optimal expert (exact cost-to-go: the costs of A*)",
+            algorithm_name="expert (optimal by the exact cost-to-go)",
             description=DESCRIPTION,
             requirements=[f"mlivr-gym=={__version__}"],
         )

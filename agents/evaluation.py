@@ -11,9 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.agents.policies import Policy
+from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.transitions.state import State
 
 
@@ -47,7 +49,8 @@ class Evaluation:
     failed_grasps
         Number of attempts to grasp that failed, shape (k,).
     executed
-        1 if the walk could be executed, 0 if not, NaN if it was not tested, shape (k,).
+        1 if `execute` could execute the states of the episode, 0 if not, NaN if it was not asked,
+        shape (k,).
     """
 
     success: BoolArray
@@ -79,8 +82,8 @@ def evaluate(
     Parameters
     ----------
     env
-        The environment, unwrapped. Tasks may occupy points of its graph; afterwards the same points
-        are occupied as before.
+        The environment, unwrapped (`env.unwrapped`). Tasks may occupy points of its graph;
+        afterwards the same points are occupied as before.
     policy
         The policy.
     episodes
@@ -94,9 +97,9 @@ def evaluate(
     progress
         Function that is called with the number of finished episodes.
     execute
-        Function that executes a walk, for example in MuJoCo. It takes the environment and the
-        states of a successful episode, and returns whether the walk could be executed, or None if
-        not tested.
+        Function that executes the states of a successful episode, for example in MuJoCo. It takes
+        the environment and the states, and returns whether it could execute them, or None if it did
+        not try.
 
     Returns
     -------
@@ -106,7 +109,7 @@ def evaluate(
     Raises
     ------
     SettingError
-        If there is no episode.
+        If there is no episode, or the environment is wrapped.
 
     Examples
     --------
@@ -116,18 +119,21 @@ def evaluate(
     >>> evaluate(env, ExpertPolicy(), episodes=2).success_rate
     1.0
     """
+    InstanceOf(MlivrEnv).read(env, FieldPath("env", SettingError))
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
     rows: list[tuple[float, ...]] = []
     before = env.graph.ids(sorted(env.graph.occupied))
-    for k, task in enumerate(tasks):
-        if task is not None:
-            _set_occupied_points(env, task.occupied)
-        rows.append(_run_episode(env, policy, task, seed + k, max_steps, execute))
-        if progress is not None:
-            progress(k + 1)
-    _set_occupied_points(env, before)
+    try:
+        for k, task in enumerate(tasks):
+            if task is not None:
+                _set_occupied_points(env, task.occupied)
+            rows.append(_run_episode(env, policy, task, seed + k, max_steps, execute))
+            if progress is not None:
+                progress(k + 1)
+    finally:
+        _set_occupied_points(env, before)
     return Evaluation(*(np.array(column) for column in zip(*rows, strict=True)))
 
 

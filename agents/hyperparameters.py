@@ -206,6 +206,11 @@ def load_hyperparameters(method: str, path: str | Path | None = None) -> dict[st
     ------
     SettingError
         If the file cannot be read, lacks the method, or has an invalid field.
+
+    Examples
+    --------
+    >>> load_hyperparameters("ppo")["n_envs"]
+    32
     """
     choice("method", method, METHODS)
     file = asset_path("training.json") if path is None else path

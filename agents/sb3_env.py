@@ -24,7 +24,16 @@ OBSERVATIONS = ("points", "plain")
 class TableVecEnv(VecEnv):
     """`MlivrVectorEnv` as a `VecEnv` of stable-baselines3, with two limbs.
 
-    Points that are occupied in the environment's graph do not occur in its tables.
+    Points that are occupied in the environment's graph are not grasped. `MaskablePPO` finds the
+    action masks by `env_method`.
+
+    Examples
+    --------
+    >>> from sb3_contrib import MaskablePPO
+    >>> envs = TableVecEnv(MlivrEnv(), num_envs=4, observation="plain")
+    >>> model = MaskablePPO("MultiInputPolicy", envs, n_steps=8, batch_size=16, device="cpu")
+    >>> model.learn(32).num_timesteps
+    32
     """
 
     def __init__(

@@ -34,14 +34,14 @@ from mlivr_gym.world.grasp_map import GraspMap, jem_map
 from mlivr_gym.world.map_entries import SPACING
 
 SPLITS = ("same", "half", "dense", "occupied")
-"""Names of the splits.
+"""Names of the splits, which are parts of the test set; none of them is for training.
 
 They are the map of the training, half of its points, points every 0.1 m, and the same map with a
 fifth of the points occupied.
 """
 
 MIN_START_GOAL_DISTANCE = 2.0
-"""Minimum distance between the bases at start and goal [m], since short walks are easy."""
+"""Minimum distance between the bases at start and goal [m], since short ways are easy."""
 
 OCCUPIED_SHARE = 0.2
 """Share of the points that are occupied in the last split."""
@@ -80,11 +80,13 @@ class HeldOutWorld(NamedTuple):
     """A map of the test set, with its tasks."""
 
     split: str
+    """One of `SPLITS`; `"half"` has several maps, the others one each."""
     spacing: float
     """Spacing of the points [m]."""
     sparse_seed: int | None
     """Seed of `GraspMap.sparse` if half of the points are removed, otherwise None."""
     tasks: tuple[EvaluationTask, ...]
+    """Starts and goals, with the points that are occupied."""
 
     def map(self) -> GraspMap:
         """Return the map."""
@@ -99,6 +101,11 @@ def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     ------
     MlivrError
         If the file cannot be read, or its tasks were drawn by other rules of the stance graph.
+
+    Examples
+    --------
+    >>> [(world.split, len(world.tasks)) for world in load_test_set()][:2]
+    [('same', 60), ('half', 13)]
     """
     file = asset_path("test_set.json") if path is None else Path(path)
 

@@ -27,9 +27,11 @@ from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_
 from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
+from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.schema import FieldPath, OrNone
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Function called with the phase, the steps done, their total number, and figures by name."""
@@ -54,15 +56,15 @@ def train(
     Parameters
     ----------
     method
-        One of `METHODS`.
+        One of `hyperparameters.METHODS`.
     network
-        `"pointer"` or `"mlp"`.
+        One of `networks.NETWORKS`: `"pointer"` or `"mlp"`.
     seed
         Seed of all random numbers.
     env
-        The environment, unwrapped; give it or `env_arguments`. If `gymnasium.make` made it, the
-        configuration stores the arguments of its spec; otherwise they are not known and the
-        configuration has None.
+        The environment, unwrapped (`env.unwrapped`); give it or `env_arguments`. If
+        `gymnasium.make` made it, the configuration stores the arguments of its spec; otherwise they
+        are not known and the configuration has None.
     env_arguments
         Arguments of `MlivrEnv`, from which the environment is made; by default none.
     hyperparameters
@@ -90,6 +92,15 @@ def train(
         If an argument cannot be used; the message names it.
     KeyboardInterrupt
         If the training is interrupted; `out` then contains the policy learned so far.
+
+    Examples
+    --------
+    A training that is much too short:
+
+    >>> short = {"rounds": 1, "layouts": 1, "goals": 2, "rollouts": 2, "updates": 2}
+    >>> policy = train("bc", hyperparameters={"imitation": short, "networks": {}})
+    >>> policy.config["method"], policy.config["env"]
+    ('bc', {})
     """
     choice("method", method, METHODS)
     if hyperparameters is None:
@@ -101,6 +112,7 @@ def train(
         raise SettingError(
             "method 'finetune' needs a checkpoint to start from; give its path as init"
         )
+    OrNone(InstanceOf(MlivrEnv)).read(env, FieldPath("env", SettingError))
     if env is None:
         env_arguments = env_arguments or {}
         env = MlivrEnv(**(env_arguments | {"precompute": True}))

@@ -54,7 +54,7 @@ optimiser = torch.optim.Adam(weights, RATE)
 
 
 def act(state, mask):
-    """Return the distribution over the possible actions, and the value."""
+    """Return the distribution over the valid actions, and the value."""
     hidden = trunk(state)
     scores = policy(hidden).masked_fill(~mask, -1e9)
     return Categorical(logits=scores), value(hidden).squeeze(-1)

@@ -23,7 +23,7 @@ for episode in dataset.sample_episodes(3):
     masks = episode.observations["action_mask"]
     print(
         f"episode {episode.id}: {len(episode.actions)} steps, return {episode.rewards.sum():.0f}, "
-        f"{np.mean(masks.sum(axis=1)):.0f} possible actions on average"
+        f"{np.mean(masks.sum(axis=1)):.0f} valid actions on average"
     )
 
 env = dataset.recover_environment()  # the environment in which the walks were made

@@ -7,9 +7,9 @@
 
 `--policies` is the folder that `train_policies.py` filled. All methods run through
 `mlivr_gym.agents.evaluate`: on the four splits of the test set, on a map with no step known, and
-with grasps that fail. The walks of all methods on the first `--execute N` tasks of the same map are
-simulated in MuJoCo and refined. Results are added to `planner_vs_rl.json` part by part, and a part
-that it holds is not measured again. Writes `planner_vs_rl.md`, of which `readme.py` copies one
+with grasps that fail. The episodes of all methods on the first `--execute N` tasks of the same map
+are simulated in MuJoCo and refined. Results are added to `planner_vs_rl.json` part by part, and a
+part that it holds is not measured again. Writes `planner_vs_rl.md`, of which `readme.py` copies one
 table, and `planner_vs_rl.png` and `.svg`. With the training of the policies it takes two to three
 hours (`make compare`).
 """
@@ -133,8 +133,8 @@ class Results:
 
     def add(self, family: str, name: str, seed: int, part: int, result: dict[str, Any]) -> None:
         """Add a part and write the file."""
-        place = self.data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
-        place[f"{part}/{result['tasks'][0]}"] = result
+        parts = self.data.setdefault(family, {}).setdefault(name, {}).setdefault(str(seed), {})
+        parts[f"{part}/{result['tasks'][0]}"] = result
         self.write()
 
     def write(self) -> None:
@@ -142,14 +142,16 @@ class Results:
         keep(self.out, "planner_vs_rl", self.data, indent=None)
 
 
-def splits(args: argparse.Namespace, results: Results) -> None:
+def evaluate_splits(args: argparse.Namespace, results: Results) -> None:
     """Evaluate all methods on the worlds of the test set."""
     for at, world in enumerate(load_test_set()):
         if world.split in args.splits:
-            split_world(world, at, args, results)
+            evaluate_world(world, at, args, results)
 
 
-def split_world(world: HeldOutWorld, at: int, args: argparse.Namespace, results: Results) -> None:
+def evaluate_world(
+    world: HeldOutWorld, at: int, args: argparse.Namespace, results: Results
+) -> None:
     """Evaluate all methods on one world of the test set."""
     env = MlivrEnv(map=world.map(), precompute=world.split != "dense")
     lax = MlivrEnv(map=world.map(), manipulability=False)
@@ -265,7 +267,7 @@ def main() -> None:
         return
     results = Results(args.out)
     runs: dict[str, Callable[[argparse.Namespace, Results], None]] = {
-        "splits": splits, "executed": executed, "cold": cold, "unreliable": unreliable,
+        "splits": evaluate_splits, "executed": executed, "cold": cold, "unreliable": unreliable,
     }  # fmt: skip
     for family in FAMILIES:
         if family in args.families and not args.report:

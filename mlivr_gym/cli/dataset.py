@@ -15,7 +15,7 @@ def add_command(add: Add) -> None:
         add,
         run,
         groups=("world",),
-        description="Write episodes of the A* expert with action masks as a Minari data set. "
+        description="Write episodes of the optimal expert with action masks as a Minari data set. "
         "Needs the extra 'data'.",
     )
     option(parser, "--id ID", "id of the data set", "mlivr/jem/astar-v0")

@@ -22,10 +22,10 @@ AUTORESET_MODES = {mode.value: mode for mode in (AutoresetMode.NEXT_STEP, Autore
 """Modes of the vector environment for sub-environments whose episode has ended, by name."""
 
 
-def _read_autoreset_mode(value: object, place: FieldPath) -> AutoresetMode:
+def _read_autoreset_mode(value: object, path: FieldPath) -> AutoresetMode:
     """Return a mode that is given as itself or by its name."""
     name = value.value if isinstance(value, AutoresetMode) else value
-    return AUTORESET_MODES[Choice(tuple(AUTORESET_MODES)).read(name, place)]
+    return AUTORESET_MODES[Choice(tuple(AUTORESET_MODES)).read(name, path)]
 
 
 AUTORESET_MODE = Reader(_read_autoreset_mode)

@@ -41,12 +41,12 @@ def check_dynamics(
         raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
 
 
-def simulation_part(given: Any, place: FieldPath) -> Any:
+def simulation_part(given: Any, path: FieldPath) -> Any:
     """Return a part of a `Setup`, named as its argument, after checking it."""
     if given is not None:
         from mlivr_gym.simulation.setup import Setup
 
-        Setup.of(**{place.path: given})
+        Setup.of(**{path.path: given})
     return given
 
 

@@ -16,11 +16,11 @@ MAX_PROBABILITY, MAX_MEAN_PROBABILITY = 0.95, 0.45
 """Largest failure probability of a point, and largest mean of probabilities that are drawn."""
 
 
-def _read_failure(value: object, place: FieldPath) -> Array:
+def _read_failure(value: object, path: FieldPath) -> Array:
     """Return a mean probability, shape (), or the probability of each point, shape (m,)."""
     if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
-        return Numbers((None,), 0.0, MAX_PROBABILITY, rows=(1, MAX_POINTS)).read(value, place)
-    return Numbers((), 0.0, MAX_MEAN_PROBABILITY).read(value, place)
+        return Numbers((None,), 0.0, MAX_PROBABILITY, rows=(1, MAX_POINTS)).read(value, path)
+    return Numbers((), 0.0, MAX_MEAN_PROBABILITY).read(value, path)
 
 
 GRASP_FAILURE = Reader(_read_failure)

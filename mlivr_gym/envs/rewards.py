@@ -95,13 +95,13 @@ REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, 
 """Classes of rewards by name."""
 
 
-def _read_reward(given: Any, place: FieldPath) -> Reward:
+def _read_reward(given: Any, path: FieldPath) -> Reward:
     """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return REWARDS[Choice(tuple(REWARDS)).read(name, place)]()
+        return REWARDS[Choice(tuple(REWARDS)).read(name, path)]()
     if isinstance(given, dict | type) or not callable(given):
-        raise place.refused(given, f"one of {', '.join(map(repr, REWARDS))} or a Reward")
+        raise path.refused(given, f"one of {', '.join(map(repr, REWARDS))} or a Reward")
     reward: Reward = given
     return reward
 

@@ -116,14 +116,14 @@ TASK_GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
 """The task generators by name."""
 
 
-def _read_generator(given: Any, place: FieldPath) -> TaskGenerator:
+def _read_generator(given: Any, path: FieldPath) -> TaskGenerator:
     """Return a task generator that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return TASK_GENERATORS[Choice(tuple(TASK_GENERATORS)).read(name, place)]
+        return TASK_GENERATORS[Choice(tuple(TASK_GENERATORS)).read(name, path)]
     if isinstance(given, dict | type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, TASK_GENERATORS))
-        raise place.refused(given, f"one of {valid} or a TaskGenerator")
+        raise path.refused(given, f"one of {valid} or a TaskGenerator")
     generator: TaskGenerator = given
     return generator
 

@@ -206,20 +206,20 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             "goal": OrNone(ListOf(GOAL, k, k)),
             "task": OrNone(ListOf(FIXED_NUMBER, k, k)),
         }
-        place = FieldPath("options", SettingError)
-        given = Fields({}, kinds).read({} if options is None else options, place)
+        path = FieldPath("options", SettingError)
+        given = Fields({}, kinds).read({} if options is None else options, path)
         if isinstance(seed, (list, tuple, np.ndarray)):
             each = ListOf(OrNone(SEED), k, k).read(seed, FieldPath("seed", SettingError))
             return given, list(each)
         first = OrNone(SEED).read(seed, FieldPath("seed", SettingError))
         return given, [None if first is None else first + i for i in range(k)]
 
-    def _read_reset_mask(self, mask: object, place: FieldPath) -> BoolArray:
+    def _read_reset_mask(self, mask: object, path: FieldPath) -> BoolArray:
         """Return which sub-environments are reset."""
         k = self.num_envs
         if isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (k,):
             return mask.copy()
-        return np.array(ListOf(Flag(), k, k).read(mask, place))
+        return np.array(ListOf(Flag(), k, k).read(mask, path))
 
     def _seed_streams(
         self, seeds: list[int | None], is_reset: BoolArray, streams: NDArray[np.uint64]

@@ -20,10 +20,10 @@ MAX_ACTIONS = 1_000_000
 """Maximum number of actions in a film."""
 
 
-def _read_env(value: Any, place: FieldPath) -> Any:
+def _read_env(value: Any, path: FieldPath) -> Any:
     """Return an environment that is a `MlivrEnv`, possibly inside wrappers."""
     if not isinstance(value, gymnasium.Env) or not isinstance(value.unwrapped, MlivrEnv):
-        raise place.refused(value, "a MlivrEnv, also inside wrappers")
+        raise path.refused(value, "a MlivrEnv, also inside wrappers")
     return value
 
 
