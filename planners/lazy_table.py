@@ -240,7 +240,7 @@ class LazyNodeTable(LazyTable):
             stances.base["position"], stances.base["rotation"], none.astype(float),
             none[:, 0].astype(float), none, stances.branch_sets.copy(), none[:, 0], none[:, 0],
         )  # fmt: skip
-        graph.clear_of_obstacles(np.arange(len(rows)), stances.points, postures)
+        graph.remove_branches_at_obstacles(np.arange(len(rows)), stances.points, postures)
         branch_sets = packed(postures.branch_sets)
         branch_sets[~graph.is_node(postures)] = 0
         self.table.branch_sets[rows] = branch_sets

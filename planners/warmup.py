@@ -28,7 +28,7 @@ HEIGHT = 0.65
 class PlainSolver(PostureSolver):
     """A posture solver that places the base at one height, with every branch feasible."""
 
-    def hands_touch(self, grid: object) -> IntArray:
+    def causes_at_points(self, grid: object) -> IntArray:
         """Return that no gripper touches anything, at any point."""
         return np.zeros(len(self.grasp_map), dtype=np.int64)
 

@@ -69,7 +69,7 @@ class LimbModel(MountedArm):
     """Capsule indices of these pairs."""
     gripper: int
     """Index of the first capsule of the gripper."""
-    hand: int
+    first_on_axis: int
     """Index from which on all capsules lie on the flange axis.
 
     At a grasp the place of these capsules does not depend on the posture.
@@ -187,7 +187,9 @@ class LimbShapes:
         limb["mount"]["rotation"][:] = spec.mount_rotations[i]
         set_arm(limb["arm"], kinematics.lengths, kinematics.windows, kinematics.family_code)
         limb["gripper"] = sum(name != "gripper" for name in names)
-        limb["hand"] = max((c + 1 for c in range(len(moving)) if not on_axis[c]), default=0)
+        limb["first_on_axis"] = max(
+            (c + 1 for c in range(len(moving)) if not on_axis[c]), default=0
+        )
         limb["pairs"][: len(pairs)] = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         for c, capsule in enumerate(moving):
             row = limb["capsules"][c]
@@ -239,8 +241,8 @@ class LimbShapes:
         ]
 
     @property
-    def hands(self) -> list[Any]:
-        """The robot for each of its different limbs, which comes first there, see `check_hands`."""
+    def by_limb(self) -> list[Any]:
+        """Robots in which each of the different limbs comes first, see `check_points`."""
         out = []
         for i in range(1 if self._are_equal else self.robot["limb_count"]):
             rows = self.rows.copy()

@@ -65,12 +65,12 @@ class QueryScratch(Record):
 
 
 @entry
-def check_hands(
+def check_points(
     robots: Any, surroundings: Surroundings, scratch_rows: Any, causes: IntArray
 ) -> None:
-    """Check at each of m points whether the capsules on the flange axis touch a box.
+    """Check for each of m points whether a limb that holds it touches a box at its flange axis.
 
-    At a grasp these capsules do not depend on the posture.
+    The capsules on that axis do not depend on the posture.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def check_hands(
         grasp = surroundings.grasps[m]
         set_grasp_surface(scratch.surface, vector(grasp.point), vector(grasp.normal))
         causes[m] = CLEAR
-        for c in range(limb.hand, limb.capsule_count):
+        for c in range(limb.first_on_axis, limb.capsule_count):
             capsule = limb.capsules[c]
             a, b = capsule_axis(capsule.ends)
             # Coordinates along the flange axis from the flange; on wrist 2 it is the y axis.
@@ -165,7 +165,7 @@ def _check_branch(
     surroundings: Surroundings,
     scratch: QueryScratch,
 ) -> int:
-    """Compare limb `i` on branch `b` of posture `k` with the boxes, except for its hand."""
+    """Compare limb `i` on branch `b` of posture `k` with the boxes, except on the flange axis."""
     limb, placed, grasp = robot.limbs[i], scratch.placed, surroundings.grasps[postures.points[k, i]]
     base = postures.base[k]
     seen, _ = flange_seen(limb, base, grasp.flange)
@@ -177,7 +177,7 @@ def _check_branch(
     result, _ = compare_limb_with_boxes(
         limb,
         placed.in_world,
-        below(limb.hand),
+        below(limb.first_on_axis),
         surroundings.grid,
         surroundings.clearance,
         scratch.surface,

@@ -343,8 +343,8 @@ def _compare_with_boxes(
     pending, on_base = interval.boxes, only(limb.capsule_count)
     if motion.first.kind == HOLDS:
         bound_from_grasp(limb, first)
-        # The hand stands still in the world; `check_hands` compared it.
-        pending &= below(limb.hand)
+        # Capsules on the flange axis stand still in the world; `check_points` compared them.
+        pending &= below(limb.first_on_axis)
     result, undecided = compare_limb_with_boxes(
         limb, first.in_world, pending, grid, clearance, scratch.surface
     )

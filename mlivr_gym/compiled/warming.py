@@ -23,7 +23,7 @@ from mlivr_gym.compiled.ready_made import why_compiled
 EXPECTED = 260
 """Approximate number of functions that both processes compile, which only scales the bar."""
 
-PATIENCE = 0.5
+BAR_DELAY = 0.5
 """Time after which the bar is shown [s]."""
 
 WAIT = 180.0
@@ -72,7 +72,7 @@ class _CompilationBar(event.Listener):
     def count(self, more: int) -> None:
         """Count compiled functions, and draw the bar."""
         self.done += more
-        if time.perf_counter() - self._began < PATIENCE:
+        if time.perf_counter() - self._began < BAR_DELAY:
             return
         if not self._announced:
             self._announced = True

@@ -117,8 +117,8 @@ def limb_status(
         if result == CLEAR:
             place_in_world(limb, scratch.base, shapes, scratch.in_world)
             allow_surface(search.geometry, i, scratch)
-            # The hand does not depend on the posture: `queries.check_hands` compares it.
-            pending = below(limb.hand)
+            # What is on the flange axis does not depend on the posture: see `queries.check_points`.
+            pending = below(limb.first_on_axis)
             result, _ = compare_limb_with_boxes(
                 limb, scratch.in_world, pending, search.grid, clearance, scratch.surface
             )

@@ -40,7 +40,7 @@ from mlivr_gym.collisions.queries import (
     CheckedPostures,
     QueryScratch,
     Surroundings,
-    check_hands,
+    check_points,
     remove_touching_branches,
 )
 from mlivr_gym.compiled.kernels import in_parallel
@@ -97,8 +97,7 @@ class PostureSolver:
     thresholds
         Thresholds of stances and steps, a record of `Thresholds`, shape (1,).
     point_cause
-        Cause of the collision of a hand that holds each point, 0 for none, shape (m,); see
-        `distances`.
+        Cause of the collision of a gripper at each point, 0 for none, shape (m,); see `distances`.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
@@ -111,7 +110,7 @@ class PostureSolver:
         self.thresholds = self._thresholds(settings.thresholds(robot.limbs))
         self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
         if settings.collisions:
-            self.point_cause = self.hands_touch(self.boxes)
+            self.point_cause = self.causes_at_points(self.boxes)
         self._index_of: dict[bytes, int] = {}
         self._rejected: set[int] = set()
         """Indices of geometries that are known to be no nodes, without further results."""
@@ -131,14 +130,14 @@ class PostureSolver:
         """Return the points of the map together with given boxes."""
         return Surroundings(self.grasps, grid, self.settings.clearance)
 
-    def hands_touch(self, grid: BoxGrid) -> IntArray:
-        """Return the cause of the collision of a hand at each point, 0 for none, shape (m,)."""
-        out = np.zeros((len(self.shapes.hands), len(self.grasp_map)), dtype=np.int64)
-        for rows, causes in zip(self.shapes.hands, out, strict=True):
-            check_hands(rows, self.surroundings(grid), QueryScratch.rows(1), causes)
+    def causes_at_points(self, grid: BoxGrid) -> IntArray:
+        """Return the cause of the collision of a gripper at each point, 0 for none, shape (m,)."""
+        out = np.zeros((len(self.shapes.by_limb), len(self.grasp_map)), dtype=np.int64)
+        for rows, causes in zip(self.shapes.by_limb, out, strict=True):
+            check_points(rows, self.surroundings(grid), QueryScratch.rows(1), causes)
         return np.array(out.max(axis=0), dtype=np.int64)
 
-    def clear_of_boxes(
+    def remove_touching(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
     ) -> None:
         """Remove the branches that touch a box from the branch sets of selected stances.
@@ -216,7 +215,7 @@ class PostureSolver:
         postures.cause[nodes] = touching
         postures.branch_sets[nodes[touching > 0]] = 0
         nodes = nodes[touching == 0]
-        self.clear_of_boxes(nodes, stances, postures, self.boxes, self.settings.transitions)
+        self.remove_touching(nodes, stances, postures, self.boxes, self.settings.transitions)
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return

@@ -61,6 +61,6 @@ def stance_graph(
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "
-            f"{graph.no_stance()}"
+            f"{graph.why_empty()}"
         )
     return graph

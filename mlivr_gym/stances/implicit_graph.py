@@ -73,7 +73,7 @@ class ImplicitGraph(StanceGraph):
     def _among_obstacles(self, stances: IntArray, found: Postures) -> Postures:
         """Remove the branches that obstacles and occupied points exclude from postures."""
         if self.obstacles:
-            self.clear_of_obstacles(np.arange(len(stances)), stances, found)
+            self.remove_branches_at_obstacles(np.arange(len(stances)), stances, found)
         if self.occupied:
             found.branch_sets[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found

@@ -192,7 +192,7 @@ def list_node_pairs(table: NodeTable, pair: NodePair, last: int, pairs: IntArray
         count += 1
 
 
-def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
+def with_edges(table: NodeTable, known: EdgeSet) -> NodeTable:
     """Return a table with all its edges, which it does not have yet.
 
     Raises
@@ -213,8 +213,8 @@ def spread(table: NodeTable, known: EdgeSet) -> NodeTable:
     return full
 
 
-def gather(table: NodeTable) -> EdgeSet:
-    """Return all edges of a table, the inverse of `spread`."""
+def edges_of(table: NodeTable) -> EdgeSet:
+    """Return all edges of a table, the inverse of `with_edges`."""
     support_sets, steps = len(table.offset) - 1, int(np.bitwise_count(table.joined).sum()) // 2
     found = EdgeSet(
         np.zeros(count_node_pairs(table, NodePair.before(table, 0), support_sets), dtype=np.bool_),
@@ -266,7 +266,7 @@ def _set_lost(table: NodeTable, pair: NodePair, last: int, known: EdgeSet) -> No
 
 @entry
 def _get(table: NodeTable, pair: NodePair, last: int, found: EdgeSet) -> None:
-    """Read the edges, see `gather`."""
+    """Read the edges, see `edges_of`."""
     count, steps, loses_branches = 0, 0, 0
     while next_node_pair(table, pair, last):
         edge = _edge_of(table, pair.support_set, pair.first, pair.second)

@@ -155,7 +155,7 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
 
 
 def table_of(nodes: Nodes) -> NodeTable:
-    """Return the table of some nodes without edges, which `node_edges.spread` adds."""
+    """Return the table of some nodes without edges, which `node_edges.with_edges` adds."""
     points, releasable = nodes.points, nodes.releasable
     limbs = points.shape[1]
     after_move: Any = np.stack(

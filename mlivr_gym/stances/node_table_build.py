@@ -28,7 +28,7 @@ from mlivr_gym.stances.node_edges import (
     NodePair,
     count_node_pairs,
     list_node_pairs,
-    spread,
+    with_edges,
 )
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import PartArrays, Parts
@@ -92,7 +92,7 @@ def build(
         shared = world, nodes, rotation[order], table
         steps = _in_blocks(processes, _joined, _support_set_blocks(table), parts, shared)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
-    return spread(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
+    return with_edges(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
 
 def sets_of(graph: ImplicitGraph) -> StanceSets:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_edges import EdgeSet, gather, spread
+from mlivr_gym.stances.node_edges import EdgeSet, edges_of, with_edges
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
@@ -39,11 +39,11 @@ def node_table(graph: ImplicitGraph) -> NodeTable | None:
         found = NODE_TABLES.find(graph)
         table = found and found[1]
     if table is not None:
-        remember(table, graph)
+        set_table(table, graph)
     return table
 
 
-def remember(table: NodeTable, graph: ImplicitGraph) -> None:
+def set_table(table: NodeTable, graph: ImplicitGraph) -> None:
     """Give a graph its table, and keep it in memory for other graphs of the same kind."""
     _cached[key_of(graph)] = graph.table = table
     if len(_cached) > CACHED_TABLES:
@@ -59,7 +59,7 @@ def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
     offsets = table.base_position - graph.grasp_map.positions[table.points].mean(axis=1)
     offset, offset_index = _distinct(np.rint(offsets / RESOLUTION).astype(np.int64))
     branch_set, mask_index = _distinct(np.stack(branch_sets, axis=2).reshape(-1, 3))
-    edges = gather(table)
+    edges = edges_of(table)
     lost, lost_index = _distinct(edges.lost)
     increments = np.diff(table.points.astype(np.int32), axis=0, prepend=0)
     return {
@@ -107,7 +107,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
         )
     )
     lost = arrays["lost"][arrays["lost_index"]]
-    return table_of_arrays(spread(table, EdgeSet(joined, loses_branches, lost))._asdict())
+    return table_of_arrays(with_edges(table, EdgeSet(joined, loses_branches, lost))._asdict())
 
 
 def table_of_arrays(arrays: Arrays) -> NodeTable:

@@ -124,7 +124,9 @@ class ChangingWorld(ABC):
             close[rows_close(positions, low, high, reach)] = True
         return close
 
-    def clear_of_obstacles(self, chosen: IntArray, points: IntArray, postures: Postures) -> None:
+    def remove_branches_at_obstacles(
+        self, chosen: IntArray, points: IntArray, postures: Postures
+    ) -> None:
         """Remove the branches that touch an obstacle from the branch sets of some stances.
 
         Parameters
@@ -139,6 +141,6 @@ class ChangingWorld(ABC):
         grid = self.obstacle_grid
         if grid is None:
             return
-        self.solver.clear_of_boxes(chosen, points, postures, grid, others=True)
-        hands = self.solver.hands_touch(grid)
-        postures.branch_sets[(hands[points] > 0).any(axis=1)] = 0
+        self.solver.remove_touching(chosen, points, postures, grid, others=True)
+        causes = self.solver.causes_at_points(grid)
+        postures.branch_sets[(causes[points] > 0).any(axis=1)] = 0

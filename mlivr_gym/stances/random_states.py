@@ -18,7 +18,7 @@ TRIES = 200
 """Number of draws after which sampling ends."""
 
 LIMBS_AS_DRAWN = 4
-"""Largest number of limbs that hold points in the order of the draw, see `round_the_body`."""
+"""Largest number of limbs that hold points in the order of the draw, see `order_around_body`."""
 
 
 class Randomness(Protocol):
@@ -69,7 +69,7 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
             return None
         stances = np.array(rows, dtype=np.int64)
         if graph.limbs > LIMBS_AS_DRAWN:
-            stances = round_the_body(graph.grasp_map, stances)
+            stances = order_around_body(graph.grasp_map, stances)
         nodes = np.flatnonzero(graph.is_node(graph.nodes(stances)))
         if not len(nodes):
             return None
@@ -80,7 +80,7 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
         return None
 
 
-def round_the_body(grasp_map: GraspMap, stances: IntArray) -> IntArray:
+def order_around_body(grasp_map: GraspMap, stances: IntArray) -> IntArray:
     """Return stances whose points are in the order of the mounts, shape (k, N) -> (k, N).
 
     Limbs seldom reach N points in another of the N! orders than the 2N around the body, which for

@@ -215,7 +215,7 @@ class StanceGraph(CheckedSteps):
         """
         postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
         if self.obstacles:
-            self.clear_of_obstacles(np.arange(len(stances)), stances, postures)
+            self.remove_branches_at_obstacles(np.arange(len(stances)), stances, postures)
         if self.occupied:
             postures.branch_sets[np.isin(stances, sorted(self.occupied)).any(axis=1)] = 0
         return postures

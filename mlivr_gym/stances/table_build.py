@@ -8,7 +8,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_table_build import build, parts_of_nodes
-from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, remember
+from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, set_table
 from mlivr_gym.stances.two_limb_build import (
     Estimate,
     build_two_limb_table,
@@ -64,7 +64,7 @@ def build_table(
     if table is None:
         parts = parts_of_nodes(graph)
         table = build(graph, progress, parts)
-        remember(table, graph)
+        set_table(table, graph)
         path = NODE_TABLES.cache(graph, table)
         if path is not None:
             parts.remove()

@@ -193,7 +193,7 @@ class TwoLimbGraph(StanceGraph):
         self.branch_sets[gone] = 0
         if close.any():
             chosen = np.flatnonzero(self.close_to_obstacles(self.base_position, around))
-            self.clear_of_obstacles(chosen, self.points, self.node_postures(slice(None)))
+            self.remove_branches_at_obstacles(chosen, self.points, self.node_postures(slice(None)))
         self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
 
     @property
@@ -217,7 +217,7 @@ class TwoLimbGraph(StanceGraph):
         apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
         return 2 * int((apart > robot.span + 1e-9).sum())
 
-    def no_stance(self) -> str:
+    def why_empty(self) -> str:
         """Return why a graph without stances has none."""
         if not self.reachable:
             return (

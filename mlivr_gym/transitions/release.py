@@ -179,7 +179,7 @@ def _elbow_up(
     """Return the branches of a branch set with the elbow up.
 
     Of twins that differ in the elbow alone, and are both in the branch set, the one is removed that
-    is closer to the surface. Twins have equal `w_m` and the same hand; to keep one of them halves
+    is closer to the surface. Twins have equal `w_m` and the same wrist; to keep one of them halves
     the work and costs few steps.
     """
     stances, robot, world = context.stances, context.robots[0], context.world

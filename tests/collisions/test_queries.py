@@ -105,12 +105,12 @@ def close_to(graph, s, limb, branch, box, clearance):
 
 
 def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_graph):
-    """Compare with the plain definition by branch; a touched base or hand removes all branches.
+    """Compare with the plain definition by branch; a touched base or gripper removes all branches.
 
     Compiled code uses a larger body: within 3 cm more of it, all branches may be removed.
     """
     graph, rng, shapes = small_checked_graph, np.random.default_rng(6), LimbShapes(ROBOT)
-    hand = shapes.names[int(shapes.limb["hand"]) :]
+    on_axis = shapes.names[int(shapes.limb["first_on_axis"]) :]
     some = all_gone = 0
     for _ in range(100):
         s, limb = int(rng.integers(len(graph))), int(rng.integers(2))
@@ -123,7 +123,7 @@ def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_
             found = close_to(graph, s, i, b, box, CLEARANCE)
             if any(k == i and link != "base" for k, link in found):
                 expected[i] &= ~(0x101 << b)
-            whole |= any(link in ("body", "base", *hand) for _, link in found)
+            whole |= any(link in ("body", "base", *on_axis) for _, link in found)
             more = close_to(graph, s, i, b, box, CLEARANCE + 0.03)
             about |= any(link in ("body", "base") for _, link in more)
         with obstacles(graph, box):

@@ -14,7 +14,7 @@ from coal_ruler import PLATE, ROD, Ruler, grasps_of
 from compiled import called
 from held_paths import path_between
 from limb_motions import (
-    HAND,
+    FIRST_ON_AXIS,
     REST,
     ROBOT,
     SHAPES,
@@ -45,7 +45,7 @@ SHARES = np.linspace(0.0, 1.0, 121)
 STANDS_OUT = 0.37 * 0.5 * ROBOT.body_size
 """How far the base capsules that boxes are compared with protrude from the body."""
 
-HANDS = {f"limb0/{link}/0" for link in SHAPES.names[HAND:]}
+ON_AXIS = {f"limb0/{link}/0" for link in SHAPES.names[FIRST_ON_AXIS:]}
 
 
 class Case(NamedTuple):
@@ -62,7 +62,7 @@ class Case(NamedTuple):
         checked = [name.startswith("limb0/") for name in (first, second)]
         if second == "box":
             still = moves["first"]["kind"] != 0 or moves["begin"] == moves["finish"]
-            on_limb = checked[0] and not fixed[0] and not (self.held and first in HANDS)
+            on_limb = checked[0] and not fixed[0] and not (self.held and first in ON_AXIS)
             return bool(moves["boxes"]) and (on_limb or (fixed[0] and not still))
         if not any(one and not base for one, base in zip(checked, fixed, strict=True)):
             return False
@@ -208,7 +208,7 @@ def holding_on_a_step(graph, rng):
 
 @pytest.mark.parametrize("compared", ["boxes", "body", "line", "corner"])
 def test_a_limb_that_holds_keeps_clear_and_no_more(small_checked_graph, compared):
-    """While the base follows a path, compare with boxes (the hand excluded) and a swinging limb."""
+    """While the base moves, compare with boxes (not on the flange axis) and a swinging limb."""
     rng, rounded = np.random.default_rng(1), compared == "corner"
 
     def make():

@@ -33,7 +33,7 @@ from mlivr_gym.stances.node_edges import (
     branches_lost,
     count_node_pairs,
     list_node_pairs,
-    spread,
+    with_edges,
 )
 
 EXACT = SearchParameters(1.0, 1 << 30, 1 << 30, 1 << 30)
@@ -55,7 +55,7 @@ def losing_some(table, rng):
     shared = relabelled(branch_sets[a], i + 1)[:, :-1] & relabelled(branch_sets[b], j + 1)[:, :-1]
     kept = shared & rng.integers(0, 8, shared.shape) | shared & rng.integers(0, 8, shared.shape)
     kept[~kept.all(axis=1)] = 0
-    return spread(table, EdgeSet.of(packed(shared), packed(kept)))
+    return with_edges(table, EdgeSet.of(packed(shared), packed(kept)))
 
 
 def price(table, rows, cost):

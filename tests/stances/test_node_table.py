@@ -17,10 +17,10 @@ from mlivr_gym.stances.node_edges import (
     branches_lost,
     count_node_pairs,
     edge_ends,
-    gather,
+    edges_of,
     list_node_pairs,
     row_of,
-    spread,
+    with_edges,
 )
 from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.node_table_file import node_table
@@ -234,7 +234,7 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
 
 def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
     blank = table._replace(joined=np.zeros_like(table.joined))
-    again = spread(blank, gather(table))
+    again = with_edges(blank, edges_of(table))
     for name in ("joined", "loses_branches", "ranks", "lost"):
         np.testing.assert_array_equal(getattr(again, name), getattr(table, name))
         assert getattr(again, name).dtype == getattr(table, name).dtype

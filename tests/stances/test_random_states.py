@@ -5,20 +5,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mlivr_gym.stances.random_states import round_the_body
+from mlivr_gym.stances.random_states import order_around_body
 
 
 def test_three_points_are_in_order_as_they_are(jem):
     """Every order of three is one of the three turns, in one of the two senses."""
     rows = np.random.default_rng(0).permuted(np.tile(np.arange(len(jem)), (200, 1)), axis=1)[:, :3]
-    np.testing.assert_array_equal(round_the_body(jem, rows), rows)
+    np.testing.assert_array_equal(order_around_body(jem, rows), rows)
 
 
 @pytest.mark.parametrize("limbs", [4, 5, 6, 8])
 def test_points_run_round_their_centroid(jem, limbs):
     deck, rng = np.flatnonzero(np.array(jem.faces) == "deck"), np.random.default_rng(limbs)
     rows = np.array([rng.choice(deck, limbs, replace=False) for _ in range(200)])
-    found = round_the_body(jem, rows)
+    found = order_around_body(jem, rows)
     np.testing.assert_array_equal(found[:, 0], rows[:, 0])
     np.testing.assert_array_equal(np.sort(found), np.sort(rows))
     senses = set()

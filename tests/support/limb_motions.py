@@ -20,7 +20,7 @@ ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)
 
 
-HAND = int(SHAPES.limb["hand"])
+FIRST_ON_AXIS = int(SHAPES.limb["first_on_axis"])
 """First of the capsules that lie on the flange axis."""
 
 
