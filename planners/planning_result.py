@@ -36,9 +36,9 @@ class PlanningResult:
     generated
         Number of states put into the open queue.
     feasibility_time
-        Time spent on the start state [s].
+        Time spent on checking the start state [s].
     search_time
-        Time spent on search and step checks [s].
+        Time spent on the search and on step checks [s].
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     improvements

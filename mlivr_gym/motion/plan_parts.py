@@ -187,7 +187,7 @@ class Statistics:
     generated
         Number of states that the search put into its open queue.
     feasibility_time
-        Time spent on postures and stances for this query [s].
+        Time spent on checking the start state [s].
     search_time
         Time spent on the search and on step checks [s].
     backward

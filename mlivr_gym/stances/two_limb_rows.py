@@ -23,7 +23,7 @@ class StanceRows(NamedTuple):
     offset: IntArray
     """First edge of each row, shape (2, m)."""
     local: IntArray
-    """Place of each stance in its rows, shape (2, n)."""
+    """Position of each stance in its rows, shape (2, n)."""
 
 
 def rows_of(points: IntArray, m: int) -> StanceRows:

@@ -61,7 +61,7 @@ class TwoLimbTable(NamedTuple):
     offset: IntArray
     """First edge of each row, shape (2, m)."""
     local: IntArray
-    """Place of each stance in its rows, shape (2, n)."""
+    """Position of each stance in its rows, shape (2, n)."""
     edges: Any
     """Rows of `TwoLimbEdge`."""
 
