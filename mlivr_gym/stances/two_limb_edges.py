@@ -15,7 +15,7 @@ from mlivr_gym.transitions.step_check import StepChecks
 
 
 class TwoLimbEdges:
-    """Releases and steps known in one state of the world.
+    """Releases computed and edges checked in one state of the world.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class TwoLimbEdges:
 
 
 class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
-    """Releases and steps known among obstacles and occupied points.
+    """Releases computed and edges checked among obstacles and occupied points.
 
     Only the motions of the steps without obstacles are checked, and only close to them.
     """

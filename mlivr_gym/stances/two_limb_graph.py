@@ -1,8 +1,8 @@
 """Stance graph of two limbs, all of whose nodes are computed at once.
 
 The neighbours of a stance (a, b) are the other stances of row a of limb 0 and of row b of limb 1,
-so no list of edges is stored. The table has, for each ordered pair of stances of a row, the
-branches that the support limb keeps on the step; entries are filled on demand.
+so no list of edges is stored. The edge table has, for each ordered pair of stances of a row, the
+branches that the support limb keeps from one to the other; edges are checked on demand.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 class TwoLimbGraph(StanceGraph):
-    """All nodes of a robot with two limbs, and the steps between them.
+    """All nodes of a robot with two limbs, and the edges between them.
 
     Attributes
     ----------

@@ -13,9 +13,9 @@ from mlivr_gym.transitions.rule import kept_on_edge
 
 
 def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
-    """Return a node table with the steps known so far.
+    """Return a node table with the edges checked so far.
 
-    A step that is not known is assumed to keep all branches that both of its stances have.
+    An unchecked edge is assumed to keep all branches that both of its stances have.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
 
 @entry
 def mark_steps(table: NodeTable, pairs: TwoLimbTable) -> None:
-    """Set the bits of steps that keep a branch, and of those that lose some."""
+    """Set the bits of the edges, and of those that lose branches."""
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
@@ -59,7 +59,7 @@ def mark_steps(table: NodeTable, pairs: TwoLimbTable) -> None:
 
 @entry
 def fill_lost(table: NodeTable, pairs: TwoLimbTable) -> None:
-    """Write the branches that steps lose."""
+    """Write the branches that edges lose."""
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):

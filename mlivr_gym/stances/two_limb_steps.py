@@ -1,7 +1,7 @@
-"""Steps of two limbs, and the steps that leave a state (compiled).
+"""Edges of two limbs, and the steps that leave a state along them (compiled).
 
-The edge table has a record for each ordered pair of stances of a row, filled on demand by
-`TwoLimbGraph` with the results of `transitions.steps`.
+The edge table has a record for each ordered pair of stances of a row, which `TwoLimbGraph` fills on
+demand with the results of `transitions.steps`.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
 class TwoLimbEdge(Record):
-    """Result for a step in which one limb holds."""
+    """Edge from a stance to another one of the row of its support limb, once it is checked."""
 
     kept: Annotated[int, np.uint16]
-    """Branches and flips on which it can hold."""
+    """Branches and flips on which the support limb can follow; 0 if there is no edge."""
     on_arc: Annotated[int, np.uint16]
     """Those of them that need the arc."""
     known: Annotated[int, np.int8]
-    """1 if the step was checked."""
+    """1 if the edge was checked."""
     fold_on_line: Annotated[int, np.int8]
     """Fold in which the swing limb can be on the straight path, -1 for none."""
     fold_on_arc: Annotated[int, np.int8]
@@ -35,7 +35,7 @@ class TwoLimbEdge(Record):
 
 
 class TwoLimbTable(NamedTuple):
-    """N stances of two limbs on m points, and the steps known so far.
+    """The n stances of two limbs on m points, and the edges checked so far.
 
     Row p of limb i has the stances in which limb i holds point p.
     """
@@ -68,14 +68,14 @@ class TwoLimbTable(NamedTuple):
 
 @kernel
 def branches_kept(edge: TwoLimbEdge) -> int:
-    """Return the branches and flips on which the support limb can follow a step."""
+    """Return the branches and flips on which the support limb can follow an edge."""
     kept: Any = np.int64(edge.kept)
     return kept  # type: ignore[no-any-return]
 
 
 @kernel
 def edge_index(support: int, before: int, after: int, table: TwoLimbTable) -> int:
-    """Return the index of the step between two stances of a row in which limb `support` holds."""
+    """Return the index of the edge between two stances of a row in which limb `support` holds."""
     point, local = table.points[before, support], table.local
     first = table.offset[support, point] + local[support, before] * table.degree[support, point]
     index: int = first + local[support, after]

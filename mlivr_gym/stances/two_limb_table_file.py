@@ -1,7 +1,7 @@
 """Files of the complete table of two limbs.
 
 A table has every stance that two limbs can hold on a map and, if steps are checked, the result of
-the check of every step: the branches kept, the kind of base path and the swing.
+the check of every edge: the branches kept, the kind of base path and the swing.
 """
 
 from __future__ import annotations
