@@ -52,8 +52,7 @@ class StanceGraph(CheckedSteps):
     solver_class: type[PostureSolver] = PostureSolver
     """Class of the posture solver."""
     table: NodeTable | None = None
-    """All nodes and the steps known between them, without obstacles and occupied points, if there
-    is such a table."""
+    """Node table of the graph without obstacles and occupied points; None if there is none."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver and the pairs of points that may be held at once."""

@@ -107,7 +107,7 @@ class TwoLimbGraph(StanceGraph):
 
     @property
     def table(self) -> NodeTable:  # type: ignore[override]
-        """All stances and the steps known so far; once all are known, a new and complete table."""
+        """All stances and the edges checked so far; once all are, a new and complete table."""
         if self._table is None or (self._free.is_complete and not self._is_table_complete):
             self._table = two_limb_nodes(self._free.table, self.pose_number)
             self._is_table_complete = self._free.is_complete
@@ -157,7 +157,7 @@ class TwoLimbGraph(StanceGraph):
 
     @property
     def steps(self) -> TwoLimbTable:
-        """The steps known so far, among the present obstacles, as compiled code reads them."""
+        """The edges checked so far, among the present obstacles, as compiled code reads them."""
         return self._known.table
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
