@@ -33,55 +33,55 @@ ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
 
 
-def _no_table() -> None:
+def _no_node_table() -> None:
     searches.node_table = lambda graph: None  # type: ignore[attr-defined]
 
 
-def _no_sets() -> None:
-    _no_table()
+def _no_stance_sets() -> None:
+    _no_node_table()
     ImplicitGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
 
 
-def _cheapest_alone() -> None:
+def _cheapest_path_alone() -> None:
     table_search.STAGES = table_search.OBSTACLE_STAGES = table_search.STAGES[-2:]
 
 
-def _not_trapped() -> None:
+def _no_enclosure_probe() -> None:
     table_search.OBSTACLE_STAGES = table_search.OBSTACLE_STAGES[2:]
 
 
-def _not_half() -> None:
-    trapped, shut_in, _, *others = table_search.OBSTACLE_STAGES
-    table_search.OBSTACLE_STAGES = (trapped, shut_in, *others)
+def _no_half_weight() -> None:
+    probe, proof, _, *others = table_search.OBSTACLE_STAGES
+    table_search.OBSTACLE_STAGES = (probe, proof, *others)
 
 
-def _nothing_between() -> None:
+def _no_middle_weight() -> None:
     for name in ("STAGES", "OBSTACLE_STAGES"):
-        rounds = getattr(table_search, name)
-        setattr(table_search, name, (*rounds[:-3], *rounds[-2:]))
+        stages = getattr(table_search, name)
+        setattr(table_search, name, (*stages[:-3], *stages[-2:]))
 
 
 def _no_inflation() -> None:
-    _no_table()
+    _no_node_table()
     implicit_search.COST_TO_GO_INFLATION = 1.0
 
 
-def _by_bound() -> None:
-    _no_table()
+def _by_lower_bound() -> None:
+    _no_node_table()
     search: Any = implicit_search._ImplicitSearch
     search._next_queue = lambda self: self.by_lower_bound
 
 
 VARIANTS: dict[str, Callable[[], None]] = {
     "all": lambda: None,
-    "rounds for the cheapest walk alone": _cheapest_alone,
-    "no round that tells a start that is shut in": _not_trapped,
-    "no round of half the weight among obstacles": _not_half,
-    "no round of weight 1 / 1.1": _nothing_between,
-    "no table of nodes": _no_table,
-    "neither table nor sets of points": _no_sets,
-    "no table, entries by promise and bound alone": _no_inflation,
-    "no table, entries by bound alone": _by_bound,
+    "only the stages of the cheapest path": _cheapest_path_alone,
+    "no probe for an enclosed start": _no_enclosure_probe,
+    "no stage of weight 1 / 2 among obstacles": _no_half_weight,
+    "no stage of weight 1 / 1.1": _no_middle_weight,
+    "no node table": _no_node_table,
+    "neither node table nor stance sets": _no_stance_sets,
+    "no node table, queues by estimate and lower bound alone": _no_inflation,
+    "no node table, queue by lower bound alone": _by_lower_bound,
 }
 """Variants, and the functions that switch parts of the search off."""
 
