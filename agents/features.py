@@ -14,9 +14,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs.wrappers import WRAPPED_ENV
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
@@ -330,10 +332,25 @@ class TableFeatures:
 class PointObservation(
     gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
-    """Wrapper whose observations are the features of the pointer network, `point_features`."""
+    """Wrapper whose observations are the features of the pointer network, `point_features`.
 
+    Examples
+    --------
+    >>> env = PointObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0"))
+    >>> observation, info = env.reset(seed=0)
+    >>> {name: array.shape for name, array in observation.items()}
+    {'points': (331, 8), 'limbs': (2, 331, 24), 'goal': (5,)}
+    """
+
+    @checked({"env": WRAPPED_ENV})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Wrap a `MlivrEnv`."""
+        """Wrap a `MlivrEnv`.
+
+        Raises
+        ------
+        SettingError
+            If the environment is not a `MlivrEnv`.
+        """
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
         inner = env.unwrapped

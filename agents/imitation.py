@@ -371,7 +371,7 @@ class Imitation:
             logits, value = logits_and_value(self.actor_critic, observation)
             loss = optimal_set_loss(logits, valid, optimal)
             cost = torch.as_tensor(batch.cost)
-            if isinstance(self.env.reward.reward, StepReward) and given.discount < 1.0:
+            if isinstance(self.env.reward.step_reward, StepReward) and given.discount < 1.0:
                 # minus the discounted return of this many steps
                 cost = (1.0 - given.discount**cost) / (1.0 - given.discount)
             error = (value + cost).square().mean()

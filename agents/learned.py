@@ -89,9 +89,8 @@ class LearnedPolicy:
             else {k: np.asarray(v)[None] for k, v in observation.items()}
         )
         with torch.no_grad():
-            logits = logits_and_value(self.actor_critic, as_tensors(self.actor_critic, seen))[0][
-                0
-            ].numpy()
+            tensors = as_tensors(self.actor_critic, seen)
+            logits = logits_and_value(self.actor_critic, tensors)[0][0].numpy()
         if logits.shape != mask.shape:
             raise CheckpointError(
                 f"the policy has {len(logits)} actions and the environment {len(mask)}; use a "

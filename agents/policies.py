@@ -123,7 +123,7 @@ def cost_of(env: MlivrEnv) -> Cost:
     SettingError
         If the reward is an object of the user, whose cost is not known.
     """
-    reward = env.reward.reward
+    reward = env.reward.step_reward
     if isinstance(reward, StepReward | BaseReward):
         return Cost.named("steps" if isinstance(reward, StepReward) else "base")
     raise SettingError(

@@ -21,7 +21,7 @@ from mlivr_gym.envs.dynamics import check_dynamics, step_executor
 from mlivr_gym.envs.grasp_failure import failure_probabilities, state_after_failure
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.reset_options import ResetOptions
-from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TaskReward
+from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TotalReward
 from mlivr_gym.envs.snapshots import (
     action_caption,
     motion_at_rest,
@@ -84,16 +84,17 @@ class MlivrEnv(StanceGraphEnv):
     | `base_position` | `Box(3)` | position of the base | m |
     | `base_quaternion` | `Box(4)` | orientation of the base w, x, y, z, with w >= 0 | 1 |
     | `goal` | `Box(3)` | goal position of the base | m |
-    | `branches` | `MultiBinary(16 N)` | branches and flips on which each limb may be | |
+    | `branches` | `MultiBinary(16 N)` | inverse kinematics branches and flips of each limb | |
 
-    ## Rewards `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base
-    displacement [m], and for an invalid action minus `max_displacement`, an upper bound of the
-    displacement. A step that fails in simulation counts as a step, with the displacement of the
-    base until the failure. An object is called with the `envs.rewards.StepOutcome` and returns the
-    reward. `success_bonus` is added when the goal is reached. Without shaping the undiscounted
-    return of an episode without invalid actions is minus the cost of its walk, plus the bonus. With
-    `dynamics="mujoco"` a failed step ends the episode, so give a bonus, or an agent gains by
-    failing early.
+    ## Rewards
+    `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
+    [m], and for an invalid action minus `graph.max_displacement`, an upper bound of the base
+    displacement of a step. A step that fails in simulation counts as a step, with the displacement
+    of the base until the failure. An object is called with the `envs.rewards.StepOutcome` and
+    returns the reward. `success_bonus` is added when the goal is reached. Without shaping the
+    undiscounted return of an episode without invalid actions is minus the cost of its steps, plus
+    the bonus. With `dynamics="mujoco"` a failed step ends the episode, so give a bonus, or an agent
+    gains by failing early.
 
     With `shaping=True` the potential-based term `discount * phi(after) - phi(before)` is added,
     where `phi` is minus the distance to the goal [m], and 0 in the goal region. It keeps the
@@ -226,7 +227,7 @@ class MlivrEnv(StanceGraphEnv):
         checks = {"transitions": transitions, "precompute": precompute}
         check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
         step_reward = REWARD.read(reward, FieldPath("reward", SettingError))
-        self.reward = TaskReward(step_reward, success_bonus, shaping, discount, goal_tolerance)
+        self.reward = TotalReward(step_reward, success_bonus, shaping, discount, goal_tolerance)
         self.tasks = TASKS.read(tasks, FieldPath("tasks", SettingError))
         settings = Settings(
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,

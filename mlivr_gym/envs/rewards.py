@@ -25,9 +25,9 @@ class StepOutcome(NamedTuple):
     If the grasp failed it counts twice, there and back. If a step failed in simulation it is the
     distance by which the base had moved by then. If the action was invalid it is 0.
     """
-    before: float | Array
+    distance_before: float | Array
     """Distance of the base from the goal before the action [m]."""
-    after: float | Array
+    distance_after: float | Array
     """Distance of the base from the goal after the action [m]."""
     success: bool | BoolArray
     """Whether the base is in the goal region after the action."""
@@ -46,7 +46,7 @@ class Reward(Protocol):
 
     >>> import gymnasium
     >>> def progress(outcome):
-    ...     return outcome.before - outcome.after - 0.01
+    ...     return outcome.distance_before - outcome.distance_after - 0.01
     >>> env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", reward=progress)
     >>> observation, info = env.reset(seed=0)
     >>> before = np.linalg.norm(observation["goal"] - info["base_position"])
@@ -110,15 +110,15 @@ REWARD = Reader(_read_reward)
 """Kind of a reward, given as itself, by name, or as plain data (`to_dict`)."""
 
 
-class TaskReward(NamedTuple):
+class TotalReward(NamedTuple):
     """The whole reward: that of a step, a bonus for success, and potential-based shaping.
 
     Shaping adds `discount * phi(after) - phi(before)`, where `phi` is minus the distance to the
     goal [m], and 0 in the goal region (Ng, Harada and Russell, 1999).
     """
 
-    reward: Reward
-    """Reward of a step."""
+    step_reward: Reward
+    """Reward of a step alone, as the argument `reward` of the environment."""
     success_bonus: float
     """Number that is added when the goal is reached."""
     shaping: bool
@@ -130,9 +130,12 @@ class TaskReward(NamedTuple):
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""
-        total: Any = self.reward(outcome) + self.success_bonus * outcome.success
+        total: Any = self.step_reward(outcome) + self.success_bonus * outcome.success
         if self.shaping:
-            before, after = self._potential(outcome.before), self._potential(outcome.after)
+            before, after = (
+                self._potential(outcome.distance_before),
+                self._potential(outcome.distance_after),
+            )
             total = total + (self.discount * after - before)
         found: float | Array = total
         return found

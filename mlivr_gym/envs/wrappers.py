@@ -27,6 +27,10 @@ def _read_env(value: Any, path: FieldPath) -> Any:
     return value
 
 
+WRAPPED_ENV = Reader(_read_env)
+"""Kind of an environment that is a `MlivrEnv`, possibly inside wrappers."""
+
+
 class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
     """Gymnasium's `RecordVideo` with films that show the robot moving from stance to stance.
 
@@ -44,7 +48,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
     @checked(
         {
-            "env": Reader(_read_env),
+            "env": WRAPPED_ENV,
             "video_folder": FileName(),
             "episode_trigger": OrNone(Function()),
             "step_trigger": OrNone(Function()),
@@ -106,7 +110,7 @@ class ActionMaskObservation(
     True
     """
 
-    @checked({"env": Reader(_read_env)})
+    @checked({"env": WRAPPED_ENV})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         """Wrap a `MlivrEnv`.
 

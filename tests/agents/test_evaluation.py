@@ -1,23 +1,25 @@
 """What counts as a success: the goal was reached, and nothing else."""
 
+import gymnasium
 import numpy as np
 import pytest
 
 from mlivr_gym.agents import EvaluationTask, ExpertPolicy, RandomPolicy, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics
 
 
 class First:
-    """The first action that the mask allows, or forbids."""
+    """The first action that is valid, or invalid."""
 
-    def __init__(self, possible=True):
-        self.possible = possible
+    def __init__(self, valid=True):
+        self.valid = valid
 
     def act(self, env, observation, mask):
-        return int(np.flatnonzero(mask == self.possible)[0])
+        return int(np.flatnonzero(mask == self.valid)[0])
 
 
 @pytest.fixture(scope="module")
@@ -45,14 +47,37 @@ def test_an_episode_that_is_cut_off_is_no_success(env):
     assert (result.steps == 1).all()
 
 
-def test_an_action_that_is_not_possible_is_no_success(env):
+def test_an_invalid_action_is_no_success(env):
     executed = []
-    result = evaluate(env, First(possible=False), 5, execute=lambda *given: executed.append(given))
+    result = evaluate(env, First(valid=False), 5, execute=lambda *given: executed.append(given))
     assert not result.success.any()
     assert (result.steps == 1).all()
     assert not executed
     assert (result.base_translation == 0.0).all()
     assert np.isnan(result.executed).all()
+
+
+def test_an_environment_inside_wrappers_is_refused(small_map):
+    wrapped = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False)
+    with pytest.raises(SettingError, match=r"env is <.*; it must be a MlivrEnv"):
+        evaluate(wrapped, RandomPolicy(0), 1)
+
+
+def test_points_are_free_again_after_an_error(env):
+    """The policy raises while the task occupies a point."""
+
+    class Faulty:
+        def act(self, env, observation, mask):
+            assert env.graph.occupied == {7}
+            raise ZeroDivisionError
+
+    env.reset(seed=0)
+    start, point = env.graph.ids(env.state.stance), env.graph.grasp_map.ids[7]
+    goal = tuple(env.goal.tolist())
+    assert point not in start
+    with pytest.raises(ZeroDivisionError):
+        evaluate(env, Faulty(), [EvaluationTask(start, goal, (point,))])
+    assert not env.graph.occupied
 
 
 def test_a_simulated_step_that_fails_is_no_success(small_map):

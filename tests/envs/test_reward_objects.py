@@ -18,7 +18,7 @@ class Toll:
     """Uses every figure of the outcome, with weights that tell them apart."""
 
     def __call__(self, outcome):
-        progress = outcome.before - outcome.after
+        progress = outcome.distance_before - outcome.distance_after
         toll = np.where(outcome.valid, 0.25, 4.0)
         return 3.0 * progress - outcome.displacement - toll + 7.0 * outcome.success
 
@@ -84,9 +84,9 @@ def test_the_outcome_says_what_the_step_did(small_map):
         assert outcome.valid is valid
         assert outcome.displacement == pytest.approx(moved)
         assert outcome.max_displacement == single.graph.max_displacement
-        assert outcome.before == pytest.approx(there)
+        assert outcome.distance_before == pytest.approx(there)
         there = np.linalg.norm(after["base_position"] - single.goal)
-        assert outcome.after == pytest.approx(there)
+        assert outcome.distance_after == pytest.approx(there)
         assert outcome.success == after["is_success"]
 
 
@@ -133,4 +133,4 @@ def test_copies_and_specs_keep_the_reward(small_map, given):
         env.reset(seed=2)
         rewards.append(env.step(int(np.flatnonzero(env.action_masks())[-1]))[1])
     assert rewards[0] == rewards[1] == rewards[2] != -1.0
-    assert type(again.unwrapped.reward.reward) is type(made.unwrapped.reward.reward)
+    assert type(again.unwrapped.reward.step_reward) is type(made.unwrapped.reward.step_reward)

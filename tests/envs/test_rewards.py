@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TaskReward
+from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TotalReward
 from mlivr_gym.planners import Planner
 
 
@@ -43,7 +43,7 @@ def test_shaping_keeps_the_discounted_return_but_for_the_start(small_map, plan, 
 
 def test_the_edge_of_the_goal_region_belongs_to_it():
     """Exact numbers: at the tolerance the potential is 0, a little farther minus the distance."""
-    reward = TaskReward(BaseReward(), 5.0, True, 0.9, 0.25)
+    reward = TotalReward(BaseReward(), 5.0, True, 0.9, 0.25)
 
     def paid(before, after, success):
         return reward(StepOutcome(0.5, before, after, success, True, 9.0))
