@@ -39,6 +39,7 @@ from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
 from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import WalkTasks, draw_task
+from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.stances.step_tables import StepTables, without_points
 
@@ -151,10 +152,9 @@ class Imitation:
         self._held_out = np.zeros((0, 3)) if held_out is None else held_out
         self.data: list[Samples] = []
         self._lookahead: list[NDArray[np.float32]] = []
-        self._optimizer = torch.optim.Adam(
-            actor_critic.parameters(), lr=hyperparameters.learning_rate
-        )
-        self._average = [parameter.detach().clone() for parameter in actor_critic.parameters()]
+        parameters = list(actor_critic.parameters())
+        self._optimizer = torch.optim.Adam(parameters, lr=hyperparameters.learning_rate)
+        self._average = [parameter.detach().clone() for parameter in parameters]
         self._streams = self.rng.integers(2**63, size=hyperparameters.goals).astype(np.uint64)
 
     def run(self, progress: Callable[[int, int, dict[str, float]], None] | None = None) -> None:
@@ -172,12 +172,11 @@ class Imitation:
         Raises
         ------
         MlivrError
-            If the reward is an object of the user, or its task generator finds no task.
+            If the reward is an object of the user, no task is found, or no goal can be reached.
         """
         given = self.hyperparameters
         for k in range(given.rounds):
-            began, success = time.perf_counter(), []
-            by_expert = k == 0 or not given.dagger
+            began, success, by_expert = time.perf_counter(), [], k == 0 or not given.dagger
             for layout in range(given.layouts):
                 samples, reached = self.gather(self._layout(layout), by_expert)
                 self.data.append(samples)
@@ -187,6 +186,10 @@ class Imitation:
                 "rollout_success": float(np.mean(success)),
                 "states": float(sum(len(samples.stances) for samples in self.data)),
             }
+            if not figures["states"]:
+                raise StanceError(
+                    "imitation has no state to learn from: no walk leads to a goal of the tasks"
+                )
             self._learn(k, figures, progress)
         with torch.no_grad():
             parameters = self.actor_critic.parameters()
@@ -263,9 +266,8 @@ class Imitation:
                 stream = Stream(int(self._streams[k]))
                 goals[k] = draw_task(env.tasks, env.graph, stream, tolerance).goal
                 self._streams[k] = stream.state
-        if not len(self._held_out):
-            return goals
-        away = np.linalg.norm(goals[:, None] - self._held_out, axis=2).min(axis=1)
+        apart = np.linalg.norm(goals[:, None] - self._held_out, axis=2)
+        away = apart.min(axis=1, initial=np.inf)
         allowed: Array = goals[away > MIN_GOAL_DISTANCE]
         return allowed
 
@@ -365,9 +367,8 @@ class Imitation:
             chosen = self.rng.integers(len(data.stances), size=given.batch)
             batch = Samples(*(column[chosen] for column in data))
             observation, valid = self.observe(batch)
-            optimal = torch.as_tensor(
-                np.unpackbits(batch.optimal, axis=1, count=2 * self.m).astype(bool)
-            )
+            bits = np.unpackbits(batch.optimal, axis=1, count=2 * self.m)
+            optimal = torch.as_tensor(bits.view(np.bool_))
             logits, value = logits_and_value(self.actor_critic, observation)
             loss = optimal_set_loss(logits, valid, optimal)
             cost = torch.as_tensor(batch.cost)
@@ -386,10 +387,9 @@ class Imitation:
                     self._average, self.actor_critic.parameters(), strict=True
                 ):
                     average.lerp_(parameter, 1.0 - decay)
+            losses = {"loss": loss.item(), "value_error": error.item()}
             if progress is not None:
-                progress(
-                    done + 1, total, figures | {"loss": loss.item(), "value_error": error.item()}
-                )
+                progress(done + 1, total, figures | losses)
 
 
 def _no_samples(m: int) -> Samples:

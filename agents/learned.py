@@ -193,6 +193,11 @@ def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> 
     config
         Configuration of the training. Loading needs `network`, `sizes` and the result of
         `made_for`; format, number of the graph's rules and checksum are added here.
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
     """
     buffer = io.BytesIO()
     torch.save(actor_critic.state_dict(), buffer)

@@ -44,6 +44,11 @@ def make_actor_critic(
         Further arguments of the class, such as widths of layers.
     learning_rate
         Learning rate of its optimiser; imitation has an optimiser of its own.
+
+    Raises
+    ------
+    SettingError
+        If the network's name is unknown.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
     return actor_critic_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)

@@ -1,7 +1,7 @@
 """The pointer policy: one network for every point and limb, whatever their number and order.
 
-A DeepSets encoder (Zaheer et al., 2017) encodes the points that may be grasped and pools them into
-a summary. A pointer head (Vinyals et al., 2015) then computes the logit of each valid action from
+A DeepSets encoder (Zaheer et al., 2017) pools the points that may be grasped into a summary. A
+pointer head (Vinyals et al., 2015) then computes the logit of each valid action from
 the point to which it leads, the displacement of the base, the goal, the points held and that
 summary.
 """

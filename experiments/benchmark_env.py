@@ -62,7 +62,7 @@ def single(env: gymnasium.Env[Any, Any], seconds: float, masked: bool, seed: int
 
 
 def vector(env: Any, seconds: float, seed: int) -> float:
-    """Return the steps per second of all copies of a vector environment."""
+    """Return the steps per second of all sub-environments of a vector environment."""
     rng = np.random.default_rng(seed)
     spent, steps = 0.0, 0
     _, info = env.reset(seed=seed)
@@ -112,10 +112,12 @@ def measure(seconds: float) -> list[dict[str, Any]]:
     for count in (256, 1024):
         copies = gymnasium.make_vec(ID, num_envs=count)
         run = partial(vector, copies, seconds)
-        rows.append(best(f"{ID}, native vector, {count} copies", settings_of(native=True), run))
+        rows.append(
+            best(f"{ID}, native vector, {count} sub-environments", settings_of(native=True), run)
+        )
     sync = gymnasium.make_vec(ID, num_envs=4, vectorization_mode="sync")
     run = partial(vector, sync, seconds)
-    rows.append(best(f"{ID}, SyncVectorEnv, 4 copies", settings_of(), run))
+    rows.append(best(f"{ID}, SyncVectorEnv, 4 sub-environments", settings_of(), run))
     for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
         env = gymnasium.make(name, **plain)
         rows.append(best(name, "", partial(single, env, seconds, name == "Taxi-v4")))

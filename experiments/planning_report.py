@@ -22,7 +22,7 @@ BEFORE = {
     "compiled": "41.4",
     "again": "1.74",
     "one environment": "45,900 (all steps known)",
-    "copies": "730,000 (1024 copies)",
+    "copies": "730,000 (1024 sub-environments)",
 }
 """Speed of version 0.1.0 as published by its benchmarks, in `results/` of commit 2f4e2068; steps
 per second of commit 3fb4419c. Measured on two cores of an AMD EPYC, Python 3.11.7, Numba 0.68.1."""

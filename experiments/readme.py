@@ -136,7 +136,7 @@ def policies(data: dict[str, Any]) -> str:
 
 STEPS = {
     "one environment": ("MLIVR-JEM-v0", {}),
-    "copies": ("MLIVR-JEM-v0, native vector, 256 copies", {"native": True}),
+    "copies": ("MLIVR-JEM-v0, native vector, 256 sub-environments", {"native": True}),
 }
 """Environments whose speed the README shows, with arguments of `benchmark_env.settings_of`."""
 

@@ -12,6 +12,7 @@ from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import logits_and_value, make_actor_critic
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import Task
+from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
@@ -183,3 +184,17 @@ def test_the_value_learns_the_discounted_return(env, short, discount):
     returns = {n: -sum(discount**k for k in range(n)) for n in range(1, 30)}
     squares = [returns[int(n)] ** 2 for n in imitation.data[0].cost]
     assert found[0] == pytest.approx(np.mean(squares), rel=0.1)
+
+
+def test_goals_that_are_all_held_out_leave_nothing_to_learn(env, small_map, short):
+    goal = env.graph.base_position[0]
+
+    class OneGoal:
+        def draw(self, graph, rng, tolerance, start=None):
+            return Task(graph.state((0, 1)) if start is None else start, goal)
+
+    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal())
+    given = ImitationHyperparameters(**short)
+    network = make_actor_critic(own, "mlp", {})
+    with pytest.raises(StanceError, match="imitation has no state to learn from"):
+        Imitation(own, network, True, given, 0, goal[None]).run()
