@@ -168,13 +168,13 @@ def query_arguments() -> argparse.ArgumentParser:
     option(
         parser,
         "--inflation E",
-        "accept a plan that is proved to cost at most E times the minimum (default: 1 for two "
-        "limbs; for more the first plan is accepted, and the proved factor is printed)",
+        "suboptimality bound: accept a plan that is proved to cost at most E times the minimum "
+        "(default: 1 for two limbs; for more any plan, and the proved bound is printed)",
         type=float,
     )
-    text = "search and improve the plan for at most S seconds; for three or more limbs"
+    text = "search for a plan, and improve it, for at most S seconds"
     option(parser, "--time-limit S", text, type=float)
-    option(parser, "--limit LIMIT", "maximum number of states explored", 200_000)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000)
     return parser
 
 

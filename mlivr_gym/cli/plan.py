@@ -141,7 +141,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
     if cost == "time":
         cost, price = fastest_cost(planner, start, goal, args)
-    with Progress("states explored", quiet=args.quiet) as progress:
+    with Progress("states expanded", quiet=args.quiet) as progress:
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
@@ -167,7 +167,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             f"cost {plan.statistics.cost:.3f}, proved to be at most {bound:.2f} times the minimum"
         )
     print(
-        f"{plan.statistics.expanded} states explored, {plan.statistics.generated} generated, "
+        f"{plan.statistics.expanded} states expanded, {plan.statistics.generated} generated, "
         f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "
         "for the query"
     )

@@ -88,7 +88,7 @@ def plan_figure(
         title or "Plan",
         f"{len(plan.steps)} steps, base translation {plan.base_translation:.2f} m, "
         f"minimum $w_m$ {plan.w_m_min:.3f}, minimum $w_b$ {plan.w_b_min:.4f}, "
-        f"{plan.statistics.expanded} states explored{count}",
+        f"{plan.statistics.expanded} states expanded{count}",
     )
     add_legend(figure)
     save_figure(figure, path)

@@ -81,7 +81,7 @@ class LivePlan:
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     expanded
-        Number of states explored.
+        Number of states expanded.
     seconds
         Computing time of the query [s].
     """

@@ -13,7 +13,7 @@ def summary(live: LivePlan, cause: str | None = None) -> str:
     query = f"{' '.join(live.query.start)} → ({x:.2f}, {y:.2f}, {z:.2f}), {live.query.cost} cost"
     seconds = live.seconds
     time = f"{1e3 * seconds:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
-    spent = f"{live.expanded} states explored, {time}"
+    spent = f"{live.expanded} states expanded, {time}"
     if live.plan is None:
         explanation = "*searching for the cause ...*" if cause is None else cause
         return f"**No plan:** {live.message}.\n\n{explanation}\n\n{query}  \n{spent}"

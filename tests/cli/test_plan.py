@@ -39,7 +39,7 @@ def test_plan_writes_plan_and_picture(run, tmp_path, jem):
 def test_plan_variants(run, extra):
     code, out, _ = run("plan", *extra)
     assert code == 0
-    assert "states explored" in out
+    assert "states expanded" in out
 
 
 def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path, ladder_file):
