@@ -5,7 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from arms import NEAR, angles_nearby, flanges_in_mount, frames, path_near, random_posture
+from arms import (
+    NEAR,
+    angles_nearby,
+    flanges_in_mount,
+    frames,
+    jacobian,
+    path_near,
+    random_posture,
+)
 from branches import angles_on, arm_of
 from compiled import called
 from held_paths import GRIP, TOOL
@@ -125,9 +133,11 @@ def test_joints_turn_no_farther_wherever_wrist_and_axis_go_and_nearly_as_far(lim
         if not called(held_turns)(arm_of(limb), q, FlangeMotion(*change, change[1]), most):
             continue
         found = np.array(angles_nearby(limb, q, change, rng), dtype=np.float64)
+        # Rounding of a pose, magnified where the arm is nearly singular.
+        noise = 1e-12 + 1e-15 * np.linalg.norm(np.linalg.inv(jacobian(limb, q)))
         for one, off in scalars(limb, np.angle(np.exp(1j * (found - q)))).items():
             angle = np.abs(off).max()
-            assert angle <= most[one] + 1e-12, one
+            assert angle <= most[one] + noise, one
             if angle > 1e-9:
                 loose[one].append(most[one] / angle)
     assert min(map(len, loose.values())) > 25

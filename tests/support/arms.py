@@ -47,8 +47,10 @@ def turned(a, b):
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi).max()
 
 
-NEAR = {name: limb for name, limb in ARMS.items() if name != "station"} | {
-    "mirrored": Limb(d4=-0.1333, d5=-0.0997)
+NEAR = {
+    **{name: limb for name, limb in ARMS.items() if name != "station"},
+    "mirrored": Limb(d4=-0.1333, d5=-0.0997),
+    **wrist_arms.OTHERS,
 }
 """Arms of the size of the robot of `held_paths`."""
 
@@ -59,6 +61,8 @@ def path_near(limb, seed, kind=STRAIGHT):
     for place in ends[::2] if limb.family_code != UR else ():
         place *= 0.5 if limb == ARMS["six"] else 1.0
         place += [-0.1, 0.0, -0.2] if limb == ARMS["six"] else [-0.3, 0.0, 0.05]
+        # The shoulder of some is the base.
+        place += [0.36, 0.0, 0.0] if limb.lengths[0] == 0.0 else [0.0, 0.0, 0.0]
     return path_between(ends, kind, GRIP)
 
 
@@ -73,9 +77,10 @@ def random_posture(limb, rng, k):
     """Joint angles, often near a stretched or folded elbow."""
     q = rng.uniform(-np.pi, np.pi, 6)
     if k % 3:
-        bend = 0.0 if limb.family_code == UR else np.arctan2(limb.a3, limb.d4)
-        if limb.family_code != UR and limb.b2:
-            bend -= np.arctan2(limb.lengths[4], limb.lengths[3])
+        bend = 0.0
+        if limb.family_code != UR:
+            _, _, _, a2, b2, a3, d4, *_ = limb.lengths
+            bend = np.arctan2(a3, d4) - np.arctan2(b2, a2)
         q[2] = bend + np.pi * (k % 3 - 1) + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6)
     return q
 
