@@ -90,6 +90,11 @@ class Settings:
         Whether stances and steps must keep the clearance.
     clearance
         Minimum distance between any two shapes that are compared [m].
+
+    Examples
+    --------
+    >>> Settings(clearance=0.03).limb_threshold
+    0.1
     """
 
     manipulability: bool = True

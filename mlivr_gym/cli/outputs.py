@@ -86,21 +86,21 @@ def check_outputs(
         path = Path(file)
         try:
             _check(path, Path(folder) if folder is not None else None)
-            place = path.resolve()
+            resolved = path.resolve()
             if path.exists():
                 replaced.append(str(path))
         except (OSError, ValueError) as error:  # a ValueError for a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {_reason(error)}") from None
-        if place in inputs:
+        if resolved in inputs:
             raise FileError(
-                f"cannot write {str(file)!r}: it is the file of {inputs[place]}, which would be "
+                f"cannot write {str(file)!r}: it is the file of {inputs[resolved]}, which would be "
                 "replaced; give the output another name"
             )
-        if place in seen:
+        if resolved in seen:
             raise FileError(
                 f"cannot write {str(file)!r}: two outputs have this name; give each its own"
             )
-        seen.add(place)
+        seen.add(resolved)
     if replaced:
         more = len(replaced) - MAX_NAMED
         names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")

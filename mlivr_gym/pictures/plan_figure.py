@@ -69,6 +69,14 @@ def plan_figure(
     ------
     FileError
         If a file cannot be written.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> plan_figure(graph.grasp_map, plan, "plan.png")
     """
     figure, axes, flats = map_views(grasp_map)
     explored = np.zeros((0, 2, 3)) if tree is None else tree

@@ -32,8 +32,8 @@ def is_symmetric_after_relabelling(limbs: int) -> bool:
 def relabelled(values: NDArray[Any], relabellings: NDArray[Any]) -> NDArray[Any]:
     """Return values of the limbs after relabellings, shape (k, N, ...) and (k,) -> (k, N, ...)."""
     limbs = np.arange(values.shape[1])
-    places = (limbs + relabellings[:, None]) % len(limbs)
-    taken: NDArray[Any] = values[np.arange(len(values))[:, None], places]
+    sources = (limbs + relabellings[:, None]) % len(limbs)
+    taken: NDArray[Any] = values[np.arange(len(values))[:, None], sources]
     return taken
 
 

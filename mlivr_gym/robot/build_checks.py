@@ -12,9 +12,9 @@ from mlivr_gym.robot.derived import DerivedFigures
 def check_build(robot: DerivedFigures) -> None:
     """Refuse a body on which the limbs cannot move."""
     half = 0.5 * robot.body_edges
-    limbs, places, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
+    limbs, positions, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
     shoulders = [
-        p + limb.lengths[0] * turn[:, 2] for limb, p, turn in zip(limbs, places, turns, strict=True)
+        p + limb.lengths[0] * turn[:, 2] for limb, p, turn in zip(limbs, positions, turns, strict=True)
     ]
     for i, shoulder in enumerate(shoulders):
         inside = float((half - np.abs(shoulder)).min())
@@ -56,9 +56,9 @@ def _check_pair(
 
 def _fixed_shapes(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]:
     """Return axes and radii of the capsules of a limb that are fixed to the body."""
-    turn, place = robot.mount_rotations[limb], robot.mount_positions[limb]
+    turn, position = robot.mount_rotations[limb], robot.mount_positions[limb]
     return [
-        (place + np.array([shape.start, shape.end]) @ turn.T, shape.radius)
+        (position + np.array([shape.start, shape.end]) @ turn.T, shape.radius)
         for shape in robot.mounted[limb].capsules or ()
         if shape.link == "base"
     ]

@@ -26,6 +26,11 @@ class Capsule:
         The other end [m].
     radius
         Radius [m].
+
+    Examples
+    --------
+    >>> Capsule("forearm", (0.0, 0.0, 0.0), (0.2, 0.0, 0.0), 0.05).radius
+    0.05
     """
 
     link: str

@@ -161,8 +161,8 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
     none = np.zeros(3)
     body = RigidBody(robot.body_mass, robot.body_centre, robot.body_inertia or _box_inertia(robot))
     yield WrittenLink("base", "", none, np.eye(3), body, (), None)
-    places = zip(robot.mount_positions, robot.mount_rotations, strict=True)
-    for i, (position, rotation) in enumerate(places):
+    mounts = zip(robot.mount_positions, robot.mount_rotations, strict=True)
+    for i, (position, rotation) in enumerate(mounts):
         dynamics, limb = robot.dynamics_of(i), robot.every_limb[i]
         parts = {
             name: tuple(c for c in robot.mounted[i].capsules or () if c.link == name)

@@ -150,19 +150,19 @@ def _with_held_joint(file: Description, arm: FileArm, name: str | None, angle: f
                 f"held_joint is {name!r}; of an arm with {len(joints)} joints none is held"
             )
         return arm
-    place = HELD_JOINT - 1 if name is None else joints.index(name)
-    figures = file.joints[arm.joints[place]]
+    index = HELD_JOINT - 1 if name is None else joints.index(name)
+    figures = file.joints[arm.joints[index]]
     low, high = figures.limits or (-np.pi, np.pi)
     if not low <= angle <= high:
         raise RobotError(
             f"held_angle is {angle:g} rad; joint {figures.name!r} turns from {low:g} to "
             f"{high:g} rad"
         )
-    file.data.qpos[file.model.jnt_qposadr[arm.joints[place]]] = angle
+    file.data.qpos[file.model.jnt_qposadr[arm.joints[index]]] = angle
     return arm._replace(
-        joints=(*arm.joints[:place], *arm.joints[place + 1 :]),
-        links=(*arm.links[:place], *arm.links[place + 1 :]),
-        held=(arm.joints[place], HeldJoint(place, angle, (low, high))),
+        joints=(*arm.joints[:index], *arm.joints[index + 1 :]),
+        links=(*arm.links[:index], *arm.links[index + 1 :]),
+        held=(arm.joints[index], HeldJoint(index, angle, (low, high))),
     )
 
 
@@ -181,7 +181,7 @@ def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
     joints, held = list(arm.joints), None
     if arm.held is not None:
         joint, held = arm.held
-        joints.insert(held.place, joint)
+        joints.insert(held.index, joint)
     parent = int(file.model.body_parentid[file.model.jnt_bodyid[joints[0]]])
     return JointChain(
         tuple(file.joints[joint].name for joint in joints),

@@ -19,7 +19,7 @@ from mlivr_gym.robot.rigid import RigidBody, joined
 from mlivr_gym.values import Triple
 
 EVEN = 1e-6
-"""Largest deviation of axes and places [m] that counts as mounted at equal angles."""
+"""Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
 
 
 class FileBody(NamedTuple):
@@ -110,10 +110,10 @@ def _even_frame(
     """Return the frame in which limbs are mounted evenly round z, their radius and their order."""
     count = len(limbs)
     outward = np.array([limb.mount[:3, 2] for limb in limbs])
-    places = np.array([limb.mount[:3, 3] for limb in limbs])
-    centre = places.mean(axis=0)
-    radius = float(((places - centre) * outward).sum(axis=1).mean())
-    if radius < 0.0 or np.abs(places - centre - radius * outward).max() > EVEN:
+    positions = np.array([limb.mount[:3, 3] for limb in limbs])
+    centre = positions.mean(axis=0)
+    radius = float(((positions - centre) * outward).sum(axis=1).mean())
+    if radius < 0.0 or np.abs(positions - centre - radius * outward).max() > EVEN:
         return None
     for z in axes.T[::-1]:
         if np.abs(outward @ z).max() > EVEN:

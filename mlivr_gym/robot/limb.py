@@ -180,6 +180,11 @@ class Limb(LimbBase):
     """A six-joint arm of the UR family, standard DH convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`.
 
     The default lengths [m] are the UR5e's, published by the manufacturer.
+
+    Examples
+    --------
+    >>> Limb().lengths.tolist()
+    [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     """
 
     d1: float = 0.1625

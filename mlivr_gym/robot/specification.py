@@ -129,6 +129,12 @@ class RobotSpec(DerivedFigures):
         of a homogeneous box.
     source
         Where the figures come from, for readers.
+
+    Examples
+    --------
+    >>> robot = RobotSpec(limbs=3)
+    >>> robot.mount_positions.shape, robot.torque_limits.shape
+    ((3, 3), (3, 6))
     """
 
     name: str = "robot"
@@ -369,6 +375,11 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLAC
     ------
     RobotError
         If the name is unknown and no such file exists, or the description is faulty.
+
+    Examples
+    --------
+    >>> robot_spec("mlivr3").limbs
+    3
     """
     if isinstance(robot, RobotSpec):
         return robot

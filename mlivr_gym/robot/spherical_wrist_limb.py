@@ -100,6 +100,11 @@ class SphericalWristLimb(LimbBase):
     window_starts
         Where the turn begins in which each of the six joints stays while the limb holds [rad], see
         `windows`.
+
+    Examples
+    --------
+    >>> SphericalWristLimb(held_angle=0.7).windows.shape
+    (6, 2)
     """
 
     family: str = FAMILIES[1]

@@ -64,6 +64,15 @@ def exported_model(
         If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     SimulationError
         If a gripper is not at its point in this configuration.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> graph, stance = stance_graph(), ("D2a:4", "D2b:4")
+    >>> configuration = graph.configuration(graph.state(stance))
+    >>> model = exported_model(graph.grasp_map, graph.robot, configuration, stance)
+    >>> model.splitlines()[0]
+    '<mujoco model="jem-mlivr2-dynamics">'
     """
     physics = Physics()
     simulation = Simulation(grasp_map, robot, physics, obstacles)

@@ -127,7 +127,7 @@ class Simulation:
     def reset(
         self, position: Array, quaternion: Array, joints: Array, points: Sequence[int]
     ) -> None:
-        """Put the robot at rest into a stance, whose points move to their places in the map.
+        """Put the robot at rest into a stance, whose points move to their positions in the map.
 
         Parameters
         ----------

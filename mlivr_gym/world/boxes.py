@@ -53,6 +53,11 @@ class Box:
         Rows of the rotation from the box's axes to the world's.
     face
         Cabin face that it belongs to, for pictures.
+
+    Examples
+    --------
+    >>> Box.between("bag", "obstacle", (3.0, -0.5, -1.0), (4.0, 0.5, 0.0)).centre
+    (3.5, 0.0, -0.5)
     """
 
     id: str

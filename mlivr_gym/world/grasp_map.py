@@ -87,6 +87,13 @@ class GraspMap:
         Handrails.
     boxes
         Structure around the points: tracks, handrails, racks and walls.
+
+    Examples
+    --------
+    >>> grasp_map = jem_map()
+    >>> k = grasp_map.index("D2a:4")
+    >>> len(grasp_map), grasp_map.faces[k], grasp_map.positions.shape
+    (331, 'deck', (331, 3))
     """
 
     ids: tuple[str, ...]
@@ -358,6 +365,11 @@ def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
     ------
     MlivrError
         If the name is unknown, the file or the data are faulty, or it is nothing of these.
+
+    Examples
+    --------
+    >>> as_map("uslab").name
+    'uslab'
     """
     if given is None:
         return jem_map()
