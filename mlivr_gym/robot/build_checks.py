@@ -14,7 +14,8 @@ def check_build(robot: DerivedFigures) -> None:
     half = 0.5 * robot.body_edges
     limbs, positions, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
     shoulders = [
-        p + limb.lengths[0] * turn[:, 2] for limb, p, turn in zip(limbs, positions, turns, strict=True)
+        p + limb.lengths[0] * turn[:, 2]
+        for limb, p, turn in zip(limbs, positions, turns, strict=True)
     ]
     for i, shoulder in enumerate(shoulders):
         inside = float((half - np.abs(shoulder)).min())

@@ -181,7 +181,7 @@ def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
     joints, held = list(arm.joints), None
     if arm.held is not None:
         joint, held = arm.held
-        joints.insert(held.index, joint)
+        joints.insert(held.joint, joint)
     parent = int(file.model.body_parentid[file.model.jnt_bodyid[joints[0]]])
     return JointChain(
         tuple(file.joints[joint].name for joint in joints),

@@ -25,8 +25,8 @@ DECIMALS = 9
 class HeldJoint(NamedTuple):
     """A joint of a seven-joint arm that is held."""
 
-    index: int
-    """Its index in the chain."""
+    joint: int
+    """Index of the joint in the chain."""
     angle: float
     """The angle at which it is held, in the terms of the file [rad]."""
     limits: tuple[float, float]
@@ -54,7 +54,7 @@ class JointChain(NamedTuple):
         """The joints that move alone."""
         if self.held is None:
             return self
-        k = self.held.index
+        k = self.held.joint
         names = (*self.names[:k], *self.names[k + 1 :])
         axes, anchors = (np.delete(rows, k, axis=0) for rows in (self.axes, self.anchors))
         return JointChain(names, axes, anchors, self.base, self.flange, None)

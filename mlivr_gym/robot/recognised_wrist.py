@@ -47,9 +47,9 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     file; a file whose zero angles are those of the family keeps its signs.
     """
     elbow = len(chain.names) - 4
-    if chain.held is not None and chain.held.index >= HELD_JOINT:
+    if chain.held is not None and chain.held.joint >= HELD_JOINT:
         names = ", ".join(repr(name) for name in chain.names[:HELD_JOINT])
-        return f"joint {chain.names[chain.held.index]!r} is held, which is none of {names}"
+        return f"joint {chain.names[chain.held.joint]!r} is held, which is none of {names}"
     reason = _wrist_fault(chain, elbow) or _shoulder_fault(chain, elbow)
     if reason:
         return reason
@@ -173,7 +173,7 @@ class ArmInFamily(NamedTuple):
         """Return the angles where those of the file are 0 [rad]."""
         zeros = self.angles.copy()
         if chain.held is not None:
-            zeros[chain.held.index] -= signs[chain.held.index] * chain.held.angle
+            zeros[chain.held.joint] -= signs[chain.held.joint] * chain.held.angle
         return zeros
 
 
@@ -216,7 +216,7 @@ def _posture(chain: JointChain, points: Points, signs: Array) -> ArmInFamily:
         lengths["b2"] = upper @ rolled
     else:
         lengths |= {"a1": (points.shoulder - points.foot) @ first, "d2": upper @ second}
-    if chain.held is not None and chain.held.index == 0:
+    if chain.held is not None and chain.held.joint == 0:
         # The axes of the mount are those where joint 1 is at 0.
         angles[0] = signs[0] * chain.held.angle
         c, s = np.cos(angles[0]), np.sin(angles[0])
@@ -237,7 +237,7 @@ def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm
         fields |= {"held_joint": HELD_JOINT, "held_angle": rounded(seen.held)}
         limits = (-np.pi, np.pi)
         return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount, limits)
-    k = chain.held.index
+    k = chain.held.joint
     zero = seen.zeros(chain, signs)[k]
     low, high = sorted(float(signs[k] * end + zero) for end in chain.held.limits)
     turns = float(2.0 * np.pi * np.round(0.5 * (low + high) / (2.0 * np.pi)))

@@ -48,7 +48,7 @@ def recognised(chain: JointChain) -> RecognisedArm:
     axes = ", ".join(
         f"{name} {told(axis)}" for name, axis in zip(chain.names, chain.axes, strict=True)
     )
-    held = "" if chain.held is None else f" with joint {chain.names[chain.held.index]!r} held"
+    held = "" if chain.held is None else f" with joint {chain.names[chain.held.joint]!r} held"
     raise RobotError(
         f"the arm of joints {chain.names[0]!r} to {chain.names[-1]!r}{held} is of no supported "
         f"family ({'; '.join(reasons)}); axes of its joints: {axes}"
