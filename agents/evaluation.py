@@ -39,7 +39,7 @@ class Evaluation:
     success
         Whether the goal was reached, shape (k,).
     steps
-        Number of steps, shape (k,).
+        Number of actions, shape (k,).
     base_translation
         Sum of base displacements [m], shape (k,).
     first_decision
@@ -91,7 +91,7 @@ def evaluate(
     seed
         Seed of the first episode.
     max_steps
-        Number of steps after which an episode counts as failed. An episode also fails when the
+        Number of actions after which an episode counts as failed. An episode also fails when the
         policy takes an invalid action, which it would only repeat, or when a simulated step
         fails.
     progress

@@ -267,7 +267,7 @@ def action_lookahead(env: MlivrEnv, state: State, steps: Successors, of_points: 
 
 
 class TableFeatures:
-    """Computes the features of many states of one map from exact tables."""
+    """Function that computes the features of many states of one map from exact tables."""
 
     def __init__(self, env: MlivrEnv) -> None:
         """Take the map, the base rotations and the risks of an environment with two limbs."""

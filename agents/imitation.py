@@ -124,8 +124,7 @@ class Imitation:
         ----------
         env
             The environment, with two limbs and the reward `"steps"` or `"base"`. Its `tasks` draw
-            the goals. Starts are all states from which a goal can be reached, with equal
-            probability.
+            the goals. Starts are drawn among all stances from which the goal can be reached.
         actor_critic
             The actor-critic, which is changed in place.
         plain_observation

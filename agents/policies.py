@@ -23,7 +23,11 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 class Policy(Protocol):
-    """Interface of a policy, which chooses actions in a `MlivrEnv`."""
+    """Interface of a policy, which chooses actions in a `MlivrEnv`.
+
+    What stable-baselines3 calls a policy is an actor-critic here, see `networks`; `LearnedPolicy`
+    makes a policy of it.
+    """
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take.
@@ -35,7 +39,13 @@ class Policy(Protocol):
         observation
             Its present observation.
         mask
-            Whether each action is valid, shape (N m,).
+            Whether each action is valid, shape (N m,). At least one is, unless points or obstacles
+            of the world have changed during the episode.
+
+        Returns
+        -------
+        int
+            The action, `limb * m + point`.
         """
         ...
 

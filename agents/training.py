@@ -170,7 +170,7 @@ class _TrainingRequest:
 
 
 class _TrainingReport:
-    """Reports the progress of a training to the caller and to TensorBoard.
+    """Reporter of the progress of a training to the caller and to TensorBoard.
 
     Attributes
     ----------

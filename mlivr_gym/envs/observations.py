@@ -64,7 +64,7 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
 
 
 class Observer:
-    """Makes the observations of one environment."""
+    """Source of the observations of one environment."""
 
     def __init__(self, graph: StanceGraph) -> None:
         """Start without a table of observations."""

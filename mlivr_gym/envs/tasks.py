@@ -71,6 +71,11 @@ class TaskGenerator(Protocol):
         start
             The start, or None to draw it.
 
+        Returns
+        -------
+        Task
+            The start, which is the given one if there is one, and the goal.
+
         Raises
         ------
         StanceError
@@ -80,7 +85,7 @@ class TaskGenerator(Protocol):
 
 @dataclass(frozen=True)
 class WalkTasks:
-    """Draws a start, and takes as goal the end of a walk towards a random graspable point.
+    """Task generator whose goal is the end of a walk from the start towards a random point.
 
     For two limbs the start is a stance of the graph, drawn by its index until a step leaves it;
     then a point is drawn by its index. Each of at most `MAX_WALK_STEPS` steps goes to the stance

@@ -30,7 +30,7 @@ Picture = NDArray[np.uint8]
 
 
 class EnvViewer:
-    """Renders the robot in its scene, which is built again only if the obstacles change.
+    """Renderer of the robot in its scene, which is built again only if the obstacles change.
 
     Attributes
     ----------
