@@ -15,18 +15,18 @@ from sb3_contrib.common.maskable.policies import MaskableMultiInputActorCriticPo
 from torch import Tensor
 
 from mlivr_gym.agents.features import point_space
-from mlivr_gym.agents.pointer import PointerPolicy
+from mlivr_gym.agents.pointer import PointerActorCritic
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import choice
 
 NETWORKS = ("pointer", "mlp")
-"""Names of the networks: `PointerPolicy`, or a multilayer perceptron on the plain observation."""
+"""Names of the networks: `PointerActorCritic`, or a perceptron on the plain observation."""
 
 
 def actor_critic_class(network: str) -> type[Any]:
     """Return the class of an actor-critic by the name of its network."""
     choice("network", network, NETWORKS)
-    return PointerPolicy if network == "pointer" else MaskableMultiInputActorCriticPolicy
+    return PointerActorCritic if network == "pointer" else MaskableMultiInputActorCriticPolicy
 
 
 def make_actor_critic(

@@ -1,9 +1,8 @@
-"""The pointer policy: one network for every point and limb, whatever their number and order.
+"""The pointer network: one network for every point and limb, whatever their number and order.
 
 A DeepSets encoder (Zaheer et al., 2017) pools the points that may be grasped into a summary. A
-pointer head (Vinyals et al., 2015) then computes the logit of each valid action from
-the point to which it leads, the displacement of the base, the goal, the points held and that
-summary.
+pointer head (Vinyals et al., 2015) then computes the logit of each valid action from the point to
+which it leads, the displacement of the base, the goal, the points held and that summary.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class PointerNetwork(nn.Module):
         self.of_action = nn.Linear(POINT_FEATURES + 9 + 3 * DEPTH, width)
         self.score = nn.Sequential(nn.ReLU(), *mlp([width, width, 1]))
         self.assess = mlp([4 * summary + GOAL_FEATURES + POINT_FEATURES + 3 * DEPTH, width, width])
-        # Before training the logits are almost equal, so that a new policy explores evenly.
+        # Before training the logits are almost equal, so that an untrained policy explores evenly.
         last = self.score[-1]
         assert isinstance(last, nn.Linear)
         nn.init.normal_(last.weight, std=0.01)
@@ -195,8 +194,8 @@ class _IdentityExtractor(BaseFeaturesExtractor):
         return observation
 
 
-class PointerPolicy(MaskableActorCriticPolicy):
-    """`PointerNetwork` as a policy for `MaskablePPO` of sb3-contrib, on `PointObservation`."""
+class PointerActorCritic(MaskableActorCriticPolicy):
+    """Actor-critic with a `PointerNetwork` for `MaskablePPO` of sb3-contrib."""
 
     def __init__(self, *args: Any, width: int = 96, summary: int = 32, **kwargs: Any) -> None:
         """Take the widths of the network and the arguments of `MaskableActorCriticPolicy`."""
@@ -207,7 +206,7 @@ class PointerPolicy(MaskableActorCriticPolicy):
         )
 
     def _get_constructor_parameters(self) -> dict[str, Any]:
-        """Return the arguments with which the policy can be built again."""
+        """Return the arguments with which the actor-critic can be built again."""
         return super()._get_constructor_parameters() | {
             "width": self.width,
             "summary": self.summary,
