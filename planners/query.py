@@ -37,7 +37,7 @@ MAX_EXPANSIONS = 10**30
 
 def _heuristic_name(name: object, at: FieldPath) -> str:
     """Return the name of a heuristic; the error of its former name has the new one."""
-    if name == "cost_to_go":
+    if isinstance(name, str) and name == "cost_to_go":
         raise at.fault("is 'cost_to_go', which is now called 'relaxed'")
     return Choice(HEURISTICS).read(name, at)
 
