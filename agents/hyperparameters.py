@@ -13,7 +13,17 @@ from typing import Any
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.files import load
-from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, Kind, ListOf, OrNone, Struct, Tuples
+from mlivr_gym.schema import (
+    FieldPath,
+    Fields,
+    Flag,
+    Integer,
+    ListOf,
+    OrNone,
+    Struct,
+    Tuples,
+    Validator,
+)
 
 METHODS = ("bc", "dagger", "ppo", "finetune")
 """Names of the training methods.
@@ -86,15 +96,15 @@ class ImitationHyperparameters:
 
 
 COUNT = Integer(1, 1 << 40)
-"""Kind of a number of steps, states or epochs."""
+"""Validator of a number of steps, states or epochs."""
 
 WIDTH = Integer(1, 1 << 14)
-"""Kind of the number of units of a layer."""
+"""Validator of the number of units of a layer."""
 
 SHARE = Tuples((), 0.0, 1.0)
-"""Kind of a number from 0 to 1."""
+"""Validator of a number from 0 to 1."""
 WEIGHT = Tuples((), 0.0)
-"""Kind of a number that is at least 0."""
+"""Validator of a number that is at least 0."""
 
 IMITATION = Struct(
     ImitationHyperparameters,
@@ -106,7 +116,7 @@ IMITATION = Struct(
         "dagger": Flag(),
     },
 )
-"""Kind of each field of `ImitationHyperparameters`."""
+"""Validator of each field of `ImitationHyperparameters`."""
 
 SIZES = Fields(
     {},
@@ -115,7 +125,7 @@ SIZES = Fields(
         "mlp": Fields({}, {"net_arch": ListOf(WIDTH, most=32)}),
     },
 )
-"""Kind of the sizes of each network."""
+"""Validator of the sizes of each network."""
 
 PPO = Fields(
     {},
@@ -135,15 +145,16 @@ PPO = Fields(
         "target_kl": OrNone(WEIGHT),
     },
 )
-"""Kind of each argument of `MaskablePPO` of sb3-contrib."""
+"""Validator of each argument of `MaskablePPO` of sb3-contrib."""
 
-METHOD_FIELDS: dict[str, Kind[Any]] = {
+METHOD_FIELDS: dict[str, Validator[Any]] = {
     "imitation": IMITATION.fields,
     "n_envs": Integer(1, 4096),
     "timesteps": COUNT,
     "ppo": PPO,
 }
-"""Kinds of the parts of a method: imitation, PPO in `n_envs` sub-environments, or both in order."""
+"""Validators of the parts of a method: imitation, PPO in `n_envs` sub-environments, or both in
+order."""
 
 
 def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str, Any]:
@@ -216,7 +227,7 @@ def load_hyperparameters(method: str, path: str | Path | None = None) -> dict[st
     file = asset_path("training.json") if path is None else path
 
     def build(data: dict[str, Any]) -> dict[str, Any]:
-        every: dict[str, Kind[Any]] = dict.fromkeys(METHODS, Fields({}, METHOD_FIELDS))
+        every: dict[str, Validator[Any]] = dict.fromkeys(METHODS, Fields({}, METHOD_FIELDS))
         found = Fields({method: every.pop(method), "networks": SIZES}, every).read(
             data, FieldPath("", SettingError)
         )

@@ -40,7 +40,7 @@ every logit is finite; larger weights may overflow single precision. Those that 
 """
 
 MADE_FOR = Fields({"name": NAME, "fingerprint": NAME})
-"""Kind of the name and fingerprint of a map, a robot or an observation."""
+"""Validator of the name and fingerprint of a map, a robot or an observation."""
 
 CHECKPOINT = Fields(
     {
@@ -50,7 +50,7 @@ CHECKPOINT = Fields(
     },
     others=True,
 )
-"""Kind of the configuration; further fields describe the training and are not needed here."""
+"""Validator of the configuration; further fields describe the training and are not needed here."""
 
 
 class CheckpointError(MlivrError):

@@ -54,7 +54,7 @@ TASK = Fields(
         "occupied": ListOf(NAME, most=MAX_POINTS),
     }
 )
-"""Kind of a task of a test set."""
+"""Validator of a task of a test set."""
 
 WORLD = Fields(
     {
@@ -64,7 +64,7 @@ WORLD = Fields(
         "tasks": ListOf(TASK),
     }
 )
-"""Kind of the tasks on one map."""
+"""Validator of the tasks on one map."""
 
 TEST_SET = Fields(
     {
@@ -73,7 +73,7 @@ TEST_SET = Fields(
         "worlds": ListOf(WORLD),
     }
 )
-"""Kind of a file with a test set."""
+"""Validator of a file with a test set."""
 
 
 class HeldOutWorld(NamedTuple):

@@ -182,7 +182,7 @@ def fields(kind: Any, made: type | None = None, title: str = "") -> str:
 def tables() -> dict[str, str]:
     """Return the tables by the names of their marks."""
     point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
-    robot, capsules = ROBOT, ROBOT.kinds["capsules"].kind.kind  # type: ignore[attr-defined]
+    robot, capsules = ROBOT, ROBOT.validators["capsules"].kind.kind  # type: ignore[attr-defined]
     query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
     step, motion = step_fields(LIMBS), motion_fields(STANCES, LIMBS)
     return {

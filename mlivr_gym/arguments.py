@@ -1,9 +1,9 @@
 """Checks of the arguments of public functions, made before anything is computed.
 
-The decorator `checked` takes a schema `Kind` for each argument by name; the functions of a package
-share one such table. An argument without a kind is an error when the module is imported. The kinds
-for data are in `schema`; this module adds those that only arguments need, such as objects of a
-class and file names.
+The decorator `checked` takes a schema `Validator` for each argument by name; the functions of a
+package share one such table. An argument without a validator is an error when the module is
+imported. The validators for data are in `schema`; this module adds those that only arguments need,
+such as objects of a class and file names.
 
 Examples
 --------
@@ -26,34 +26,34 @@ from dataclasses import dataclass
 from typing import Any, Generic, ParamSpec, TypeVar
 
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.schema import FieldPath, Integer, Kind, Tuples
+from mlivr_gym.schema import FieldPath, Integer, Tuples, Validator
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-Kinds = Mapping[str, Kind[Any]]
-"""Kind of each argument by name."""
+Validators = Mapping[str, Validator[Any]]
+"""Validator of each argument by name."""
 
 SEED = Integer(0, 2**64 - 1)
-"""Kind of a seed of random numbers."""
+"""Validator of a seed of random numbers."""
 
 ANY_NUMBER = Tuples()
-"""Kind of any finite number."""
+"""Validator of any finite number."""
 
 NOT_NEGATIVE = Tuples((), 0.0)
-"""Kind of a finite number that is at least 0."""
+"""Validator of a finite number that is at least 0."""
 
 
 def checked(
-    kinds: Kinds, error: type[MlivrError] = SettingError
+    validators: Validators, error: type[MlivrError] = SettingError
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator that checks and converts the arguments of a function before each call.
 
     Parameters
     ----------
-    kinds
-        Kind of each argument by name. The table may have names that the function does not take;
-        default values are not checked.
+    validators
+        Validator of each argument by name. The table may have names that the function does not
+        take; default values are not checked.
     error
         Type of the error that an invalid argument raises.
     """
@@ -62,7 +62,7 @@ def checked(
         signature = inspect.signature(function)
         loose = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
         read = {
-            name: kinds[name]
+            name: validators[name]
             for name, parameter in signature.parameters.items()
             if name not in ("self", "cls") and parameter.kind not in loose
         }
@@ -81,7 +81,7 @@ def checked(
 
 
 class InstanceOf:
-    """Kind of an object that is an instance of one of some classes."""
+    """Validator of an object that is an instance of one of some classes."""
 
     def __init__(self, *classes: type) -> None:
         """Accept instances of these classes."""
@@ -96,7 +96,7 @@ class InstanceOf:
 
 
 class Function:
-    """Kind of a function or another callable object; a class is refused."""
+    """Validator of a function or another callable object; a class is refused."""
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return the callable itself."""
@@ -106,7 +106,7 @@ class Function:
 
 
 class FileName:
-    """Kind of a file path.
+    """Validator of a file path.
 
     A whole number is refused, since `open` would take it for the descriptor of an open file.
     """
@@ -121,7 +121,7 @@ class FileName:
 
 @dataclass(frozen=True)
 class Reader(Generic[T]):
-    """Kind whose values are read by a function.
+    """Validator whose values are read by a function.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class WithError(Generic[T]):
     """
 
     error: type[MlivrError]
-    kind: Kind[T]
+    kind: Validator[T]
 
     def read(self, value: object, place: FieldPath) -> T:
         """Return the value as the wrapped kind reads it."""

@@ -1,8 +1,8 @@
-"""Schemas of data from files and callers: which fields they have, and of what kind each one is.
+"""Schemas of data from files and callers: which fields they have, and how each one is checked.
 
 Everything that is read from a file or given as plain data goes through a schema: maps, robots,
-boxes, plans, settings and hyperparameters. A schema is a `Kind`; kinds of objects and lists are
-composed of other kinds. `read` either returns the converted data or raises one error, which names
+boxes, plans, settings and hyperparameters. A schema is a `Validator`; those of objects and lists
+are composed of others. `read` either returns the converted data or raises one error, which names
 the place (`points[3].normal[0]`), the value found there and what would be valid.
 
 Examples
@@ -66,8 +66,8 @@ class FieldPath(NamedTuple):
             raise self.error(f"{self.path}: {fault}" if self.path else str(fault)) from None
 
 
-class Kind(Protocol[T_co]):
-    """A kind of value, which checks a value and converts it."""
+class Validator(Protocol[T_co]):
+    """Check of a value, which converts it or raises an error."""
 
     def read(self, value: object, place: FieldPath) -> T_co:
         """Return the converted value.
@@ -75,7 +75,7 @@ class Kind(Protocol[T_co]):
         Raises
         ------
         MlivrError
-            An error of the type of `place`, if the value is not of this kind.
+            An error of the type of `place`, if the value is not valid.
         """
 
 
@@ -235,7 +235,7 @@ def are_rotations(turns: Array) -> BoolArray:
 class OrNone(Generic[T]):
     """Either None or a value of another kind."""
 
-    kind: Kind[T]
+    kind: Validator[T]
 
     def read(self, value: object, place: FieldPath) -> T | None:
         """Return None, or the value as the other kind reads it."""
@@ -246,7 +246,7 @@ class OrNone(Generic[T]):
 class ListOf(Generic[T]):
     """A list whose entries are of another kind, with `least` to `most` entries."""
 
-    kind: Kind[T]
+    kind: Validator[T]
     least: int = 0
     most: int = MAX_PARTS
 
@@ -263,20 +263,20 @@ class Fields:
     Attributes
     ----------
     required
-        Kind of each field that must be given.
+        Validator of each field that must be given.
     optional
-        Kind of each field that may be given.
+        Validator of each field that may be given.
     others
         Whether further fields are allowed, of any kind.
     """
 
-    required: Mapping[str, Kind[Any]]
-    optional: Mapping[str, Kind[Any]] = dataclasses.field(default_factory=dict)
+    required: Mapping[str, Validator[Any]]
+    optional: Mapping[str, Validator[Any]] = dataclasses.field(default_factory=dict)
     others: bool = False
 
     @cached_property
-    def _kinds(self) -> dict[str, Kind[Any]]:
-        """Kind of each field by name."""
+    def _kinds(self) -> dict[str, Validator[Any]]:
+        """Validator of each field by name."""
         return {**self.required, **self.optional}
 
     def read(self, value: object, place: FieldPath) -> dict[str, Any]:
@@ -307,26 +307,26 @@ class Struct(Generic[T]):
     ----------
     made
         The dataclass.
-    kinds
-        Kind of each field.
+    validators
+        Validator of each field.
     complete
         Whether fields that have a default value must be given too.
     """
 
     made: type[T]
-    kinds: Mapping[str, Kind[Any]]
+    validators: Mapping[str, Validator[Any]]
     complete: bool = False
 
     @cached_property
     def fields(self) -> Fields:
-        """Kinds of the fields in plain data."""
-        missing: dict[str, Kind[Any]] = {}
-        optional: dict[str, Kind[Any]] = {}
+        """Validators of the fields in plain data."""
+        missing: dict[str, Validator[Any]] = {}
+        optional: dict[str, Validator[Any]] = {}
         for entry in dataclasses.fields(self.made):  # type: ignore[arg-type]
             needed = entry.default is MISSING and entry.default_factory is MISSING
-            if entry.name in self.kinds:
+            if entry.name in self.validators:
                 part = missing if needed or self.complete else optional
-                part[entry.name] = self.kinds[entry.name]
+                part[entry.name] = self.validators[entry.name]
         return Fields(missing, optional)
 
     def read(self, value: object, place: FieldPath) -> T:
@@ -361,13 +361,13 @@ class Struct(Generic[T]):
         MlivrError
             An error of the type of `place`, which names the field.
         """
-        for name, kind in self.kinds.items():
+        for name, kind in self.validators.items():
             found = kind.read(getattr(record, name), place.field(name))
             object.__setattr__(record, name, found)
 
 
 NAME = Text()
-"""Kind of a name: printable text that is not empty."""
+"""Validator of a name: printable text that is not empty."""
 
 
 def suggest(value: object, valid: Iterable[str]) -> str:

@@ -121,7 +121,7 @@ class Settings:
 
 
 THRESHOLD = Tuples((), 0.0)
-"""Kind of a threshold of manipulability."""
+"""Validator of a threshold of manipulability."""
 
 SETTINGS = Struct(
     Settings,
@@ -135,4 +135,4 @@ SETTINGS = Struct(
         "clearance": Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"),
     },
 )
-"""Kind of each field of `Settings`."""
+"""Validator of each field of `Settings`."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mlivr_gym.arguments import Kinds, checked
+from mlivr_gym.arguments import Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.errors import SettingError
@@ -20,8 +20,11 @@ from mlivr_gym.schema import Choice, OrNone, Tuples
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; above it base displacements would be lost in rounding."""
 
-COST_KINDS: Kinds = {"cost": Choice(COSTS), "regrasp_price": OrNone(Tuples((), 0.0, HIGHEST_PRICE))}
-"""Kinds of the arguments that name a cost."""
+COST_KINDS: Validators = {
+    "cost": Choice(COSTS),
+    "regrasp_price": OrNone(Tuples((), 0.0, HIGHEST_PRICE)),
+}
+"""Validators of the arguments that name a cost."""
 
 HEURISTICS = ("relaxed", "consistent", "paper", "zero")
 """Names of the heuristics; `"relaxed"` is the relaxed cost-to-go, see `lower_bounds`."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Kinds, Reader
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Reader, Validators
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
@@ -42,7 +42,7 @@ def _heuristic_name(name: object, at: FieldPath) -> str:
     return Choice(HEURISTICS).read(name, at)
 
 
-QUERY: Kinds = {
+QUERY: Validators = {
     **ARGUMENTS,
     **COST_KINDS,
     "start": Reader(
@@ -60,7 +60,7 @@ QUERY: Kinds = {
     "time_limit": OrNone(NOT_NEGATIVE),
     "seed": SEED,
 }
-"""Kinds of the arguments of a planner; base poses and joint angles are checked by the stance
+"""Validators of the arguments of a planner; base poses and joint angles are checked by the stance
 graph."""
 
 

@@ -169,7 +169,7 @@ def test_a_record_is_made_of_its_fields_and_checks_itself():
 
 
 def test_a_complete_record_has_no_defaults():
-    whole = Struct(Rail, RAIL.kinds, complete=True)
+    whole = Struct(Rail, RAIL.validators, complete=True)
     assert refusal(whole, {"id": "R"}) == "walk.width is missing"
     assert whole.read({"id": "R", "width": 0.2}, HERE) == Rail("R", 0.2)
 

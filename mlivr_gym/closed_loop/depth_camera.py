@@ -16,7 +16,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Integer, Kind, Tuples
+from mlivr_gym.schema import Integer, Tuples, Validator
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
@@ -55,7 +55,7 @@ class DepthCamera(ParameterSet):
     noise: float = 0.003
 
     label: ClassVar[str] = "camera"
-    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+    validators: ClassVar[Mapping[str, Validator[Any]]] = {
         "pixels": Integer(2, 1000),
         "field_of_view": Tuples((), 1e-3, 3.0, "rad"),
         "max_range": Tuples((), 1e-3, 1e3, "m"),

@@ -1,11 +1,11 @@
-"""Kinds of the arguments of the environments, by which they are checked."""
+"""Validators of the arguments of the environments, by which they are checked."""
 
 from __future__ import annotations
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Kinds, Reader
+from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Reader, Validators
 from mlivr_gym.envs.dynamics import DYNAMICS, simulation_part
 from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
 from mlivr_gym.envs.reset_options import RESET_OPTIONS
@@ -29,13 +29,13 @@ def _read_autoreset_mode(value: object, path: FieldPath) -> AutoresetMode:
 
 
 AUTORESET_MODE = Reader(_read_autoreset_mode)
-"""Kind of an autoreset mode, given as itself or by its name."""
+"""Validator of an autoreset mode, given as itself or by its name."""
 
 EPISODE_STEPS = Integer(1, 2**62)
-"""Kind of the number of steps after which an episode is truncated."""
+"""Validator of the number of steps after which an episode is truncated."""
 
-ENV_ARGUMENTS: Kinds = {
-    **SETTINGS.kinds,
+ENV_ARGUMENTS: Validators = {
+    **SETTINGS.validators,
     "robot": ROBOT_OR_NAME,
     "map": MAP,
     "goal_tolerance": NOT_NEGATIVE,
@@ -55,4 +55,4 @@ ENV_ARGUMENTS: Kinds = {
     "seed": OrNone(SEED),
     "options": OrNone(RESET_OPTIONS),
 }
-"""Kinds of the arguments of `MlivrEnv` and of its `reset`."""
+"""Validators of the arguments of `MlivrEnv` and of its `reset`."""

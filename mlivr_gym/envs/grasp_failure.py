@@ -24,7 +24,8 @@ def _read_failure(value: object, path: FieldPath) -> Array:
 
 
 GRASP_FAILURE = Reader(_read_failure)
-"""Kind of the argument `grasp_failure`: a mean probability, or the probability of each point."""
+"""Validator of the argument `grasp_failure`: a mean probability, or the probability of each
+point."""
 
 
 def failure_probabilities(points: int, grasp_failure: float | Array, seed: int = 0) -> Array:

@@ -27,7 +27,7 @@ RESET_OPTIONS = Fields(
         "plan": OrNone(InstanceOf(Plan)),
     },
 )
-"""Kind of each option; the stance graph checks a start pose and joint angles."""
+"""Validator of each option; the stance graph checks a start pose and joint angles."""
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def _read_reward(given: Any, path: FieldPath) -> Reward:
 
 
 REWARD = Reader(_read_reward)
-"""Kind of a reward, given as itself, by name, or as plain data (`to_dict`)."""
+"""Validator of a reward, given as itself, by name, or as plain data (`to_dict`)."""
 
 
 class TotalReward(NamedTuple):

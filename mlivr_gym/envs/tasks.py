@@ -134,7 +134,7 @@ def _read_generator(given: Any, path: FieldPath) -> TaskGenerator:
 
 
 TASKS = Reader(_read_generator)
-"""Kind of a task generator, given as itself, by name, or as plain data (`to_dict`)."""
+"""Validator of a task generator, given as itself, by name, or as plain data (`to_dict`)."""
 
 
 FIRST_FIXED_SEED = 1 << 62
@@ -145,7 +145,7 @@ MAX_FIXED_TASKS = 1_000_000
 
 
 FIXED_NUMBER = Integer(0, MAX_FIXED_TASKS - 1)
-"""Kind of the number of a fixed task."""
+"""Validator of the number of a fixed task."""
 
 
 def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:

@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import SEED, InstanceOf, Kinds, Reader, checked
+from mlivr_gym.arguments import SEED, InstanceOf, Reader, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.actions import action_numbers
 from mlivr_gym.envs.arguments import AUTORESET_MODE, EPISODE_STEPS
@@ -35,13 +35,13 @@ from mlivr_gym.world.grasp_map import GOAL, STANCE
 MAX_SUB_ENVS = 1 << 20
 """Maximum number of sub-environments, whose observations of the JEM take some gigabytes."""
 
-VECTOR_ARGUMENTS: Kinds = {
+VECTOR_ARGUMENTS: Validators = {
     "num_envs": Integer(1, MAX_SUB_ENVS),
     "max_episode_steps": OrNone(EPISODE_STEPS),
     "autoreset_mode": AUTORESET_MODE,
     "env": OrNone(InstanceOf(MlivrEnv)),
 }
-"""Kinds of the arguments that `MlivrEnv` does not have."""
+"""Validators of the arguments that `MlivrEnv` does not have."""
 
 
 class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
@@ -200,7 +200,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> tuple[dict[str, Any], list[int | None]]:
         """Return the options after checking them, and a seed or None for each sub-environment."""
         k = self.num_envs
-        kinds: Kinds = {
+        kinds: Validators = {
             "reset_mask": Reader(self._read_reset_mask),
             "start": OrNone(ListOf(STANCE, k, k)),
             "goal": OrNone(ListOf(GOAL, k, k)),

@@ -28,7 +28,7 @@ def _read_env(value: Any, path: FieldPath) -> Any:
 
 
 WRAPPED_ENV = Reader(_read_env)
-"""Kind of an environment that is a `MlivrEnv`, possibly inside wrappers."""
+"""Validator of an environment that is a `MlivrEnv`, possibly inside wrappers."""
 
 
 class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):

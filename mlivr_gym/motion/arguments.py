@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mlivr_gym.arguments import FileName, Function, InstanceOf, Kinds
+from mlivr_gym.arguments import FileName, Function, InstanceOf, Validators
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.specification import RobotSpec
@@ -14,7 +14,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 MAX_PERIOD = 60.0
 """Upper bound of the sampling period of a trajectory [s]."""
 
-ARGUMENTS: Kinds = {
+ARGUMENTS: Validators = {
     "graph": InstanceOf(StanceGraph),
     "grasp_map": InstanceOf(GraspMap),
     "robot": InstanceOf(RobotSpec),
@@ -27,4 +27,4 @@ ARGUMENTS: Kinds = {
     "title": Text(0),
     "progress": OrNone(Function()),
 }
-"""Kind of each argument, by the name that the argument has in all of these functions."""
+"""Validator of each argument, by the name that the argument has in all of these functions."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, InstanceOf, Kinds, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
@@ -19,7 +19,11 @@ from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, OrNone
 from mlivr_gym.world.grasp_map import GraspMap
 
-READ: Kinds = {"path": FileName(), "data": Anything(), "grasp_map": OrNone(InstanceOf(GraspMap))}
+READ: Validators = {
+    "path": FileName(),
+    "data": Anything(),
+    "grasp_map": OrNone(InstanceOf(GraspMap)),
+}
 """Schema of the arguments from which a plan is read."""
 
 

@@ -56,10 +56,10 @@ MAX_STANCES = 10_000
 twenty."""
 
 COUNT = Integer(0, 1 << 62)
-"""Kind of a number of states."""
+"""Validator of a number of states."""
 
 NON_NEGATIVE = Tuples((), 0.0)
-"""Kind of a cost, or of a time [s]."""
+"""Validator of a cost, or of a time [s]."""
 
 QUERY = Struct(
     Query,

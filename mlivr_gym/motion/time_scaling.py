@@ -115,7 +115,7 @@ class Durations:
 
 
 DURATION = Tuples((), 1e-9, MAX_DURATION, "s")
-"""Kind of a duration [s]."""
+"""Validator of a duration [s]."""
 
 DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
 """Schema of the fields of `Durations`."""

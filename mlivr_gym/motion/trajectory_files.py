@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, InstanceOf, Kinds, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
 from mlivr_gym.errors import PlanError, one_line, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
@@ -25,7 +25,7 @@ BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base velocity: linear in the world frame, angular in the body frame."""
 
-SAVED: Kinds = {"trajectory": InstanceOf(Trajectory), "path": FileName()}
+SAVED: Validators = {"trajectory": InstanceOf(Trajectory), "path": FileName()}
 """Schema of the arguments with which a trajectory is saved."""
 
 

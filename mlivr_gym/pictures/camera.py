@@ -93,4 +93,4 @@ def _camera(value: Any, place: FieldPath) -> Camera:
 
 
 CAMERA = Reader(_camera)
-"""Kind of an argument that is a `Camera`."""
+"""Validator of an argument that is a `Camera`."""

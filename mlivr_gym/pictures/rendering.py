@@ -45,7 +45,7 @@ def _size(value: object, place: FieldPath) -> tuple[int, int]:
 
 
 SIZE = Reader(_size)
-"""Kind of an argument that is the width and height of a picture [px]."""
+"""Validator of an argument that is the width and height of a picture [px]."""
 
 
 class SceneRenderer:

@@ -54,12 +54,12 @@ class SizeOrEdges:
 
     @property
     def edge(self) -> Tuples:
-        """Kind of the edge of a cube."""
+        """Validator of the edge of a cube."""
         return Tuples((), self.least, MAX_ROBOT_LENGTH, "m")
 
     @property
     def edges(self) -> Tuples:
-        """Kind of three edges."""
+        """Validator of three edges."""
         return Tuples((3,), self.least, MAX_ROBOT_LENGTH, "m")
 
     def read(self, value: object, place: FieldPath) -> Any:

@@ -18,7 +18,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb, LimbBase
-from mlivr_gym.schema import Choice, FieldPath, Kind, OrNone, Struct, Tuples
+from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 ARMS = ("ur3e", "ur5e", "ur10e")
@@ -175,7 +175,7 @@ class Named:
         Gives the record of a name.
     """
 
-    kind: Kind[Any]
+    kind: Validator[Any]
     make: Callable[[str], Any]
 
     def read(self, value: object, place: FieldPath) -> Any:

@@ -160,7 +160,7 @@ class SsrmsLimb(Limb):
 SSRMS_LIMB = Struct(
     SsrmsLimb,
     {
-        **LIMB.kinds,
+        **LIMB.validators,
         "family": Choice((SSRMS,)),
         "d0": LENGTH,
         "joint_limits": Tuples((7, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad"),

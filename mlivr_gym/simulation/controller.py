@@ -28,7 +28,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from mlivr_gym.schema import Flag, Integer, Kind, Tuples
+from mlivr_gym.schema import Flag, Integer, Tuples, Validator
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
 
@@ -91,7 +91,7 @@ class ControllerParameters(ParameterSet):
 
     label: ClassVar[str] = "controller"
     renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}
-    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+    validators: ClassVar[Mapping[str, Validator[Any]]] = {
         "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
         "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
         "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.schema import Kind, Tuples
+from mlivr_gym.schema import Tuples, Validator
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
@@ -89,7 +89,7 @@ class DisturbanceRanges(ParameterSet):
     sensor_angle: float = float(np.deg2rad(0.5))
 
     label: ClassVar[str] = "disturbances"
-    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+    validators: ClassVar[Mapping[str, Validator[Any]]] = {
         "friction": Tuples((), 0.0, 1e3, "N m"),
         "damping": Tuples((), 0.0, 1e3, "N m s/rad"),
         "encoder_bias": Tuples((), 0.0, 1.0, "rad"),

@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Kind, Tuples
+from mlivr_gym.schema import Tuples, Validator
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
@@ -83,7 +83,7 @@ class Physics(ParameterSet):
 
     label: ClassVar[str] = "physics"
     renamed: ClassVar[Mapping[str, str]] = {"limit_margin": "joint_limit_tolerance"}
-    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+    validators: ClassVar[Mapping[str, Validator[Any]]] = {
         "timestep": Tuples((), 1e-5, 0.1, "s"),
         **dict.fromkeys(
             (

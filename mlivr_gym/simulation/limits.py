@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from mlivr_gym.motion.time_scaling import MAX_DURATION
-from mlivr_gym.schema import Choice, Kind, OrNone, Tuples
+from mlivr_gym.schema import Choice, OrNone, Tuples, Validator
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
 PROFILES = ("fastest", "quintic")
@@ -56,7 +56,7 @@ class Limits(ParameterSet):
     step_duration: float | None = None
 
     label: ClassVar[str] = "limits"
-    kinds: ClassVar[Mapping[str, Kind[Any]]] = {
+    validators: ClassVar[Mapping[str, Validator[Any]]] = {
         "torque": Tuples((), 1e-3, 1.0),
         "speed": Tuples((), 1e-3, 1.0),
         "grasp_force": Tuples((), 1e-3, 1e6, "N"),

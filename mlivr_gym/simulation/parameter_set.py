@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import FieldPath, Kind, Struct
+from mlivr_gym.schema import FieldPath, Struct, Validator
 
 
 class ParameterSet:
@@ -14,8 +14,8 @@ class ParameterSet:
 
     label: ClassVar[str]
     """Name of the parameter set in messages."""
-    kinds: ClassVar[Mapping[str, Kind[Any]]]
-    """Kind of each field."""
+    validators: ClassVar[Mapping[str, Validator[Any]]]
+    """Validator of each field."""
     presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
     renamed: ClassVar[Mapping[str, str]] = {}
@@ -23,7 +23,7 @@ class ParameterSet:
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        Struct(type(self), self.kinds).check(self, FieldPath(self.label, SettingError))
+        Struct(type(self), self.validators).check(self, FieldPath(self.label, SettingError))
 
     @classmethod
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
@@ -38,4 +38,4 @@ class ParameterSet:
             if isinstance(given, dict) and old in given:
                 raise SettingError(f"{cls.label} has the field {old!r}, whose name is now {new!r}")
         known = cls.presets or None
-        return Struct(cls, cls.kinds).given(given, FieldPath(cls.label, SettingError), known)
+        return Struct(cls, cls.validators).given(given, FieldPath(cls.label, SettingError), known)

@@ -26,7 +26,7 @@ from mlivr_gym.simulation.time_optimal import time_optimal_scaling
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 TIMING = OrNone(InstanceOf(Limits, Durations))
-"""Kind of the argument that determines the time scaling."""
+"""Validator of the argument that determines the time scaling."""
 
 ROUNDING = 1e-6
 """Relative amount by which a given duration may fall short of the shortest one."""

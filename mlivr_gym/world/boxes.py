@@ -138,7 +138,7 @@ BOX_DATA = Struct(
 
 _CORNERS = Fields(
     {"id": NAME, "min": CORNER, "max": CORNER},
-    {name: BOX_DATA.kinds[name] for name in ("kind", "face")},
+    {name: BOX_DATA.validators[name] for name in ("kind", "face")},
 )
 
 
