@@ -6,6 +6,9 @@ forms, that of the UR arms (`ur`), which arms of space stations share once their
 locked, and that of arms with a spherical wrist (`spherical_wrist`). Each kernel calls one or the
 other by the field `family` of `Arm`.
 
+All of them take the `Arm`; `flange` is position and axis of its flange in the limb base frame,
+`branch` the number of a branch.
+
 A third closed form is a module with these functions, a value of `family`, and a case in each
 kernel here.
 """
@@ -47,12 +50,6 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
 
     Parameters
     ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
     out
         `JointAxes`, filled.
 
@@ -74,14 +71,8 @@ def branch_angles(
 
     Parameters
     ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
     x
-        Its first axis in the limb base frame.
-    branch
-        Branch label.
+        First axis of the flange in the limb base frame.
     slack
         0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
     q
@@ -116,12 +107,6 @@ def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: 
 
     Parameters
     ----------
-    arm
-        The arm.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch label.
     axes
         `JointAxes`, for scratch.
     frames
@@ -145,8 +130,6 @@ def stays_above(
 
     Parameters
     ----------
-    arm
-        The arm.
     terms
         Filled by `branch_terms`, in the middle.
     choice
@@ -167,8 +150,6 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
 
     Parameters
     ----------
-    arm
-        The arm.
     q
         Joint angles in the middle of an interval [rad].
     flange
