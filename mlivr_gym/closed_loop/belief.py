@@ -13,20 +13,24 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.values import as_triple
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.mesh_boxes import merged_cells
 
 CUBE = 0.05
 """Edge of the cubes [m]."""
 
+MARGIN = 0.01
+"""Distance by which a sensed box extends beyond the hits in its cubes [m]."""
+
 MIN_HITS = 3
 """Number of hits that make a cube an obstacle."""
 
-EXPLAINED_DEVIATIONS = 4.0
+EXPLAINED_DEVIATIONS = 5.0
 """Distance from a box of the map within which a hit belongs to it, in standard deviations."""
 
 ROUNDING = 1e-4
@@ -34,6 +38,9 @@ ROUNDING = 1e-4
 
 GRID_BORDER = 0.5
 """Distance by which the grid extends beyond the cabin [m]."""
+
+CHECK_PERIOD = 0.05
+"""Time between two configurations of a trajectory that are compared with sensed boxes [s]."""
 
 SENSED = "sensed"
 """First part of the ids of boxes that were sensed."""
@@ -66,7 +73,8 @@ class Belief:
         self._origin = cabin[0] - GRID_BORDER
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
         self._counts = np.zeros(shape, dtype=np.int32)
-        self._cubes = np.zeros(shape, dtype=np.bool_)
+        self._low, self._high = np.full((*shape, 3), np.inf), np.full((*shape, 3), -np.inf)
+        self._cubes = self._cubes_of_graph = np.zeros(shape, dtype=np.bool_)
         self._known = (*graph.grasp_map.boxes, *graph.obstacles)
 
     def refuse(self, point: int) -> None:
@@ -76,6 +84,8 @@ class Belief:
 
     def add_hits(self, hits: Array, model: Any, data: Any) -> int:
         """Take in hits of rays; return the number of cubes that changed.
+
+        The graph is as before until `update_graph`.
 
         Parameters
         ----------
@@ -87,7 +97,10 @@ class Belief:
         unexplained = hits[~self._explained(hits)]
         cells = np.floor((unexplained - self._origin) / CUBE).astype(np.int64)
         inside = ((cells >= 0) & (cells < self._counts.shape)).all(axis=1)
-        np.add.at(self._counts, tuple(cells[inside].T), 1)
+        where = tuple(cells[inside].T)
+        np.add.at(self._counts, where, 1)
+        np.minimum.at(self._low, where, unexplained[inside])
+        np.maximum.at(self._high, where, unexplained[inside])
         cubes = self._counts >= MIN_HITS
         if cubes.any():
             where = np.argwhere(cubes)
@@ -95,29 +108,52 @@ class Belief:
             reach = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
             cubes[tuple(where[self._close_to_robot(centres, reach, model, data)].T)] = False
         changed = int((cubes != self._cubes).sum())
-        if changed:
-            self._cubes = cubes
-            self._update_obstacles()
+        self._cubes = cubes
         return changed
 
-    def boxes(self) -> tuple[Box, ...]:
-        """Return the boxes that were sensed."""
-        edge = 0.5 * CUBE
-        return tuple(
-            Box(
-                f"{SENSED}/{k}",
-                "obstacle",
-                as_triple(np.asarray(self._origin + edge * (first + last), dtype=np.float64)),
-                as_triple(np.asarray(edge * (last - first), dtype=np.float64)),
-            )
-            for k, (first, last) in enumerate(merged_cells(self._cubes))
-        )
-
-    def _update_obstacles(self) -> None:
-        """Replace the sensed boxes of the graph."""
+    def update_graph(self) -> None:
+        """Replace the sensed boxes of the graph by those that are believed now."""
+        if (self._cubes == self._cubes_of_graph).all():
+            return
         graph, prefix = self.graph, f"{SENSED}/"
         graph.remove_obstacles([box.id for box in graph.obstacles if box.id.startswith(prefix)])
         graph.add_obstacles(self.boxes())
+        self._cubes_of_graph = self._cubes
+
+    def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
+        """Return whether the robot comes closer than the clearance to what the graph does not know.
+
+        That are cubes sensed since `update_graph`. The configurations of the trajectory after the
+        sample are checked each `CHECK_PERIOD`.
+        """
+        graph, grasp_map = self.graph, self.graph.grasp_map
+        boxes = self._boxes_of(self._cubes & ~self._cubes_of_graph)
+        if not boxes:
+            return False
+        aimed = trajectory.grasps[-1].tolist()
+        grasps = [(i, grasp_map.positions[p], grasp_map.normals[p]) for i, p in enumerate(aimed)]
+        last, stride = len(trajectory.times) - 1, max(round(CHECK_PERIOD / trajectory.period), 1)
+        ahead = trajectory.at(np.append(np.arange(first, last, stride), last))
+        return any(
+            contacts(graph.robot, boxes, configuration, graph.settings.clearance, grasps)
+            for configuration in zip(
+                ahead.base_positions, ahead.base_quaternions, ahead.joint_positions, strict=True
+            )
+        )
+
+    def boxes(self) -> tuple[Box, ...]:
+        """Return the boxes that were sensed."""
+        return self._boxes_of(self._cubes)
+
+    def _boxes_of(self, cubes: BoolArray) -> tuple[Box, ...]:
+        """Return cubes merged into boxes, which contain the hits in them and `MARGIN`."""
+        boxes = []
+        for k, (first, last) in enumerate(merged_cells(cubes)):
+            cells = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+            low = self._low[cells].min(axis=(0, 1, 2)) - MARGIN
+            high = self._high[cells].max(axis=(0, 1, 2)) + MARGIN
+            boxes.append(Box.between(f"{SENSED}/{k}", "obstacle", low, high))
+        return tuple(boxes)
 
     def _explained(self, hits: Array) -> BoolArray:
         """Return which hits, shape (k, 3), lie on or in a known box."""

@@ -1,8 +1,8 @@
 """Depth cameras on the body, simulated by ray casting, so that no GL library is needed.
 
-One pinhole camera looks out of each face of the body. What lies behind the robot's limbs is not
-seen, nor what lies close to the body's edges between two cameras. Rays that hit the robot are left
-out, as a robot filters its own links from a depth image by its joint angles.
+One pinhole camera looks out of each corner of the body, along its diagonal. There the limbs, which
+are mounted on the faces, hide least. What lies behind the limbs is not seen. Rays that hit the
+robot are left out, as a robot filters its own links from a depth image by its joint angles.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
-FACES = tuple(product(range(3), (1.0, -1.0)))
-"""Axis and sign of the outward normal of each face of the body, in the body frame."""
+CORNERS = np.array(list(product((1.0, -1.0), repeat=3)))
+"""Signs of the coordinates of the corners of the body in its frame, shape (8, 3)."""
 
 LENS_OFFSET = 0.01
-"""Distance of a camera from the face of the body out of which it looks [m]."""
+"""Distance of a camera from each of the three faces that meet in its corner [m]."""
 
 
 @dataclass(frozen=True)
 class DepthCamera(ParameterSet):
-    """Parameters of the cameras on the faces of the body.
+    """Parameters of the cameras on the corners of the body.
 
     Attributes
     ----------
@@ -42,17 +42,20 @@ class DepthCamera(ParameterSet):
         Largest distance that is measured [m].
     noise
         Standard deviation of a distance [m].
+    period
+        Time between two images during a step [s].
 
     Examples
     --------
     >>> DepthCamera(max_range=2.0).rays().shape
-    (6, 10000, 3)
+    (8, 6400, 3)
     """
 
-    pixels: int = 100
+    pixels: int = 80
     field_of_view: float = float(2.0 * np.pi / 3.0)
     max_range: float = 3.0
     noise: float = 0.003
+    period: float = 0.25
 
     label: ClassVar[str] = "camera"
     validators: ClassVar[Mapping[str, Validator[Any]]] = {
@@ -60,16 +63,19 @@ class DepthCamera(ParameterSet):
         "field_of_view": Tuples((), 1e-3, 3.0, "rad"),
         "max_range": Tuples((), 1e-3, 1e3, "m"),
         "noise": Tuples((), 0.0, 1.0, "m"),
+        "period": Tuples((), 0.01, 1e3, "s"),
     }
 
     def rays(self) -> Array:
-        """Return unit vectors of the rays of all cameras in the body frame, shape (6, p^2, 3)."""
+        """Return unit vectors of the rays of all cameras in the body frame, shape (8, p^2, 3)."""
         half = np.tan(0.5 * self.field_of_view)
         centres = (np.arange(self.pixels) + 0.5) / self.pixels * 2.0 - 1.0
-        u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1)
-        rays = np.empty((6, u.size, 3))
-        for image, (axis, sign) in zip(rays, FACES, strict=True):
-            image[:, axis], image[:, (axis + 1) % 3], image[:, (axis + 2) % 3] = sign, u, v
+        u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
+        rays = np.empty((len(CORNERS), self.pixels**2, 3))
+        for image, corner in zip(rays, CORNERS, strict=True):
+            forward = corner / np.sqrt(3.0)
+            right = np.array([forward[1], -forward[0], 0.0]) / np.hypot(*forward[:2])
+            image[:] = forward + u * right + v * np.cross(forward, right)
         unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
         return unit
 
@@ -96,9 +102,8 @@ class DepthCamera(ParameterSet):
         rotation = data.xmat[base].reshape(3, 3)
         of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
         hits = []
-        for (axis, sign), image in zip(FACES, self.rays(), strict=True):
-            lens = np.zeros(3)
-            lens[axis] = sign * (0.5 * robot.body_edges[axis] + LENS_OFFSET)
+        for corner, image in zip(CORNERS, self.rays(), strict=True):
+            lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
             position, rays = data.xpos[base] + rotation @ lens, image @ rotation.T
             geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
             mujoco.mj_multiRay(

@@ -26,11 +26,13 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.errors import SettingError, ShapeError
+from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import Integer, ListOf, OrNone
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.simulator import PathWatch
 from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -44,6 +46,9 @@ ATTEMPTS = 2
 In each of them the controller may approach several times, see `ControllerParameters.attempts`.
 """
 
+NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path": "blocked"}
+"""Failures after which the limb goes back to the point that it left, and their kinds of event."""
+
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 """Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
 
@@ -55,14 +60,14 @@ class Event:
     Attributes
     ----------
     kind
-        `"sensed"`, `"planned"`, `"step"`, `"refused"` or `"end"`.
+        `"sensed"`, `"planned"`, `"step"`, `"refused"`, `"blocked"` or `"end"`.
     time
         Simulated time [s].
     values
         What belongs to it: `"sensed"` has `hits`, the number of rays that measured a surface, and
         `boxes`, the number of boxes sensed so far; `"planned"` has `steps` and `computing_time`
-        [s]; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` has `limb`, `point` and
-        `failure`, its kind; `"end"` has `outcome` and `reason`.
+        [s]; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
+        `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.
     """
 
     kind: str
@@ -270,6 +275,7 @@ class _Loop:
         while not record.reason:
             if self._camera is not None:
                 self._sense(self._camera)
+                self._belief.update_graph()
             plan = self._plan(executor.state)
             if plan is None:
                 break
@@ -291,12 +297,25 @@ class _Loop:
             names = " and ".join(model.geom(int(geom)).name for geom in data.contact[0].geom)
             raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
 
-    def _sense(self, camera: DepthCamera) -> None:
-        """Look round, and believe what is seen."""
+    def _sense(self, camera: DepthCamera) -> bool:
+        """Look round, and believe what is seen; return whether that is something new."""
         simulation, belief = self._executor.simulation, self._belief
         hits = camera.measure(simulation.model, simulation.data, self.graph.robot, self._rng)
-        if belief.add_hits(hits, simulation.model, simulation.data):
+        is_new = belief.add_hits(hits, simulation.model, simulation.data) > 0
+        if is_new:
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
+        return is_new
+
+    def _watch(self) -> PathWatch | None:
+        """Return what looks ahead during a step: the cameras, or nothing."""
+        camera = self._camera
+        if camera is None:
+            return None
+
+        def is_blocked(trajectory: Trajectory, sample: int) -> bool:
+            return self._sense(camera) and self._belief.is_blocked(trajectory, sample)
+
+        return PathWatch(camera.period, is_blocked)
 
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk; end the walk if there is no plan."""
@@ -316,7 +335,7 @@ class _Loop:
         executor.follow(plan)
         moves = self.graph.successors(executor.state)
         branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
-        _, executed = executor.step(limb, point, branch_sets)
+        _, executed = executor.step(limb, point, branch_sets, self._watch())
         if isinstance(executed, Failure):
             self._end(STOPPED, executed.message)
             return
@@ -325,13 +344,17 @@ class _Loop:
         if failure is None:
             self._note("step", limb=limb, point=name, duration=executor.measures["step_time"])
             record.add_step(plan)
-        elif failure.kind in ("missed grasp", "refused grasp"):
-            self._note("refused", limb=limb, point=name, failure=failure.kind)
+        elif failure.kind in NOTICED:
+            self._note(NOTICED[failure.kind], limb=limb, point=name, failure=failure.kind)
             self._attempts[point] = self._attempts.get(point, 0) + 1
-            back = executor.retreat()
-            record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
-            if back.failure is not None:
-                self._end(FAILED, f"on the way back, {back.failure.kind}: {back.failure.message}")
+            on_the_way_back = None
+            if failure.kind != "blocked path":  # from that it has turned back
+                back = executor.retreat()
+                record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
+                on_the_way_back = back.failure
+            if on_the_way_back is not None:
+                kind, message = on_the_way_back.kind, on_the_way_back.message
+                self._end(FAILED, f"on the way back, {kind}: {message}")
             elif self._attempts[point] == ATTEMPTS:
                 self._belief.refuse(point)
         else:

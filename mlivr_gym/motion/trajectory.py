@@ -123,18 +123,66 @@ class Trajectory:
         Samples between those of this trajectory are interpolated linearly.
         """
         count = (len(self.times) - 1) * slowness + 1
-        later, fraction = np.divmod(np.arange(count)[::-1] / slowness, 1.0)
-        first = later.astype(np.int64)
-        last = np.minimum(first + 1, len(self.times) - 1)
-        back = self.at(np.where(fraction < 0.5, first, last))
+        rates = np.full(count, -1.0 / slowness)
+        return self._resampled(np.arange(count)[::-1] / slowness, rates, 0)
+
+    def turned_back(self, first: int, slowness: int, duration: float) -> Trajectory | None:
+        """Return the motion that follows this trajectory to a sample, turns and goes back.
+
+        From `first` on, the rate at which this trajectory is followed falls smoothly from 1 to that
+        of `backwards` within `duration`. Samples are interpolated, and from there on phases are
+        exchanged, as there.
+
+        Parameters
+        ----------
+        first
+            Index of the sample at which the motion starts to slow down.
+        slowness
+            Time of the way back relative to that of the way to this sample.
+        duration
+            Time in which the motion turns [s].
+
+        Returns
+        -------
+        Trajectory | None
+            The motion; None if this trajectory would end, or be back, before it has turned.
+        """
+        n, change = max(round(duration / self.period), 1), 1.0 + 1.0 / slowness
+        t = np.arange(n + 1) / n
+        turning = first + n * (t - change * (t**3 - 0.5 * t**4))
+        if turning.max() >= len(self.times) - 1 or turning[-1] <= 0.0:
+            return None
+        returning = turning[-1] - np.arange(1, int(np.ceil(turning[-1] * slowness)) + 1) / slowness
+        samples = np.concatenate([np.arange(first), turning, np.maximum(returning, 0.0)])
+        rates = np.full(len(samples), -1.0 / slowness)
+        rates[:first] = 1.0
+        rates[first : first + n + 1] = 1.0 - change * (3.0 * t**2 - 2.0 * t**3)
+        return self._resampled(samples, rates, first)
+
+    def _resampled(self, samples: Array, rates: Array, first: int) -> Trajectory:
+        """Return the motion through given samples, in fractions, at given rates; see `backwards`.
+
+        A rate is the derivative of the followed time by the time. By the chain rule velocities are
+        multiplied by it, and accelerations by its square, plus the velocity times its derivative.
+        Phases are exchanged from the index `first` of the new samples on.
+        """
+        before = np.minimum(samples.astype(np.int64), len(self.times) - 2)
+        fraction = samples - before
+        kept = self.at(np.where(fraction < 0.5, before, before + 1))
         between: dict[str, Any] = {}
-        for name, scale in MOTION.items():
+        for name in MOTION:
             values = getattr(self, name)
             weight = fraction.reshape(-1, *[1] * (values.ndim - 1))
-            between[name] = (-1.0 / slowness) ** scale * (
-                (1.0 - weight) * values[first] + weight * values[last]
-            )
-        return replace(back, phase=len(PHASES) - 1 - back.phase, **between)
+            between[name] = (1.0 - weight) * values[before] + weight * values[before + 1]
+        changes = np.gradient(rates, self.period)
+        for velocity, acceleration in VELOCITIES.items():
+            shape = (-1, *[1] * (between[velocity].ndim - 1))
+            rate, change = rates.reshape(shape), changes.reshape(shape)
+            between[acceleration] = rate**2 * between[acceleration] + change * between[velocity]
+            between[velocity] = rate * between[velocity]
+        phase = kept.phase.copy()
+        phase[first:] = len(PHASES) - 1 - phase[first:]
+        return replace(kept, phase=phase, **between)
 
     def every(self, period: float) -> Trajectory:
         """Return every n-th sample, about `period` seconds apart, and the last one."""
@@ -147,11 +195,11 @@ class Trajectory:
 ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "point_ids")
 """Names of the array fields of `Trajectory`."""
 
-MOTION = {
-    "joint_positions": 0, "joint_velocities": 1, "joint_accelerations": 2, "base_positions": 0,
-    "base_quaternions": 0, "base_velocities": 1, "base_accelerations": 2,
-}  # fmt: skip
-"""Fields that change with the time of a trajectory, and how often each is derived by it."""
+VELOCITIES = {"joint_velocities": "joint_accelerations", "base_velocities": "base_accelerations"}
+"""Fields of velocities, and those of their derivatives."""
+
+MOTION = ("joint_positions", "base_positions", "base_quaternions", *VELOCITIES, *VELOCITIES.values())
+"""Fields that change with the time of a trajectory."""
 
 
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 
 FAILURES = (
-    "missed grasp", "refused grasp", "saturation", "collision", "lost hold", "joint limit",
-    "divergence", "no swing",
+    "missed grasp", "refused grasp", "blocked path", "saturation", "collision", "lost hold",
+    "joint limit", "divergence", "no swing",
 )  # fmt: skip
 """Kinds of failure. `"no swing"` is a step of an environment without a swing or a trajectory."""
 

@@ -39,8 +39,23 @@ from mlivr_gym.world.grasp_map import GraspMap
 RETREAT_SLOWNESS = 2
 """Duration of the way back from a point that was not grasped, relative to the way to it."""
 
+TURNING_DURATIONS = (0.5, 1.0, 2.0, 4.0)
+"""Times in which a limb whose path is blocked may turn back [s]: the first that torques permit."""
+
+TORQUE_SHARE = 0.9
+"""Largest share of the torque limits that turning back may take."""
+
 CHECK_INTERVAL = 500
 """Number of time steps between two checks for failures; each check covers every time step."""
+
+
+class PathWatch(NamedTuple):
+    """What looks ahead during a step."""
+
+    period: float
+    """Time between two looks [s]."""
+    is_blocked: Callable[[Trajectory, int], bool]
+    """Returns whether a trajectory is blocked after a sample, given by its index."""
 
 
 class SimulatedInterval(NamedTuple):
@@ -174,8 +189,13 @@ class Simulation:
         mujoco.mj_forward(self.model, self.data)
         return self._grippers.error(limb, point)
 
-    def execute(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
+    def execute(
+        self, trajectory: Trajectory, step: int = 0, watch: PathWatch | None = None
+    ) -> SimulatedInterval:
         """Execute a regrasp: release the point, follow the trajectory, capture the next point.
+
+        If the watch finds the path blocked, the limb turns back and grasps the point that it left;
+        the failure of the interval is then a `"blocked path"`.
 
         Parameters
         ----------
@@ -183,6 +203,8 @@ class Simulation:
             Trajectory of one step on the time grid of the simulation, from the present stance.
         step
             Index of the step, for the recording.
+        watch
+            What looks ahead; by default nothing.
 
         Raises
         ------
@@ -192,7 +214,7 @@ class Simulation:
         limb, point = self._moving(trajectory)
         origin = self.points[limb]
         self._grippers.detach(limb)
-        return self._reach(trajectory, (origin, point), step)
+        return self._reach(trajectory, (origin, point), step, watch)
 
     def retreat(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
         """Go back along a trajectory whose point was not grasped, and grasp the point it left.
@@ -210,19 +232,45 @@ class Simulation:
         origin, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
         return self._reach(trajectory.backwards(RETREAT_SLOWNESS), (aimed, origin), step)
 
-    def _reach(self, trajectory: Trajectory, ends: tuple[int, int], step: int) -> SimulatedInterval:
-        """Move the free limb from one point to another along a trajectory, and grasp that one."""
+    def _reach(
+        self,
+        trajectory: Trajectory,
+        ends: tuple[int, int],
+        step: int,
+        watch: PathWatch | None = None,
+        begin: int = 0,
+    ) -> SimulatedInterval:
+        """Move the free limb from one point to another along a trajectory, and grasp that one.
+
+        Samples before `begin` were followed already.
+        """
         limb, (origin, point) = self.points.index(FREE), ends
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
-        if self.controller.align_references:
+        if begin:
+            rest = np.arange(begin, len(trajectory.times))
+            trajectory, reference = trajectory.at(rest), reference.at(rest)
+        elif self.controller.align_references:
             self._joint_controller.align_references(reference.positions[0])
         self._plan_step, allowed = step, ((origin,), (), (point,))
         self._guidance.start(limb, point)
+        turned_at: list[int] = []
 
         def enter(phase: int) -> None:
             self._grippers.set_contacts(limb, allowed[phase])
 
-        runs, attempts = [self._run(trajectory, reference, enter)], 1
+        def look(sample: int) -> bool:
+            if watch is not None and watch.is_blocked(trajectory, sample):
+                turned_at.append(sample)
+            return bool(turned_at)
+
+        period = CHECK_INTERVAL if watch is None else self._count_time_steps(watch.period)
+        runs, attempts = [self._run(trajectory, reference, enter, look=(period, look))], 1
+        if turned_at and runs[-1].failure is None:
+            back = self._turned_back(trajectory, turned_at[0])
+            if back is not None:
+                return self._turn_back(runs[-1], back, turned_at[0], ends)
+            rest = np.arange(turned_at[0], len(trajectory.times))
+            runs.append(self._run(trajectory.at(rest), reference.at(rest), enter))
         while runs[-1].failure is None:
             runs += self._wait_until_close(trajectory, reference)
             captured = can_capture(self.physics, *self.grasp_error(limb, point))
@@ -241,6 +289,36 @@ class Simulation:
         name = self.grasp_map.ids[point]
         capture = Capture(self.time, step, limb, name, distance, angle, attempts)
         return SimulatedInterval(recording, peaks, capture, None)
+
+    def _turned_back(self, trajectory: Trajectory, sample: int) -> Trajectory | None:
+        """Return the motion that turns back soon after a sample; None if the end comes before."""
+        limits = TORQUE_SHARE * self.robot.torque_limits.ravel()
+        slowest = None
+        for duration in TURNING_DURATIONS:
+            back = trajectory.turned_back(sample, RETREAT_SLOWNESS, duration)
+            if back is None:
+                break
+            slowest = back
+            reference = Reference.of(back, self.robot, self.physics, self.controller)
+            if (np.abs(reference.torques[sample:]) <= limits).all():
+                break
+        return slowest
+
+    def _turn_back(
+        self, executed: SimulatedInterval, back: Trajectory, sample: int, ends: tuple[int, int]
+    ) -> SimulatedInterval:
+        """Return to the point that was left, along a trajectory that turns back at a sample."""
+        (origin, point), ids, time = ends, self.grasp_map.ids, self.time
+        limb, phase = self.points.index(FREE), PHASES[len(PHASES) - 1 - int(back.phase[sample])]
+        returned = self._reach(back, (point, origin), self._plan_step, begin=sample)
+        message = f"limb {limb} turned back on its way to point {ids[point]!r}, which is blocked"
+        blocked = Failure("blocked path", time, self._plan_step, phase, limb, message, {})
+        return SimulatedInterval(
+            Recording.join([executed.recording, returned.recording]),
+            Peaks.join([executed.peaks, returned.peaks]),
+            None,
+            returned.failure or blocked,
+        )
 
     def stand_still(
         self, trajectory: Trajectory, duration: float, step: int = 0
@@ -299,14 +377,18 @@ class Simulation:
         reference: Reference,
         enter: Callable[[int], None] = lambda _: None,
         until: Callable[[], bool] = lambda: False,
+        look: tuple[int, Callable[[int], bool]] = (CHECK_INTERVAL, lambda _: False),
     ) -> SimulatedInterval:
         """Simulate until the end, the first failure, or the condition `until`; nothing is grasped.
 
-        `enter` is called with the index of the phase before each interval.
+        `enter` is called with the index of the phase before each interval. `look` has a number of
+        time steps, and a function that is called so often with the sample reached; the simulation
+        ends if it returns True.
         """
         recordings, peaks, failure = [], [], None
         monitor = FailureMonitor(self.physics, self.robot, self._plan_step)
-        for first, last in _check_intervals(trajectory.phase, len(trajectory.times) - 1):
+        count, most = len(trajectory.times) - 1, min(CHECK_INTERVAL, look[0])
+        for first, last in _check_intervals(trajectory.phase, count, most):
             phase = int(trajectory.phase[first + 1])
             enter(phase)
             held = [point != FREE for point in self.points]
@@ -324,7 +406,7 @@ class Simulation:
             if failed is not None:
                 self._restore(states[failed[0]], failed[1].time)
                 failure = with_contact_names(failed[1], self.model, self.data)
-            if failed is not None or until():
+            if failed is not None or until() or look[1](last):
                 break
         return SimulatedInterval(Recording.join(recordings), Peaks.join(peaks), None, failure)
 
@@ -391,9 +473,9 @@ class Simulation:
         return Failure(kind, self.time, self._plan_step, PHASES[-1], limb, message, values)
 
 
-def _check_intervals(phase: IntArray, count: int) -> Iterator[tuple[int, int]]:
-    """Yield first and last time step of intervals within a phase that are checked at once."""
+def _check_intervals(phase: IntArray, count: int, most: int) -> Iterator[tuple[int, int]]:
+    """Yield first and last time step of intervals within a phase, each of `most` time steps."""
     edges = [0, *(np.flatnonzero(np.diff(phase[1 : count + 1])) + 1).tolist(), count]
     for start, stop in pairwise(edges):
-        for first in range(start, stop, CHECK_INTERVAL):
-            yield first, min(first + CHECK_INTERVAL, stop)
+        for first in range(start, stop, most):
+            yield first, min(first + most, stop)

@@ -25,7 +25,7 @@ from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulator import SimulatedInterval, Simulation
+from mlivr_gym.simulation.simulator import PathWatch, SimulatedInterval, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -144,7 +144,11 @@ class StepExecutor:
         return self.simulation.configuration
 
     def step(
-        self, limb: int, point: int, branch_sets: tuple[int, ...]
+        self,
+        limb: int,
+        point: int,
+        branch_sets: tuple[int, ...],
+        watch: PathWatch | None = None,
     ) -> tuple[State, SimulatedInterval | Failure]:
         """Move a limb to a point, given by its index.
 
@@ -156,6 +160,8 @@ class StepExecutor:
             Index of the point.
         branch_sets
             Branches of all limbs after the step.
+        watch
+            What looks ahead during the step; by default nothing.
 
         Returns
         -------
@@ -174,7 +180,7 @@ class StepExecutor:
         except (PlanError, TimingError) as error:
             return self._no_swing(limb, point, str(error))
         begin, self._executed = self.simulation.time, timed
-        executed = self.simulation.execute(timed, self.steps_done)
+        executed = self.simulation.execute(timed, self.steps_done, watch)
         if executed.failure is None:
             self.steps_done += 1
             self.state, self.joints = reached, timed.joint_positions[-1]
