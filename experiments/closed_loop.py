@@ -71,8 +71,8 @@ def unknown_things(graph: TwoLimbGraph, start: State, rng: np.random.Generator) 
         box = Box.between(name, "obstacle", middle - half, middle + half)
         graph.add_obstacles([box])
         try:
-            graph.check(start)
-            found.append(box)
+            if graph.state(start.stance) == start:  # it touches the robot on none of its branches
+                found.append(box)
         except StanceError:
             pass
         graph.remove_obstacles()

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.collisions.contacts import box_distances
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
@@ -39,7 +39,7 @@ ROUNDING = 1e-4
 GRID_BORDER = 0.5
 """Distance by which the grid extends beyond the cabin [m]."""
 
-CHECK_PERIOD = 0.05
+CHECK_PERIOD = 0.1
 """Time between two configurations of a trajectory that are compared with sensed boxes [s]."""
 
 SENSED = "sensed"
@@ -74,8 +74,11 @@ class Belief:
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
         self._counts = np.zeros(shape, dtype=np.int32)
         self._low, self._high = np.full((*shape, 3), np.inf), np.full((*shape, 3), -np.inf)
-        self._cubes = self._cubes_of_graph = np.zeros(shape, dtype=np.bool_)
-        self._known = (*graph.grasp_map.boxes, *graph.obstacles)
+        self._known_low, self._known_high = self._low.copy(), self._high.copy()
+        self._cubes, self._fresh = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+        self._is_current = True
+        boxes = (*graph.grasp_map.boxes, *graph.obstacles)
+        self._known = sorted(boxes, key=lambda box: -float(np.prod(box.half)))
 
     def refuse(self, point: int) -> None:
         """Remember that a point refused a grasp."""
@@ -101,44 +104,69 @@ class Belief:
         np.add.at(self._counts, where, 1)
         np.minimum.at(self._low, where, unexplained[inside])
         np.maximum.at(self._high, where, unexplained[inside])
+        grown = self._known_low[where] - self._low[where] > MARGIN
+        grown |= self._high[where] - self._known_high[where] > MARGIN
+        self._fresh[where] |= grown.any(axis=1)
         cubes = self._counts >= MIN_HITS
         if cubes.any():
-            where = np.argwhere(cubes)
-            centres = self._origin + CUBE * (where + 0.5)
+            some = np.argwhere(cubes)
+            centres = self._origin + CUBE * (some + 0.5)
             reach = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
-            cubes[tuple(where[self._close_to_robot(centres, reach, model, data)].T)] = False
+            cubes[tuple(some[self._close_to_robot(centres, reach, model, data)].T)] = False
         changed = int((cubes != self._cubes).sum())
         self._cubes = cubes
+        self._is_current &= not changed and not (self._fresh & cubes).any()
         return changed
 
     def update_graph(self) -> None:
         """Replace the sensed boxes of the graph by those that are believed now."""
-        if (self._cubes == self._cubes_of_graph).all():
+        if self._is_current:
             return
         graph, prefix = self.graph, f"{SENSED}/"
         graph.remove_obstacles([box.id for box in graph.obstacles if box.id.startswith(prefix)])
         graph.add_obstacles(self.boxes())
-        self._cubes_of_graph = self._cubes
+        self._is_current = True
+        self._mark_known(self._cubes)
+
+    def _mark_known(self, cubes: BoolArray) -> None:
+        """Mark the extents of cubes as known to the graph or to the step that is executed."""
+        self._known_low[cubes], self._known_high[cubes] = self._low[cubes], self._high[cubes]
+        self._fresh &= ~cubes
 
     def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
-        """Return whether the robot comes closer than the clearance to what the graph does not know.
+        """Return whether the robot comes closer than the clearance to what is new after a sample.
 
-        That are cubes sensed since `update_graph`. The configurations of the trajectory after the
-        sample are checked each `CHECK_PERIOD`.
+        New is what was sensed since the last call or `update_graph`. The configurations of the
+        trajectory are checked each `CHECK_PERIOD`.
         """
         graph, grasp_map = self.graph, self.graph.grasp_map
-        boxes = self._boxes_of(self._cubes & ~self._cubes_of_graph)
+        last, stride = len(trajectory.times) - 1, max(round(CHECK_PERIOD / trajectory.period), 1)
+        ahead = trajectory.at(np.append(np.arange(first, last, stride), last))
+        reach = graph.robot.extent + graph.settings.clearance
+        low, high = (
+            ahead.base_positions.min(axis=0) - reach,
+            ahead.base_positions.max(axis=0) + reach,
+        )
+        fresh = self._fresh & self._cubes
+        self._mark_known(fresh)
+        boxes = [
+            box
+            for box in self._boxes_of(fresh)
+            if (
+                np.abs(np.array(box.centre) - 0.5 * (low + high)) <= 0.5 * (high - low) + box.half
+            ).all()
+        ]
         if not boxes:
             return False
         aimed = trajectory.grasps[-1].tolist()
         grasps = [(i, grasp_map.positions[p], grasp_map.normals[p]) for i, p in enumerate(aimed)]
-        last, stride = len(trajectory.times) - 1, max(round(CHECK_PERIOD / trajectory.period), 1)
-        ahead = trajectory.at(np.append(np.arange(first, last, stride), last))
+        clearance = graph.settings.clearance
         return any(
-            contacts(graph.robot, boxes, configuration, graph.settings.clearance, grasps)
+            distance < clearance
             for configuration in zip(
                 ahead.base_positions, ahead.base_quaternions, ahead.joint_positions, strict=True
             )
+            for *_, distance in box_distances(graph.robot, boxes, configuration, clearance, grasps)
         )
 
     def boxes(self) -> tuple[Box, ...]:
@@ -157,11 +185,14 @@ class Belief:
 
     def _explained(self, hits: Array) -> BoolArray:
         """Return which hits, shape (k, 3), lie on or in a known box."""
-        explained = np.zeros(len(hits), dtype=np.bool_)
+        unexplained = np.arange(len(hits))
         for box in self._known:
-            local = (hits - np.array(box.centre)) @ np.array(box.rotation)
+            local = (hits[unexplained] - np.array(box.centre)) @ np.array(box.rotation)
             excess = np.maximum(np.abs(local) - np.array(box.half), 0.0)
-            explained |= (excess**2).sum(axis=1) <= self._tolerance**2
+            on_box = np.einsum("ij,ij->i", excess, excess) <= self._tolerance**2
+            unexplained = unexplained[~on_box]
+        explained = np.ones(len(hits), dtype=np.bool_)
+        explained[unexplained] = False
         return explained
 
     def _close_to_robot(self, centres: Array, reach: float, model: Any, data: Any) -> BoolArray:

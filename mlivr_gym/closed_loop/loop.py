@@ -297,14 +297,12 @@ class _Loop:
             names = " and ".join(model.geom(int(geom)).name for geom in data.contact[0].geom)
             raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
 
-    def _sense(self, camera: DepthCamera) -> bool:
-        """Look round, and believe what is seen; return whether that is something new."""
+    def _sense(self, camera: DepthCamera) -> None:
+        """Look round, and believe what is seen."""
         simulation, belief = self._executor.simulation, self._belief
         hits = camera.measure(simulation.model, simulation.data, self.graph.robot, self._rng)
-        is_new = belief.add_hits(hits, simulation.model, simulation.data) > 0
-        if is_new:
+        if belief.add_hits(hits, simulation.model, simulation.data):
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
-        return is_new
 
     def _watch(self) -> PathWatch | None:
         """Return what looks ahead during a step: the cameras, or nothing."""
@@ -313,7 +311,8 @@ class _Loop:
             return None
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
-            return self._sense(camera) and self._belief.is_blocked(trajectory, sample)
+            self._sense(camera)
+            return self._belief.is_blocked(trajectory, sample)
 
         return PathWatch(camera.period, is_blocked)
 

@@ -148,17 +148,34 @@ def contacts(
     """
     shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)
-    base = scipy.spatial.transform.Rotation.from_quat(
-        configuration[1], scalar_first=True
-    ).as_matrix()
-    at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
+    rotation = scipy.spatial.transform.Rotation.from_quat(configuration[1], scalar_first=True)
     pairs = [
-        *_robot_distances(robot, shapes, (ends - configuration[0]) @ base),
-        *_limb_box_distances(shapes, boxes, ends, at_grasp, clearance),
-        *_base_box_distances(robot, shapes, boxes, (configuration[0], base), clearance),
+        *_robot_distances(robot, shapes, (ends - configuration[0]) @ rotation.as_matrix()),
+        *box_distances(robot, boxes, configuration, clearance, grasps),
     ]
     close = [Contact(*pair) for pair in pairs if pair[2] < clearance or pair[2] <= 0.0]
     return sorted(close, key=lambda contact: contact.distance)
+
+
+def box_distances(
+    robot: RobotSpec,
+    boxes: Sequence[Box],
+    configuration: Configuration,
+    clearance: float,
+    grasps: Sequence[tuple[int, Array, Array]] = (),
+) -> Iterator[Pair]:
+    """Yield the distances of the robot from boxes that may be closer than the clearance.
+
+    Parameters are those of `contacts`.
+    """
+    shapes, (position, quaternion, _) = _shapes(robot), configuration
+    ends = capsule_ends(robot, shapes, configuration)
+    rotation = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True)
+    at_grasp = {limb: (point, normal) for limb, point, normal in grasps}
+    yield from _limb_box_distances(shapes, boxes, ends, at_grasp, clearance)
+    yield from _base_box_distances(
+        robot, shapes, boxes, (position, rotation.as_matrix()), clearance
+    )
 
 
 def _robot_distances(robot: RobotSpec, shapes: LimbShapes, ends: Array) -> Iterator[Pair]:

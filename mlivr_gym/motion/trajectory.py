@@ -198,7 +198,13 @@ ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "poin
 VELOCITIES = {"joint_velocities": "joint_accelerations", "base_velocities": "base_accelerations"}
 """Fields of velocities, and those of their derivatives."""
 
-MOTION = ("joint_positions", "base_positions", "base_quaternions", *VELOCITIES, *VELOCITIES.values())
+MOTION = (
+    "joint_positions",
+    "base_positions",
+    "base_quaternions",
+    *VELOCITIES,
+    *VELOCITIES.values(),
+)
 """Fields that change with the time of a trajectory."""
 
 

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE, Belief
+from mlivr_gym.closed_loop.belief import CUBE, MARGIN, Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.timing import step_trajectory
 
 CAMERA = DepthCamera()
 
@@ -26,6 +28,7 @@ def seen(jem, plan):
         for _ in range(times):
             hits = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
             belief.add_hits(hits, simulation.model, simulation.data)
+        belief.update_graph()
         return belief
 
     yield look
@@ -51,8 +54,8 @@ def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, pl
     for box in boxes:
         low, high = box.bounds
         corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
-        # A cube holds a measured point, which is noise away from the box at most.
-        assert gaps(corners, wall).max() <= np.sqrt(3.0) * CUBE + 5.0 * CAMERA.noise
+        # The extent of hits, which are noise away from the box at most, and the margin.
+        assert gaps(corners, wall).max() <= np.sqrt(3.0) * MARGIN + 5.0 * CAMERA.noise
     here = plan.motion.base_positions[0]
     face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
     covered = np.min([gaps(face, box) for box in boxes], axis=0)
@@ -80,3 +83,26 @@ def test_a_point_that_refused_is_occupied(seen, jem):
     belief.refuse(7)
     assert belief.refused == set(belief.graph.occupied) == {7}
     belief.graph.vacate()
+
+
+def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_updated(seen, plan, jem):
+    """The first step of the plan, and a box at the place to which its gripper moves."""
+    belief, there = seen(times=0), step_trajectory(seen(times=0).graph, plan, 0, Durations())
+    hand = jem.positions[jem.index(plan.steps[0].to_point)]
+    normal = jem.normals[jem.index(plan.steps[0].to_point)]
+    places = hand + 0.12 * normal + 0.01 * np.random.default_rng(1).normal(size=(300, 3))
+    simulation = Setup().simulation(jem, belief.graph.robot, ())
+    simulation.reset(
+        *plan.configuration(0), [jem.index(point) for point in plan.stances[0]],
+    )  # fmt: skip
+    last = len(there.times) - 1
+    assert not belief.is_blocked(there, 0)
+    belief.add_hits(places, simulation.model, simulation.data)
+    assert belief.is_blocked(there, 0)
+    assert not belief.is_blocked(there, 0)  # seen before
+    belief.update_graph()
+    assert belief.graph.obstacles
+    belief.add_hits(places, simulation.model, simulation.data)
+    assert not belief.is_blocked(there, 0)  # the graph knows it
+    belief.add_hits(places + np.array([0.0, 0.0, 4.0]), simulation.model, simulation.data)
+    assert not belief.is_blocked(there, last)  # far away

@@ -63,6 +63,29 @@ def test_it_sees_what_is_in_its_way_and_goes_round(graph):
     assert again.sensed == seeing.sensed
 
 
+class LateCamera(DepthCamera):
+    """Cameras that see nothing before the first step has begun."""
+
+    def measure(self, model, data, robot, rng):
+        hits = super().measure(model, data, robot, rng)
+        return hits if data.time > 0.0 else hits[:0]
+
+
+def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
+    """A small box above the first point that the plan grasps."""
+    point = graph.grasp_map.index(plan.steps[0].to_point)
+    middle = graph.grasp_map.positions[point] + 0.25 * graph.grasp_map.normals[point]
+    box = Box.between("small", "obstacle", middle - 0.05, middle + 0.05)
+    blind = run_closed_loop(graph, START, GOAL, unknown=[box])
+    assert (blind.outcome, blind.steps) == (FAILED, 0)
+    record = run_closed_loop(graph, START, GOAL, unknown=[box], camera=LateCamera())
+    assert record.outcome == ARRIVED
+    first = next(event for event in record.events if event.kind in ("blocked", "step"))
+    assert first.kind == "blocked"
+    assert first.values["point"] == plan.steps[0].to_point
+    assert record.peak_force < 60.0
+
+
 def test_it_stops_where_no_way_is_left(graph, plan):
     points = {point for stance in plan.stances for point in stance} - set(START)
     graph.occupy([point for point in graph.grasp_map.ids if point not in {*points, *START}])

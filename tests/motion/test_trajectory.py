@@ -342,3 +342,33 @@ def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan, slowness)
         np.testing.assert_allclose(found, expected, atol=0.02 * scale)
     expected = np.gradient(back.base_positions, back.times, axis=0)[2:-2]
     np.testing.assert_allclose(back.base_velocities[2:-2, :3], expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(("share", "duration"), [(0.3, 1.0), (0.6, 4.0)])
+def test_a_motion_that_turns_back_follows_its_path_to_the_start(
+    checked_graph, plan, share, duration
+):
+    there = step_trajectory(checked_graph, plan, 0, Durations(), period=0.01)
+    first = int(share * len(there.times))
+    whole = there.turned_back(first, 2, duration)
+    for name in ("joint_positions", "joint_velocities", "joint_accelerations", "phase", "grasps"):
+        kept = getattr(whole, name)[:first]
+        np.testing.assert_array_equal(kept, getattr(there, name)[:first])
+    for name, rate in (
+        ("joint_positions", "joint_velocities"),
+        ("joint_velocities", "joint_accelerations"),
+    ):
+        expected = np.gradient(getattr(whole, name), whole.times, axis=0)[2:-2]
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(getattr(whole, rate)[2:-2], expected, atol=0.02 * scale)
+    # It is on the path all the time, turns, and comes to rest at the start.
+    away = np.abs(whole.joint_positions[:, None] - there.joint_positions[None]).max(axis=(2, 3))
+    spacing = np.abs(np.diff(there.joint_positions, axis=0)).max()
+    assert away.min(axis=1).max() <= spacing
+    farthest = int(away.argmin(axis=1).argmax())
+    assert first < farthest < first + duration / there.period
+    assert np.abs(whole.joint_positions[-1] - there.joint_positions[0]).max() < 1e-9
+    assert np.abs(whole.joint_velocities[-1]).max() < 1e-6
+    np.testing.assert_array_equal(whole.grasps[-1], there.grasps[0])
+    assert whole.phase[-1] == len(PHASES) - 1
+    assert there.turned_back(len(there.times) - 2, 2, duration) is None

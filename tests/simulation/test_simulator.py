@@ -17,7 +17,7 @@ from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.joint_controller import JointController, Reference
 from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 
 
@@ -230,3 +230,41 @@ def test_what_cannot_be_simulated_is_one_clear_error(checked_graph, plan, jem, s
         simulation.execute(step_trajectory(checked_graph, plan, 0))
     with pytest.raises(PlanError, match="no step"):
         execute(checked_graph, replace(plan, motion=replace(plan.motion, steps=())))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+def test_a_limb_whose_path_is_blocked_holds_the_point_that_it_left(checked_graph, plan, jem, share):
+    simulation = Simulation(jem, plan.world.robot, controller=ControllerParameters())
+    points = [jem.index(point) for point in plan.stances[0]]
+    simulation.reset(*plan.configuration(0), points)
+    trajectory = step_trajectory(checked_graph, plan, 0, Durations())
+    looks = []
+
+    def is_blocked(followed, sample):
+        assert followed is trajectory
+        looks.append(sample)
+        return sample >= share * len(trajectory.times)
+
+    blocked = simulation.execute(trajectory, 3, PathWatch(0.5, is_blocked))
+    assert (blocked.failure.kind, blocked.failure.step) == ("blocked path", 3)
+    assert blocked.failure.message.endswith(f"{plan.steps[0].to_point!r}, which is blocked")
+    assert simulation.points == points
+    assert blocked.peaks.grasp_force.max() < 60.0
+    assert np.diff(blocked.recording.times).min() > 0.0
+    spacing = round(0.5 / simulation.physics.timestep)
+    assert max(np.diff(looks)) == spacing
+    assert looks[-1] < share * len(trajectory.times) + spacing
+    again = simulation.execute(trajectory)
+    assert again.failure is None
+    assert simulation.points != points
+
+
+def test_a_limb_that_is_nearly_there_does_not_turn_back(checked_graph, plan, jem):
+    simulation = Simulation(jem, plan.world.robot, controller=ControllerParameters())
+    simulation.reset(
+        *plan.configuration(0), [jem.index(point) for point in plan.stances[0]]
+    )  # fmt: skip
+    trajectory = step_trajectory(checked_graph, plan, 0, Durations())
+    late = len(trajectory.times) - 100
+    watch = PathWatch(0.05, lambda _, sample: sample >= late)
+    assert simulation.execute(trajectory, watch=watch).failure is None
