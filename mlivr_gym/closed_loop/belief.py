@@ -111,7 +111,7 @@ class Belief:
         if cubes.any():
             some = np.argwhere(cubes)
             centres = self._origin + CUBE * (some + 0.5)
-            reach = 0.5 * np.sqrt(3.0) * CUBE + self.graph.settings.clearance
+            reach = 0.5 * np.sqrt(3.0) * CUBE + MARGIN + self.graph.settings.clearance
             cubes[tuple(some[self._close_to_robot(centres, reach, model, data)].T)] = False
         changed = int((cubes != self._cubes).sum())
         self._cubes = cubes

@@ -346,13 +346,13 @@ class _Loop:
         elif failure.kind in NOTICED:
             self._note(NOTICED[failure.kind], limb=limb, point=name, failure=failure.kind)
             self._attempts[point] = self._attempts.get(point, 0) + 1
-            on_the_way_back = None
+            while_returning = None
             if failure.kind != "blocked path":  # from that it has turned back
                 back = executor.retreat()
                 record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
-                on_the_way_back = back.failure
-            if on_the_way_back is not None:
-                kind, message = on_the_way_back.kind, on_the_way_back.message
+                while_returning = back.failure
+            if while_returning is not None:
+                kind, message = while_returning.kind, while_returning.message
                 self._end(FAILED, f"on the way back, {kind}: {message}")
             elif self._attempts[point] == ATTEMPTS:
                 self._belief.refuse(point)

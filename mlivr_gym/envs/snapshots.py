@@ -22,7 +22,7 @@ from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Failure
-    from mlivr_gym.simulation.simulator import SimulatedInterval
+    from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 
 FRAMES_PER_ACTION = 25
 """Pictures of one action, which make one second of film."""

@@ -26,7 +26,8 @@ from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.simulator import SimulatedInterval, Simulation
+from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectory
 from mlivr_gym.stances.stance_graph import StanceGraph
 

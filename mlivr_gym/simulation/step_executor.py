@@ -25,7 +25,8 @@ from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulator import PathWatch, SimulatedInterval, Simulation
+from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
