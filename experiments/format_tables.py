@@ -32,6 +32,7 @@ from mlivr_gym.schema import (
     Struct,
     Text,
 )
+from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
 from mlivr_gym.world.map_entries import MODULE, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
@@ -223,5 +224,9 @@ def tables() -> dict[str, str]:
                 (f"`{TRAJECTORY_KEYS.get(name, name)}`", meaning)
                 for name, meaning in attributes(Trajectory).items()
             ),
+        ),
+        "fields_recording": table(
+            "field | meaning",
+            ((f"`{name}`", meaning) for name, meaning in attributes(Recording).items()),
         ),
     }

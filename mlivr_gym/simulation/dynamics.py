@@ -39,7 +39,7 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 @dataclass(frozen=True)
 class Physics(ParameterSet):
-    """Parameters of grasps and failures.
+    """Parameters of the simulation, of grasps and of failures.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class Physics(ParameterSet):
     capture_angle
         Largest angle between gripper and point at which a grasp succeeds [rad].
     hold_force
-        Largest force that a grasp holds [N].
+        Force beyond which a grasp is lost [N].
     hold_torque
-        Largest torque that a grasp holds [N m].
+        Torque beyond which a grasp is lost [N m].
     saturation_time
         Time for which a joint torque may be at its limit before the joint fails [s].
     joint_limit_tolerance

@@ -1,4 +1,9 @@
-"""Execution of plans in MuJoCo, step by step, with all measurements."""
+"""Execution of plans in MuJoCo, step by step, with all measurements.
+
+Before anything is simulated, each step of the plan is made a `Trajectory` on the time grid of the
+simulation. Then a `Simulation` starts in the first stance and executes one trajectory after the
+other, until the last one or the first failure.
+"""
 
 from __future__ import annotations
 
@@ -159,7 +164,8 @@ def execute(
     physics
         Parameters of grasps and failures.
     progress
-        A function that is called after each step with the number of steps begun.
+        A function that is called after each step with the number of steps so far; a step that
+        failed counts.
     simulation
         A simulation of the plan's robot, map and obstacles, with another controller or
         disturbance, or to be used again. The argument `physics` is then ignored.

@@ -24,7 +24,7 @@ class FailureMonitor:
     """Detects the first failure of a step: in its motion, in a wait, or in a further approach."""
 
     def __init__(self, physics: Physics, robot: RobotSpec, step: int) -> None:
-        """Monitor step number `step` of a walk of `robot`."""
+        """Monitor a step of `robot`; `step` is its index, for the failures."""
         self.physics, self.limits, self.step = physics, robot.joint_limits, step
         self._torques: Array = robot.torque_limits
         self._saturated: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)

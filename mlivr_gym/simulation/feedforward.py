@@ -22,11 +22,11 @@ interpolate between them."""
 
 
 def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return feedforward torques [N m] and offsets of the joint positions [rad] along a step.
+    """Return feedforward torques [N m] and corrections of the joint angles [rad] along a step.
 
     Both have the shape (k, N, 6) of the trajectory. The torques are the inverse dynamics of the
-    trajectory (feedforward of the computed torque, evaluated along the reference). The offsets map
-    the deflection of each grasp to the joints by the pseudoinverse of the gripper's Jacobian.
+    trajectory (feedforward of the computed torque, evaluated along the reference). The corrections
+    map the deflection of each grasp to the joints by the pseudoinverse of the gripper's Jacobian.
     """
     coarse = trajectory.every(float(trajectory.times[-1]) / SAMPLES)
     count, limbs = coarse.grasps.shape
@@ -44,9 +44,9 @@ def feedforward(robot: RobotSpec, physics: Physics, trajectory: Trajectory) -> t
         stacked(coarse.base_accelerations, coarse.joint_accelerations)[None],
     )
     deflections = _deflections(physics, dynamics.wrenches[0], float(times[1] - times[0]))
-    offsets = np.zeros((count, limbs, 6))
-    offsets[:, holding] = (np.linalg.pinv(dynamics.jacobians) @ deflections[..., None])[..., 0]
-    rough = np.column_stack([dynamics.torques.reshape(count, -1), offsets.reshape(count, -1)])
+    corrections = np.zeros((count, limbs, 6))
+    corrections[:, holding] = (np.linalg.pinv(dynamics.jacobians) @ deflections[..., None])[..., 0]
+    rough = np.column_stack([dynamics.torques.reshape(count, -1), corrections.reshape(count, -1)])
     fine = CubicSpline(times, rough)(trajectory.times)
     both = fine.reshape(len(fine), 2, limbs, 6)
     return both[:, 0], both[:, 1]

@@ -35,7 +35,7 @@ class Measurements(NamedTuple):
 
 
 class Instruments:
-    """The addresses of measured quantities in a model of `dynamics.dynamics_spec`.
+    """What turns states and sensor data of a model of `dynamics.dynamics_spec` into measurements.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Instruments:
     """
 
     def __init__(self, model: mujoco.MjModel, limbs: int) -> None:
-        """Look up the addresses for a robot with N limbs."""
+        """Look up where the sensors of a robot with N limbs write their data."""
         self.model, self._limbs = model, limbs
         self.mass = float(model.body_mass.sum())
         self._torques, self._wrenches = (
@@ -75,17 +75,17 @@ class Instruments:
         Parameters
         ----------
         states
-            Full state before each time step, n records.
+            State before each time step, n rows of `JointController.run`.
         sensors
-            Sensor data at each time step, n records.
+            Sensor data of each time step, n rows.
         trajectory
-            The reference trajectory.
+            The planned trajectory, from which the errors of the base are measured.
         first
             Index of the first time step on the time grid of the trajectory.
         elapsed
             Number of time steps before the first one since the reset.
         step
-            Index of the step of the walk.
+            Index of the step, for the recording.
         """
         count, samples = len(states), slice(first, first + len(states))
         times = np.arange(elapsed, elapsed + count, dtype=np.float64) * self.model.opt.timestep

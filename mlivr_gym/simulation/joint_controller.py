@@ -1,4 +1,8 @@
-"""The joint controller at work: from encoder readings to joint torques, at each time step."""
+"""The joint controller at work: from encoder readings to joint torques, in each sampling period.
+
+A `Reference` says what the joints shall do, and a `JointController` makes the simulated joints do
+it. `controller` explains the law by which it computes the torques, and holds its parameters.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ from mlivr_gym.simulation.gl import mujoco
 
 
 class Reference(NamedTuple):
-    """References of all joints at k times, ordered by limb."""
+    """What all joints shall do at k times, ordered by limb: the input of the controller."""
 
     positions: Array
     """Joint angles, shape (k, 6 N) [rad]."""
@@ -47,9 +51,9 @@ class Reference(NamedTuple):
         positions, speeds = trajectory.joint_positions, trajectory.joint_velocities
         torques = np.zeros_like(positions)
         if controller.feedforward:
-            torques, offsets = feedforward(robot, physics, trajectory)
-            positions = positions + offsets
-            speeds = speeds + np.gradient(offsets, trajectory.times, axis=0)
+            torques, corrections = feedforward(robot, physics, trajectory)
+            positions = positions + corrections
+            speeds = speeds + np.gradient(corrections, trajectory.times, axis=0)
         return cls(*(array.reshape(count, -1) for array in (positions, speeds, torques)))
 
 
@@ -59,7 +63,7 @@ class JointController:
     Attributes
     ----------
     offset
-        Offset of the position references, shape (6 N,) [rad].
+        What is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
     """
 
     def __init__(
@@ -69,7 +73,7 @@ class JointController:
         controller: ControllerParameters,
         disturbance: Disturbance,
     ) -> None:
-        """Control the joints of a model by the motors of the same names."""
+        """Look up the motors of the joints, which have the same names, and start afresh."""
         self._model, self._data = model, data
         self._controller, self._ranges = controller, disturbance.ranges
         self._bias = disturbance.encoder_bias.ravel()
@@ -117,14 +121,15 @@ class JointController:
         reference
             The reference, k samples.
         held
-            Whether each limb holds a point.
+            Whether each limb holds a point, which chooses its gains.
         recovering
             Whether the offset of the references decays.
 
         Returns
         -------
         tuple[Array, Array]
-            Time, positions and velocities before each time step, and the sensor data at it.
+            For each of the k time steps the state before it (time, positions and velocities of
+            MuJoCo in one row), and the sensor data that belong to that state.
         """
         model, data, controller = self._model, self._data, self._controller
         count, joint_count = reference.positions.shape

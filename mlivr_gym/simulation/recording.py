@@ -14,12 +14,24 @@ FAILURES = (
     "missed grasp", "refused grasp", "blocked path", "saturation", "collision", "lost hold",
     "joint limit", "divergence", "no swing",
 )  # fmt: skip
-"""Kinds of failure. `"no swing"` is a step of an environment without a swing or a trajectory."""
+"""Kinds of failure.
+
+* `"missed grasp"`: at the end of the approach the gripper is too far from its point, or turned.
+* `"refused grasp"`: the gripper is at its point, but nothing can be grasped there.
+* `"blocked path"`: the limb turned back, since something new was seen on its path.
+* `"saturation"`: the torque of a joint was at its limit for too long.
+* `"collision"`: two shapes touch.
+* `"lost hold"`: a grasp was loaded with more than it holds.
+* `"joint limit"`: a joint left its limits.
+* `"divergence"`: the state is no longer finite.
+* `"no swing"`: nothing was simulated, because no swing or no trajectory of the step was found; only
+  steps that are chosen one by one, see `step_executor`, fail in this way.
+"""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """The failure that ended a walk.
+    """The failure that ended an execution.
 
     Attributes
     ----------
@@ -85,12 +97,12 @@ class Capture:
 
 @dataclass(frozen=True)
 class Recording:
-    """Measurements at k times.
+    """Measurements of a simulation at k times.
 
     Attributes
     ----------
     times
-        Times since the start of the walk, shape (k,) [s].
+        Times since the reset of the simulation, shape (k,) [s].
     step
         Index of the step, shape (k,).
     phase
@@ -104,19 +116,20 @@ class Recording:
     base_quaternions
         Base orientations in the world w, x, y, z, shape (k, 4).
     base_errors
-        Distance between the base and its trajectory, shape (k,) [m].
+        Distance of the base from its planned position, shape (k,) [m].
     base_angle_errors
-        Angle between the base and its trajectory, shape (k,) [rad].
+        Angle of the base from its planned orientation, shape (k,) [rad].
     grasp_forces
-        Force of each grasp on its gripper, in the grasp frame, shape (k, N, 3) [N].
+        Force of each grasp on its gripper, in the axes of the anchor (`dynamics`), shape (k, N, 3)
+        [N]; 0 while the limb holds nothing.
     grasp_torques
-        Torque of each grasp on its gripper, in the grasp frame, shape (k, N, 3) [N m].
+        Torque of each grasp on its gripper, in the same axes, shape (k, N, 3) [N m].
     momenta
         Linear momentum of the robot, shape (k, 3) [kg m/s].
     angular_momenta
         Angular momentum about the centre of mass, shape (k, 3) [kg m^2/s].
     contacts
-        Number of contacts of the robot, shape (k,).
+        Number of contacts of the robot, of which a grasp is none, shape (k,).
     """
 
     times: Array

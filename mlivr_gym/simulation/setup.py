@@ -61,7 +61,7 @@ class Setup:
         physics: Physics | dict[str, Any] | str | None = None,
         disturbances: DisturbanceRanges | dict[str, Any] | str | None = None,
     ) -> Setup:
-        """Return a setup from instances, plain data or names; a part that is None has its defaults.
+        """Return a setup from instances, plain data or names; None stands for the defaults.
 
         Parameters
         ----------

@@ -5,7 +5,8 @@ last one; a whole plan is executed by `execution.execute`.
 
 The states of the stance graph hold sets of inverse-kinematics branches; a robot is on one of them.
 A `StepExecutor` commits to a branch when a limb grasps. Every step that leaves its state has a
-swing by construction; `step` reports a failure where none, or no timing of it, is found.
+swing by construction; should none be found, or no time scaling within the limits, `step` reports
+the failure `"no swing"`.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ class StepExecutor:
         return self.state
 
     def draw(self, stream: Any) -> int:
-        """Return a seed of the disturbance from a random stream; 0 if the setup has none."""
+        """Draw a seed of the disturbance from a random stream; return 0 if the setup has none."""
         if self.setup.disturbances == DisturbanceRanges():
             return 0
         return 1 + int(stream.integers(2**31))
