@@ -16,7 +16,7 @@ from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS
 
 MOST_HALVINGS = 9
-"""Number of bisections after which an undecided interval counts as blocked."""
+"""An undecided interval of about `2^-MOST_HALVINGS` of a motion counts as blocked."""
 
 SWINGS, HOLDS, DEPARTS = 0, 1, 2
 """Kinds of motion of a limb."""

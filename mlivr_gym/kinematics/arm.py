@@ -92,7 +92,7 @@ class JointAxes(Record):
 
 @kernel
 def in_window(angle: float, low: float) -> float:
-    """Return the winding of a joint angle that lies in the joint's window [rad].
+    """Return a joint angle plus the whole turns that move it into the joint's window [rad].
 
     A window is less than a turn, so one winding at most lies in it: a posture of a limb that holds
     determines its joint angles, whatever motion led there.

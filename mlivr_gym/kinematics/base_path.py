@@ -1,8 +1,8 @@
 """Base paths between two postures (compiled).
 
 The base moves on `t(s)`, `R(s)`, `s` in [0, 1]; timing is a matter of the trajectory. Rotation is
-slerp. Translation is a straight line, or, where that fails, an arc about a pivot (the held grasp):
-the distance to the pivot changes linearly while the direction turns by slerp.
+slerp. Translation is a straight line, or, where that fails, an arc about a pivot, the centroid of
+the points held: the distance to the pivot changes linearly while the direction turns by slerp.
 """
 
 from __future__ import annotations
@@ -73,10 +73,10 @@ class BasePath(Record):
     """Distance from the pivot at the start [m]."""
     radius1: float
     """Distance from the pivot at the end [m]."""
-    sweep: float
+    arc_angle: float
     """Angle between start and end, seen from the pivot [rad]."""
     speed: float
-    """Largest speed of the base origin on a path of unit duration [m]."""
+    """Upper bound of the speed of the base origin on a path of unit duration [m]."""
 
 
 @entry
@@ -110,11 +110,11 @@ def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) 
     start, end = vector(first.position), vector(last.position)
     from_pivot, to_pivot = minus(start, pivot), minus(end, pivot)
     path.radius0, path.radius1 = length(from_pivot), length(to_pivot)
-    path.sweep = angle_between(from_pivot, to_pivot)
+    path.arc_angle = angle_between(from_pivot, to_pivot)
     path.speed = length(minus(end, start))
     if kind != STRAIGHT:
         far = max(path.radius0, path.radius1)
-        path.speed = np.hypot(path.radius1 - path.radius0, far * path.sweep)
+        path.speed = np.hypot(path.radius1 - path.radius0, far * path.arc_angle)
 
 
 @kernel
@@ -176,7 +176,7 @@ def velocity_on_path(path: BasePath, s: float) -> Triple:
     start, end = vector(path.first.position), vector(path.last.position)
     if path.kind == STRAIGHT:
         return minus(end, start)
-    pivot, angle, growth = vector(path.pivot), path.sweep, path.radius1 - path.radius0
+    pivot, angle, growth = vector(path.pivot), path.arc_angle, path.radius1 - path.radius0
     a, b = minus(start, pivot), minus(end, pivot)
     f0, f1, g0, g1 = 1.0 - s, s, -1.0, 1.0
     if angle >= 1e-6:
@@ -231,7 +231,7 @@ def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple
     bend = 0.0
     if path.kind != STRAIGHT:
         farthest = max(path.radius0, path.radius1)
-        bend = path.sweep * (2.0 * abs(path.radius1 - path.radius0) + farthest * path.sweep)
+        bend = path.arc_angle * (2.0 * abs(path.radius1 - path.radius0) + farthest * path.arc_angle)
     growth = w * path.speed + bend
     return float(half * np.exp(w * half) * (speed + 0.5 * growth * half))
 
@@ -271,7 +271,7 @@ def position_on_path(path: BasePath, s: float) -> Triple:
     start, end = vector(path.first.position), vector(path.last.position)
     if path.kind == STRAIGHT:
         return along(start, s, minus(end, start))
-    pivot, angle = vector(path.pivot), path.sweep
+    pivot, angle = vector(path.pivot), path.arc_angle
     radius = path.radius0 + s * (path.radius1 - path.radius0)
     f0, f1 = 1.0 - s, s
     if angle >= 1e-6:

@@ -2,8 +2,8 @@
 
 NumPy's products of matrices and its sums along an axis add in an order that depends on the shape
 and the layout of the whole array, so the last bit of a row depends on what it is worked out
-together with. A step that is legal by a hair would then be legal or not by what was asked before.
-Here each number is a sum of products taken in one written order.
+together with. A step that barely keeps a limit would then pass or fail depending on what was
+computed with it. Here each number is a sum of products in a fixed order.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 
 SLACK = 1e-9
-"""What a first look at distances, axis by axis, allows for rounding [m]."""
+"""Tolerance of the first comparison, axis by axis, of `rows_close` [m]."""
 
 
 def dots(a: Array, b: Array) -> Array:
-    """Scalar products, shapes (..., 3) -> (...)."""
+    """Return scalar products, shapes (..., 3) -> (...)."""
     products: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return products
 
 
 def distances(a: Array, b: Array) -> Array:
-    """How far points are apart, shapes (..., 3) -> (...)."""
+    """Return distances of points, shapes (..., 3) -> (...)."""
     away = a - b
     apart: Array = np.sqrt(dots(away, away))
     return apart
 
 
 def rows_close(points: Array, low: Array, high: Array, reach: float) -> IntArray:
-    """Rows of those of some points, shape (n, 3), within `reach` of a box from `low` to `high`."""
+    """Return the rows of points, shape (n, 3), within `reach` of a box from `low` to `high`."""
     rows: IntArray = np.arange(len(points))
     wide = reach + SLACK
     for axis in range(3):
@@ -45,32 +45,32 @@ def rows_close(points: Array, low: Array, high: Array, reach: float) -> IntArray
 
 
 def distance(a: Sequence[float], b: Sequence[float]) -> float:
-    """How far two points are apart, as `distances` tells it."""
+    """Return the distance of two points, equal to that of `distances` to the last bit."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
 def unit(vectors: Any) -> Array:
-    """Vectors scaled to length 1, shape (..., 3)."""
+    """Return vectors scaled to length 1, shape (..., 3)."""
     scaled: Array = vectors / np.sqrt(dots(vectors, vectors))[..., None]
     return scaled
 
 
 def rotate(rotations: Array, vectors: Array) -> Array:
-    """Vectors turned by rotations, shapes (..., 3, 3) and (..., 3) -> (..., 3)."""
+    """Return vectors turned by rotations, shapes (..., 3, 3) and (..., 3) -> (..., 3)."""
     x, y, z = (vectors[..., k, None] for k in range(3))
     turned: Array = rotations[..., 0] * x + rotations[..., 1] * y + rotations[..., 2] * z
     return turned
 
 
 def chain(outer: Array, inner: Array) -> Array:
-    """Rotations one after the other, the inner ones first, shapes (..., 3, 3)."""
+    """Return the products `outer @ inner` of rotations, shapes (..., 3, 3)."""
     columns: Array = np.stack([rotate(outer, inner[..., k]) for k in range(3)], axis=-1)
     return columns
 
 
 def mean_of_limbs(values: Array) -> Array:
-    """Mean over the limbs, shape (k, N, 3) -> (k, 3)."""
+    """Return the mean over the limbs, shape (k, N, 3) -> (k, 3)."""
     total = values[:, 0]
     for limb in range(1, values.shape[1]):
         total = total + values[:, limb]

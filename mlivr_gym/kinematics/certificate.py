@@ -58,7 +58,7 @@ class Proof(Record):
 
 @kernel
 def certify(
-    limb: MountedArm, flange: Pose, path: BasePath, floor: float, mask: int, scratch: Proof
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, branch_set: int, scratch: Proof
 ) -> int:
     """Return the branches on which a limb that holds is proved to follow a base path.
 
@@ -72,7 +72,7 @@ def certify(
         The base path.
     floor
         Least `|det J|` on the path [m^3].
-    mask
+    branch_set
         Branches and flips to check.
     scratch
         Scratch.
@@ -94,7 +94,7 @@ def certify(
     pieces = min(max(int(np.ceil(travel / FIRST_INTERVAL)), 1), MOST_PIECES)
     shortest = 0.5 ** (DEPTH + 1)
     piece = top = 0
-    while mask and (top > 0 or piece < pieces):
+    while branch_set and (top > 0 or piece < pieces):
         if top > 0:
             top -= 1
             s, half = scratch.middle[top], scratch.half[top]
@@ -111,17 +111,17 @@ def certify(
             turn_seen(path, scratch.base, half, axis),
         )
         for c in range(CLASSES):
-            if not has_class(mask, c):
+            if not has_class(branch_set, c):
                 continue
             square = scratch.terms[c, 3]
             if not square >= square_floor or square <= 0.0:
-                mask = without_class(mask, c)
+                branch_set = without_class(branch_set, c)
             elif not stays_above(arm, scratch.terms, c, (travel, turned), square_floor):
                 if half < shortest:
-                    mask = without_class(mask, c)
+                    branch_set = without_class(branch_set, c)
                 undecided = True
         if undecided and half >= shortest:
             for side in (-0.5, 0.5):
                 scratch.middle[top], scratch.half[top] = s + side * half, 0.5 * half
                 top += 1
-    return mask
+    return branch_set

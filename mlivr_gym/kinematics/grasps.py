@@ -12,7 +12,7 @@ from mlivr_gym.kinematics.poses import Pose
 
 
 class Grasp(Record):
-    """A point that a limb can hold; all in one frame, the world unless a text says another."""
+    """A point that a limb can hold; all fields are in one frame, the world if none is named."""
 
     point: Vector
     """The point [m]."""
@@ -25,7 +25,7 @@ class Grasp(Record):
 
 
 def grasp_rows(points: Array, normals: Array, rails: Array, tool_length: float) -> Any:
-    """Rows of `Grasp`.
+    """Return rows of `Grasp`.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def grasp_rows(points: Array, normals: Array, rails: Array, tool_length: float) 
     rails
         Rail directions, shape (..., 3).
     tool_length
-        Flange to grasp [m].
+        Distance from the flange to the grasped point [m].
     """
     out = Grasp.rows(*points.shape[:-1])
     out["point"], out["normal"], out["rail"] = points, normals, rails

@@ -3,7 +3,8 @@
 A step is an edge of the stance graph only if the support limbs can follow the base from the first
 to the second posture, on a straight line or on an arc about the held grasps, see `base_path`, with
 every joint in its window, see `arm.in_window`. That `w_m` stays above a floor is proved, see
-`certificate`; joints are followed at samples of the path less than an eighth of a turn apart.
+`certificate`; joint angles are checked at samples, the ends of `FEW` intervals of the path, or of
+`MANY` if a joint turns by more than an eighth of a turn in one of the few.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from mlivr_gym.kinematics.limb import MountedArm, angles_at
 from mlivr_gym.kinematics.poses import Pose
 
 FEW, MANY = (cast(int, k) for k in np.array([4, 32]))
-"""Intervals over which joint angles are followed along a path: few where none turns far."""
+"""Numbers of intervals at whose ends joint angles are computed along a path."""
 
 FAR = 0.25 * np.pi
-"""Turn of a joint over one of the few intervals from which on there are to be many [rad]."""
+"""Turn of a joint over one of `FEW` intervals above which there are `MANY` [rad]."""
 
 
 class Track(Record):
@@ -45,7 +46,7 @@ class Track(Record):
 
 
 class Holding(Record):
-    """Room for the question whether a limb can hold along a path."""
+    """Scratch of the check whether a limb can hold along a path."""
 
     proof: Proof
     track: Track
@@ -53,7 +54,7 @@ class Holding(Record):
 
 @kernel
 def begin(track: Track) -> None:
-    """Forget what was followed."""
+    """Start without joint angles."""
     for joint in range(6):
         track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
     track.farthest = 0.0
@@ -63,7 +64,7 @@ def begin(track: Track) -> None:
 def follow(
     limb: MountedArm, flange: Pose, path: BasePath, branch: int, samples: int, track: Track
 ) -> bool:
-    """Joint angles of a holding limb along a base path, continuous from those of `track`.
+    """Follow the joint angles of a limb that holds along a base path, on from those of `track`.
 
     Parameters
     ----------
@@ -74,9 +75,9 @@ def follow(
     path
         The base path.
     branch
-        Branch label.
+        Branch of the limb.
     samples
-        Intervals.
+        Number of intervals.
     track
         Updated; where it has no angles, those at the start are in (-pi, pi].
 
@@ -101,15 +102,15 @@ def follow(
 
 @kernel
 def vector6(q: Joints) -> tuple[float, float, float, float, float, float]:
-    """Six joint angles [rad]."""
+    """Return six joint angles as a tuple [rad]."""
     return q[0], q[1], q[2], q[3], q[4], q[5]
 
 
 @kernel
 def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Joints) -> bool:
-    """Joint angles of a limb on the windings nearest to `q`, into `q`; in (-pi, pi] if it is NaN.
+    """Write the joint angles of a limb into `q`, by whole turns nearest to those in it.
 
-    Whether the branch exists.
+    Where `q` is NaN they lie in (-pi, pi]. Returns whether the branch exists.
     """
     q0, q1, q2, q3, q4, q5 = vector6(q)
     if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
@@ -124,7 +125,7 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
 def in_windows(
     limb: MountedArm, flange: Pose, path: BasePath, branch_set: int, track: Track
 ) -> int:
-    """Return those of `branch_set` on which every joint stays in its window along a path.
+    """Return those of `branch_set` on which every joint stays in its window at samples of a path.
 
     The flip is a half turn of joint 6.
     """
@@ -144,7 +145,7 @@ def in_windows(
 
 @kernel
 def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
-    """Whether every joint stayed in its window, joint 6 turned by `half_turn` [rad]."""
+    """Return whether every joint stayed in its window, joint 6 turned by `half_turn` [rad]."""
     for joint in range(6):
         shift = half_turn if joint == 5 else 0.0
         first = in_window(track.low[joint] + shift, arm.window[joint, 0])

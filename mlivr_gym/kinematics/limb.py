@@ -79,7 +79,7 @@ def angles_at(
     flange
         Flange in the world.
     branch
-        Branch label.
+        Branch of the limb.
     slack
         See `families.branch_angles`.
     q
@@ -96,7 +96,7 @@ def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) 
     Parameters
     ----------
     robots
-        A row of `Robot`, shape (1,).
+        A row of `RobotModel`, shape (1,).
     bases
         Bases in the world, rows of `Pose`, shape (k,).
     grasps
@@ -119,11 +119,11 @@ def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) 
 
 @entry
 def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
-    """Compute the joint angles of every branch of limb `i` with flip 0, NaN if none exist.
+    """Compute the joint angles of limb `i` on every branch, with flip 0, in the joints' windows.
 
-    They are on the windings in the joints' windows, see `arm.in_window`, and are written into
-    `out`, rows of `Angles`, shape (8,). `robots` is a row of `Robot`, shape (1,); other arguments
-    as in `angles_at`.
+    They are written into `out`, rows of `Angles`, shape (8,), with NaN for a branch that does not
+    exist. `robots` is a row of `RobotModel`, shape (1,);
+    the other arguments are those of `angles_at`.
     """
     limb = robots[0].limbs[i]
     for branch in range(BRANCHES):

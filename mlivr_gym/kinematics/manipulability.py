@@ -94,7 +94,7 @@ def limb_information(
     flange
         Position and axis of the flange.
     branch
-        Branch label.
+        Branch of the limb.
     l_c
         Characteristic length [m].
     scratch

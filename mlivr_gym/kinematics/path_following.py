@@ -18,24 +18,23 @@ from mlivr_gym.kinematics.poses import Pose
 def joints_along(
     robots: Any, i: int, bases: Any, flanges: Any, branch: int, reference: Angles, out: Any
 ) -> int:
-    """Joint angles of a limb on one branch at many poses, continuous from given ones.
+    """Compute joint angles of a limb on one branch at many poses, continuous from given ones.
 
     Parameters
     ----------
     robots
-        A row of `Robot`, shape (1,).
+        A row of `RobotModel`, shape (1,).
     i
-        Which limb.
+        Index of the limb.
     bases
         Rows of `Pose`, bases in the world, shape (k,), or (1,) for one that stays.
     flanges
         Rows of `Pose`, flanges in the world up to a half turn about their z axes, shape
         (k,) or (1,).
     branch
-        Branch label.
+        Branch of the limb.
     reference
-        Angles close to those at the first pose; they tell the
-        windings and the half turn of the tool.
+        Angles close to those at the first pose, which determine windings and flip.
     out
         Rows of `Angles`, shape (k,), filled.
 
@@ -65,7 +64,7 @@ def joints_along(
 
 
 def poses(positions: Array, rotations: Array) -> Any:
-    """Rows of `Pose` from positions, shape (k, 3) [m], and rotations, shape (k, 3, 3)."""
+    """Return rows of `Pose` from positions, shape (k, 3) [m], and rotations, shape (k, 3, 3)."""
     out = Pose.rows(len(positions))
     out["position"], out["rotation"] = positions, rotations
     return out

@@ -59,14 +59,14 @@ def into(frame: Pose, v: Triple) -> Triple:
 
 @kernel
 def seen_from(frame: Pose, p: Triple) -> Triple:
-    """Where a point [m] is, seen from a frame."""
+    """Return the coordinates in a frame of a point of the outer frame [m]."""
     o = frame.position
     return into(frame, (p[0] - o[0], p[1] - o[1], p[2] - o[2]))
 
 
 @kernel
 def out_of(frame: Pose, p: Triple) -> Triple:
-    """Where a point [m] is that a frame sees at `p`."""
+    """Return the point of the outer frame that has the coordinates `p` in a frame [m]."""
     r, o, (x, y, z) = frame.rotation, frame.position, p
     return (
         o[0] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z,
@@ -89,7 +89,7 @@ def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
 
 @kernel
 def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
-    """Angle in [0, pi] [rad] and unit axis of the rotation from `r0` to `r1`.
+    """Return the angle in [0, pi] [rad] and the unit axis of the rotation from `r0` to `r1`.
 
     Parameters
     ----------
@@ -126,38 +126,38 @@ def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
 
 @kernel
 def dot(a: Triple, b: Triple) -> float:
-    """Scalar product of two vectors."""
+    """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def cross(a: Triple, b: Triple) -> Triple:
-    """Vector product of two vectors."""
+    """Return the vector product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
 def minus(a: Triple, b: Triple) -> Triple:
-    """From `b` to `a`."""
+    """Return the vector from `b` to `a`."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @kernel
 def along(a: Triple, share: float, b: Triple) -> Triple:
-    """Return `a` plus a share of `b`."""
+    """Return `a` plus `share` times `b`."""
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
 @kernel
 def length(a: Triple) -> float:
-    """Length of a vector."""
+    """Return the length of a vector."""
     out: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     return out
 
 
 @kernel
 def angle_between(a: Triple, b: Triple) -> float:
-    """Angle between two vectors [rad]."""
+    """Return the angle between two vectors [rad]."""
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     angle: float = np.arctan2(np.sqrt(x * x + y * y + z * z), dot(a, b))
     return angle
@@ -165,7 +165,7 @@ def angle_between(a: Triple, b: Triple) -> float:
 
 @entry
 def _quaternions(poses: Any, out: Array) -> None:
-    """Quaternions of the poses after the first, seen from that, into `out`, shape (k, 4)."""
+    """Write quaternions of the poses after the first, in its axes, into `out`, shape (k, 4)."""
     for k in range(len(out)):
         angle, axis = relative_rotation(poses[0].rotation, poses[k + 1].rotation)
         out[k, 0] = np.cos(0.5 * angle)
@@ -174,7 +174,7 @@ def _quaternions(poses: Any, out: Array) -> None:
 
 
 def quaternion(rotation: Array) -> Array:
-    """Quaternions w, x, y, z with w >= 0, shape (..., 4), of rotations, shape (..., 3, 3)."""
+    """Return quaternions w, x, y, z, w >= 0, of rotations, shape (..., 3, 3) -> (..., 4)."""
     turned = rotation.reshape(-1, 3, 3)
     poses, out = Pose.rows(len(turned) + 1), np.empty((len(turned), 4))
     poses["rotation"][0], poses["rotation"][1:] = np.eye(3), turned

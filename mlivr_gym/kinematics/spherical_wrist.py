@@ -20,7 +20,7 @@ L. Along axis 2 the point W lies at `k = d2 - sin(t) (b2 - L sin g)`, across axi
 therefore at `o = (k - cos(r) h) / sin(r)`; at right angles to both axes it lies off axis 1 by `u`,
 with `u^2 + o^2 = x^2 + y^2`. The offsets `a1` and `d2` must be zero if `t` is not: then the
 shoulder is one point, and the elbow follows before `u`. Otherwise `r` is a right angle, `k = d2`,
-and `u` comes first. The eight solutions are labelled by
+and `u` comes first. The eight solutions are numbered by
 
     branch = 4 * shoulder + 2 * elbow + wrist
 

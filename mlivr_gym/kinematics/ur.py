@@ -4,14 +4,14 @@ Frames: the limb base is the DH base frame (z along the first joint axis). The f
 
 With the wrist point `w = p - d6 z6` and the axis of joints 2 to 4, `y1 = (s1, -c1, 0)`, every
 quantity follows without forming a joint angle: `w . y1 = d4` gives joint 1, `z6 . y1 = c5` gives
-joint 5, the distance from shoulder to forearm end gives joint 3. The eight solutions are labelled
+joint 5, the distance from shoulder to forearm end gives joint 3. The eight solutions are numbered
 by
 
     branch = 4 * shoulder + 2 * wrist + elbow
 
 where `shoulder` is 1 if the wrist lies behind the shoulder (`u < 0`), `wrist` is 1 if `s5 < 0`,
-`elbow` is 1 if `s3 < 0`. Labels change only where `det J = -+ a2 a3 s3 s5 u` is zero. A half turn
-of the tool about its axis is a half turn of joint 6 and changes nothing else.
+`elbow` is 1 if `s3 < 0`. The number changes only where `det J = -+ a2 a3 s3 s5 u` is zero. A half
+turn of the tool about its axis is a half turn of joint 6 and changes nothing else.
 """
 
 from __future__ import annotations

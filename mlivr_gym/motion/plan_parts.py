@@ -16,8 +16,7 @@ COSTS = ("base", "steps", "weighted")
 """Names of the costs."""
 
 SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
-"""Names of the kinds of swings, the shortest first; `"unchecked"` is a plan without collision
-checks."""
+"""Names of the kinds of swings; `"unchecked"` is one of a plan without collision checks."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ class Query:
     method
         Name of the search method.
     heuristic
-        Name of the heuristic.
+        Name of the heuristic, as requested; see `Planner.plan` for when another one is used.
     goal_face
         Face of the map on which all limbs hold points at the goal; None for any face.
     """
@@ -191,7 +190,7 @@ class Statistics:
     search_time
         Time spent on the search and on step checks [s].
     backward
-        Number of stances expanded by backward searches that computed the heuristic.
+        Number of nodes that backward searches settled to compute the lower bounds.
     bound
         Factor of the optimal cost within which the cost is proved to lie, 1 for an optimal
         plan; None if nothing is proved.

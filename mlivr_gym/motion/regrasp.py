@@ -44,7 +44,7 @@ singularity."""
 
 @dataclass(frozen=True)
 class Regrasp:
-    """Everything that determines the path of one step.
+    """One step with all that determines its path, by indices and arrays; `Step` is what files have.
 
     Attributes
     ----------

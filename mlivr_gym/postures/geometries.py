@@ -77,7 +77,7 @@ def geometries_of_rows(rows: IntArray, count: int) -> tuple[RelativeGeometries, 
 
     Returns
     -------
-    tuple[Grasps, Array]
+    tuple[RelativeGeometries, Array]
         The grasps, and their centroids in the frames of the first grasps [m], shape (k, 3).
     """
     k = len(rows)

@@ -8,7 +8,7 @@ out of reach contains the points of no node.
 The robot looks the same after a cyclic relabelling of its limbs, and after a half turn about its
 roll axis. Orders of the points around the body therefore count once if they differ only in their
 first point or their sense. The roll axis passes through the point closest to the centroid, see
-`turns`; of points at equal distances each is evaluated.
+`solver`; of points at equal distances each is evaluated.
 """
 
 from __future__ import annotations

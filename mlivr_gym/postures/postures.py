@@ -29,7 +29,7 @@ class Postures:
         Base manipulability, shape (k,).
     branch
         Branch of each limb at which the posture has its margin, shape (k, N).
-    branch_set
+    branch_sets
         Branches and flips on which each limb may hold, as 16-bit branch sets, shape (k, N).
     pose_number
         Index of the base pose among the candidates, see `candidate_poses`, shape (k,); -1 for a
@@ -68,7 +68,7 @@ class Postures:
     def relabelled(self, relabellings: IntArray) -> Postures:
         """Return the same postures after cyclic relabellings of the limbs, of shape (k,).
 
-        See `relabellings`.
+        See the module `relabelling`.
         """
         return Postures(
             self.base_position,

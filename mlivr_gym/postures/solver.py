@@ -15,7 +15,7 @@ fixed order in the frame of the grasps. It prefers the smaller roll, of two oppo
 positive one about the line from the centroid to the grasp of the first limb, then the lower base,
 then the lower branch numbers from the last limb to the first. The first limb of two is limb 0: the
 line reverses when they are exchanged, so no side of the module is favoured. Of more limbs it is the
-one with the grasp closest to the centroid, see `relabellings`. Only between opposite walls does the
+one with the grasp closest to the centroid, see `relabelling`. Only between opposite walls does the
 sign of the rail direction matter. With collisions checked, it applies to what touches nothing.
 
 Except for the surroundings, the result depends only on the relative geometry of the grasps. It is
@@ -314,7 +314,7 @@ class PostureSolver:
     def in_reach(
         self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
     ) -> BoolArray:
-        """Return which sets of points, as those of every node, may be held at once; see `in_reach`.
+        """Return which sets of points meet the reach condition of every node; see `in_reach`.
 
         Parameters
         ----------

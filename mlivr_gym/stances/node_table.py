@@ -69,21 +69,21 @@ class NodeTable(NamedTuple):
     the limbs from that limb on; if relabelling makes a difference, the limb is part of the
     number."""
     start: NDArray[np.int32]
-    """First of the `members` of each support set, and their number, shape (r + 1,)."""
+    """Start of each support set in `members`, and the end of all, shape (r + 1,)."""
     members: NDArray[np.int32]
-    """Nodes by support set, `row * N + limb`, if the limb can be released, shape (m,)."""
+    """Nodes by support set, `row * N + limb`, if the limb can be released, shape (start[-1],)."""
     offset: IntArray
-    """First of the bits of each support set, and their number, shape (r + 1,)."""
+    """Start of each support set in the bits of `joined`, and the end of all, shape (r + 1,)."""
     joined: NDArray[np.uint64]
     """Whether an edge leads from one member of a support set to another, a bit for each ordered
     pair, see `node_edges`."""
     loses_branches: NDArray[np.uint64]
-    """Whether limbs lose branches along the edge that both nodes have, a bit for each ordered
-    pair."""
+    """Whether limbs lose on the edge some of the branches that both nodes have, a bit for each
+    ordered pair."""
     ranks: NDArray[np.int32]
-    """Number of those bits before each number of `loses_branches`, shape (len(loses_branches),)."""
+    """Number of bits set before each word of `loses_branches`, shape (len(loses_branches),)."""
     lost: NDArray[np.uint64]
-    """Branches that are lost, as `supports_of`, in the order of these bits, shape (l,)."""
+    """Branches that are lost, as `supports_of`, in the order of the bits set, shape (l,)."""
 
     @property
     def limbs(self) -> int:

@@ -80,7 +80,7 @@ class TwoLimbEdges:
 
         Parameters
         ----------
-        branch_set
+        branch_sets
             Branches and flips on which each limb may hold, shape (n, 2).
         gone
             Stances that hold an occupied point, shape (n,).

@@ -59,8 +59,8 @@ class TwoLimbGraph(StanceGraph):
         Limb manipulability, shape (n, 2).
     w_b
         Base manipulability, shape (n,).
-    branch_set
-        Branches and flips on which each limb may hold, shape (n, 2).
+    branch, branch_sets
+        Branch of each limb in the posture, and branches on which it may hold, shape (n, 2) each.
     pose_number
         Number of the candidate base pose, see `candidate_poses`, shape (n,).
     rows
@@ -74,9 +74,8 @@ class TwoLimbGraph(StanceGraph):
     removed
         Number of those above the thresholds that collide, by cause.
     no_departure
-        Number of those above the thresholds from which a limb cannot depart along the surface
-        normal with `w_m` above `Settings.path_floor` and every joint in its window. If steps are
-        checked, this floor also holds without thresholds.
+        Number of those above the thresholds from which a limb cannot depart with `w_m` above
+        `Settings.path_floor`, which holds without thresholds too, and every joint in its window.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:

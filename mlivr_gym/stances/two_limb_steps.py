@@ -27,11 +27,12 @@ class TwoLimbEdge(Record):
     known: Annotated[int, np.int8]
     """1 if the edge was checked."""
     fold_on_line: Annotated[int, np.int8]
-    """Fold in which the swing limb can be on the straight path, -1 for none."""
+    """Fold in which the swing limb can stay on the straight base path, -1 for none."""
     fold_on_arc: Annotated[int, np.int8]
     """The same on the arc."""
     line_branches: Annotated[int, np.int8]
-    """Branches between which it can swing along a line, `8 * before + after`, or -1."""
+    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
+    -1."""
 
 
 class TwoLimbTable(NamedTuple):

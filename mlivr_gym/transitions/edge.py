@@ -14,7 +14,8 @@ class Edge(NamedTuple):
     """Fold in which the limb can be moved, -1 if it swings along a line or collisions are not
     checked."""
     line_branches: int
-    """Branches between which it can swing along a line, `8 * before + after`, or -1."""
+    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
+    -1."""
     kept: dict[int, int]
     """Branches that each support limb keeps, by limb; empty if the step is no edge."""
 

@@ -92,15 +92,16 @@ class StepRecord(Record):
     recheck: bool
     """Whether the edge is known in the world without obstacles, and only this edge is checked."""
     kept: Limbs
-    """Branches on which each support limb can follow the edge; none if the step is no edge."""
+    """Branches that each support limb keeps on the edge; none if the step is no edge."""
     on_arc: int
     """The branches of a single support limb that need the arc."""
     path_kind: int
     """Kind of the base path; for a single support limb see `on_arc`."""
     folds: Annotated[IntArray, (2,), np.int64]
-    """Fold in which the limb can be moved on the line and on the arc, -1 for none."""
+    """Fold in which the limb can be moved on the straight base path and on the arc, -1 for none."""
     line_branches: int
-    """Branches between which it can swing along a line, `8 * before + after`, or -1."""
+    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
+    -1."""
 
 
 class StepScratch(Record):

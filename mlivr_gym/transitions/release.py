@@ -3,7 +3,7 @@
 A step is shown to be possible by one of two motions. In the first the limb departs along the
 surface normal and folds at the body, the base moves while the limb stays folded, and the limb
 unfolds and approaches. A robot may have several folds (`RobotSpec.folds`); those between which a
-limb can change while the base stands still count as one. In the second, for steps that the first
+limb can change while the base is at rest count as one. In the second, for steps that the first
 does not show, the limb swings along a line in joint space while the base moves, see `steps`.
 
 The branches of a `ReleaseRecord` are those between which the limb can change while all else is at

@@ -1,9 +1,12 @@
 """The check of a step, for any number of limbs (compiled).
 
-If a limb cannot stay folded while the base moves, see `release`, the line in joint space from above
-one point to above the other is checked instead, for pairs of branches in order of length. Both
-branches are among those on which the limb can be released at the two stances, between which it can
-change at rest: one pair that is clear serves them all, and the search need not know which.
+On each base path, the straight one first, every support limb must be able to follow the base on a
+branch. The limb that moves is then checked in its folds, see `release`, with all branches of the
+support limbs that can follow; those that come too close to something are dropped. If no step is
+possible so, the line in joint space from above one point to above the other is checked instead, for
+pairs of branches in order of length. Both branches are among those on which the limb can be
+released at the two stances, between which it can change at rest: one pair that is clear serves them
+all, and the search need not know which.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ from mlivr_gym.transitions.supports import (
 )
 
 TRIES = 8
-"""Pairs of branches that are checked for one base path."""
+"""Maximum number of pairs of branches that are checked for one base path."""
 
 TIE = 1e-9
 """Difference of lengths up to which lines count as equally long [rad]: the first pair is used."""
@@ -220,7 +223,7 @@ def _folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScr
     """Keep the branches of support limbs that are clear while the other limb is folded.
 
     Without collision checks there are no folds. A single support limb may keep some branches along
-    the line and others along the arc.
+    the straight base path and others along the arc.
     """
     robot, world = context.robots[0], context.world
     alone = robot.limb_count == 2
