@@ -123,8 +123,8 @@ class Belief:
         if self._is_current:
             return
         graph, prefix = self.graph, f"{SENSED}/"
-        graph.remove_obstacles([box.id for box in graph.obstacles if box.id.startswith(prefix)])
-        graph.add_obstacles(self.boxes())
+        before = [box.id for box in graph.obstacles if box.id.startswith(prefix)]
+        graph.add_obstacles(self.boxes(), replaced=before)
         self._is_current = True
         self._mark_known(self._cubes)
 

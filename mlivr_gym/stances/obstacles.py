@@ -40,7 +40,7 @@ class ChangingWorld(ABC):
         self.obstacle_grid: BoxGrid | None = None
         """The obstacles as compiled code reads them, None if there are none."""
 
-    def add_obstacles(self, boxes: Sequence[Box]) -> None:
+    def add_obstacles(self, boxes: Sequence[Box], *, replaced: Sequence[str] = ()) -> None:
         """Add boxes, which remove the stances and steps that touch them.
 
         Only what is within reach of them is computed again, on demand. Stances keep their postures.
@@ -49,11 +49,14 @@ class ChangingWorld(ABC):
         ----------
         boxes
             The boxes, in the world.
+        replaced
+            Ids of boxes that were added before and are removed in the same change.
 
         Raises
         ------
         ShapeError
-            If the map or an obstacle has a box of the same id.
+            If the map or another obstacle has a box of the same id, or no obstacle has an id in
+            `replaced`.
         SettingError
             If collisions are not checked.
         """
@@ -61,13 +64,14 @@ class ChangingWorld(ABC):
             raise SettingError(
                 "obstacles need collisions=True; this stance graph does not check collisions"
             )
-        ids = [box.id for box in (*self.grasp_map.boxes, *self.obstacles)]
+        kept = self._without(replaced)
+        ids = [box.id for box in (*self.grasp_map.boxes, *kept)]
         for box in boxes:
             if box.id in ids:
                 raise ShapeError(f"a box {box.id!r} already exists; give each box an id of its own")
             ids.append(box.id)
-        if boxes:
-            self._set_obstacles((*self.obstacles, *boxes), self.occupied)
+        if boxes or replaced:
+            self._set_obstacles((*kept, *boxes), self.occupied)
 
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
         """Remove boxes that were added, by default all.
@@ -82,14 +86,18 @@ class ChangingWorld(ABC):
         ShapeError
             If no obstacle has an id.
         """
+        kept = () if ids is None else self._without(ids)
+        self._set_obstacles(kept, self.occupied)
+
+    def _without(self, ids: Sequence[str]) -> tuple[Box, ...]:
+        """Return the obstacles except those of some ids, each of which must exist."""
         there = [box.id for box in self.obstacles]
-        for name in ids or ():
+        for name in ids:
             if name not in there:
                 raise ShapeError(
                     f"no obstacle {name!r}; there are {', '.join(map(repr, there)) or 'none'}"
                 )
-        kept = tuple(box for box in self.obstacles if ids is not None and box.id not in ids)
-        self._set_obstacles(kept, self.occupied)
+        return tuple(box for box in self.obstacles if box.id not in ids)
 
     def occupy(self, points: Sequence[str | int]) -> None:
         """Make points, given by id or index, unavailable until they are vacated."""
@@ -118,10 +126,12 @@ class ChangingWorld(ABC):
 
     def close_to_obstacles(self, positions: Array, reach: float) -> BoolArray:
         """Return which positions, shape (n, 3), lie within `reach` [m] of an obstacle."""
-        close = np.zeros(len(positions), dtype=np.bool_)
+        others = np.arange(len(positions))
         for box in self.obstacles:
             low, high = box.bounds
-            close[rows_close(positions, low, high, reach)] = True
+            others = np.delete(others, rows_close(positions[others], low, high, reach))
+        close = np.ones(len(positions), dtype=np.bool_)
+        close[others] = False
         return close
 
     def remove_branches_at_obstacles(

@@ -191,7 +191,8 @@ class TwoLimbGraph(StanceGraph):
         self.branch_sets = self.branch_sets.copy()
         self.branch_sets[gone] = 0
         if close.any():
-            chosen = np.flatnonzero(self.close_to_obstacles(self.base_position, around))
+            chosen = np.flatnonzero(close)
+            chosen = chosen[self.close_to_obstacles(self.base_position[chosen], around)]
             self.remove_branches_at_obstacles(chosen, self.points, self.node_postures(slice(None)))
         self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
 

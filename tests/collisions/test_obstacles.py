@@ -54,6 +54,34 @@ def test_obstacles_take_away_and_give_back(checked_graph):
     assert planner.plan(START, GOAL, "steps").unwrap().stances == free.stances
 
 
+def test_boxes_replace_others_in_one_change(checked_graph):
+    """The stances left are those among the boxes that are there, each compared as if alone."""
+    rng = np.random.default_rng(7)
+    corners = rng.uniform((2.5, -0.9, -0.9), (5.5, 0.7, 0.7), (4, 3))
+    boxes = [Box.between(f"box{k}", "obstacle", low, low + 0.2) for k, low in enumerate(corners)]
+    alone = []
+    for box in boxes:
+        checked_graph.add_obstacles([box])
+        alone.append(checked_graph.branch_sets.copy())
+        checked_graph.remove_obstacles()
+    checked_graph.add_obstacles(boxes[:2])
+    version = checked_graph.version
+    checked_graph.add_obstacles(boxes[2:], replaced=["box0"])
+    assert checked_graph.version == version + 1
+    assert checked_graph.obstacles == tuple(boxes[1:])
+    np.testing.assert_array_equal(
+        checked_graph.branch_sets, alone[1] & alone[2] & alone[3]
+    )  # fmt: skip
+    with pytest.raises(ShapeError, match="no obstacle 'box0'"):
+        checked_graph.add_obstacles(boxes[:1], replaced=["box0"])
+    moved = Box.between("box1", "obstacle", corners[0], corners[0] + 0.2)
+    checked_graph.add_obstacles([moved], replaced=["box1"])
+    np.testing.assert_array_equal(
+        checked_graph.branch_sets, alone[0] & alone[2] & alone[3]
+    )  # fmt: skip
+    checked_graph.remove_obstacles()
+
+
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
 def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)
