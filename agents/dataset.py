@@ -22,14 +22,14 @@ from mlivr_gym.settings import GRAPH_RULES, check_rules
 REQUIRED_PACKAGES = ("minari", "h5py", "jax")
 """Packages of the extra [data]: Minari, its file format, and what it stacks episodes with."""
 
-EXAMPLE_ID = "mlivr/jem/astar-v0"
+EXAMPLE_ID = "mlivr/jem/expert-v0"
 """Id of a data set, as an example in messages."""
 
 RULES_KEY = "graph_rules"
 """Metadata key of the number of the stance graph's rules."""
 
 DESCRIPTION = (
-    "Optimal episodes of a two-limb robot in the Japanese Experiment Module, with action masks."
+    "Episodes of the expert with a two-limb robot that climbs hand over hand, with action masks."
 )
 """Description in the metadata of every data set."""
 
@@ -49,13 +49,13 @@ def write_dataset(
     Parameters
     ----------
     dataset_id
-        Id, for example `"mlivr/jem/astar-v0"`.
+        Id, for example `"mlivr/jem/expert-v0"`.
     episodes
         Number of episodes.
     seed
         Seed of the first episode.
     env_arguments
-        Arguments of `MlivrEnv`.
+        Arguments of `MLIVR-JEM-v0`, whose episodes are truncated after 100 steps.
     progress
         Function that is called with the number of finished episodes.
 

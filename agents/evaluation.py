@@ -1,4 +1,4 @@
-"""Evaluation of planners, baselines and learned policies by the same episodes and figures."""
+"""Evaluation of planners, baselines and learned policies by the same episodes and measures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mlivr_gym.transitions.state import State
 
 
 class EvaluationTask(NamedTuple):
-    """Start and goal of an episode."""
+    """Start and goal of an episode by the ids of points, as a file stores them."""
 
     start: tuple[str, ...]
     """Id of the point that each limb holds."""
@@ -39,15 +39,16 @@ class Evaluation:
     success
         Whether the goal was reached, shape (k,).
     steps
-        Number of actions, shape (k,).
+        Number of actions, failed episodes included, shape (k,).
     base_translation
         Sum of base displacements [m], shape (k,).
     first_decision
-        Time from the reset to the first action, of environment and policy [s], shape (k,).
+        Time of the reset and of the choice of the first action [s], shape (k,).
     decision
-        Mean time of the policy alone for an action [s], shape (k,).
+        Mean time in which the policy chooses an action [s], shape (k,).
     failed_grasps
-        Number of attempts to grasp that failed, shape (k,).
+        Number of actions whose grasp failed by `MlivrEnv`'s `grasp_failure`, shape (k,). A step
+        that fails in simulation is not among them.
     executed
         1 if `execute` could execute the states of the episode, 0 if not, NaN if it was not asked,
         shape (k,).
@@ -79,6 +80,8 @@ def evaluate(
 ) -> Evaluation:
     """Run a policy and return its results; episode k starts from `reset(seed=seed + k)`.
 
+    An episode that starts in the goal region is a success without an action.
+
     Parameters
     ----------
     env
@@ -91,9 +94,8 @@ def evaluate(
     seed
         Seed of the first episode.
     max_steps
-        Number of actions after which an episode counts as failed. An episode also fails when the
-        policy takes an invalid action, which it would only repeat, or when a simulated step
-        fails.
+        Number of actions after which an episode counts as failed. An episode also fails with the
+        first invalid action, and when a simulated step fails.
     progress
         Function that is called with the number of finished episodes.
     execute
@@ -159,8 +161,8 @@ def _run_episode(
     states, failed, spent, first = [env.state], 0, 0.0, 0.0
     ended = success = bool(info["is_success"])
     while not ended and info["steps"] < max_steps and not info["invalid_action"]:
-        asked = time.perf_counter()
-        action = policy.act(env, observation, env.action_masks())
+        mask, asked = env.action_masks(), time.perf_counter()
+        action = policy.act(env, observation, mask)
         now = time.perf_counter()
         spent += now - asked
         first = first or now - began

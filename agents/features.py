@@ -1,4 +1,4 @@
-"""Features of the pointer network: points, limbs and goal in the frame of the robot's base.
+"""Features of the pointer network: points, actions and goal in the frame of the robot's base.
 
 They depend neither on the number and order of the points nor on where in the module the robot is.
 `env_features` computes them for any environment, `TableFeatures` for many states from exact tables.
@@ -32,7 +32,7 @@ DEPTH = 4
 """Number of steps by which the lookahead of a point looks ahead of its grasp."""
 
 POINT_FEATURES, LIMB_FEATURES, GOAL_FEATURES = 8, 8 + 4 * DEPTH, 5
-"""Number of features of a point, of a point for one limb, and of the goal."""
+"""Number of features of a point, of a limb and a point (an action), and of the goal."""
 
 POINT_DISTANCES, POINT_ARRIVALS = slice(6, 6 + DEPTH), slice(6 + DEPTH, 6 + 2 * DEPTH)
 """Indices of the lookahead distances and arrivals of a point among its features for one limb."""
@@ -54,7 +54,7 @@ class MapPoints(NamedTuple):
     """Surface normals, shape (m, 3)."""
     free: BoolArray
     """Whether each point may be grasped, shape (m,), or (k, m) if it differs between k states."""
-    risk: Array
+    failure_probability: Array
     """Probability that an attempt to grasp each point fails, shape (m,)."""
 
 
@@ -103,11 +103,12 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     Returns
     -------
     Features
-        `points` (k, m, 8): position, normal, whether the point is free, risk. `limbs` (k, N, m, 8 +
-        4 DEPTH): whether the limb holds the point, whether it can move there, the displacement of
-        the base if it does, whether a support limb can be released then, the lookahead of the
-        point, and the lookahead of the action; arrivals a are given as `log2(1 + a)`. `goal`
-        (k, 5): position, distance, and goal tolerance.
+        `points` (k, m, 8): position, normal, whether the point is free, failure probability.
+        `limbs` (k, N, m, 8 + 4 DEPTH), of the action of each limb and point: whether the limb holds
+        the point, whether it can move there, the displacement of the base if it does, whether a
+        support limb can be released then, the lookahead of the point, and the lookahead of the
+        action; arrivals a are given as `log2(1 + a)`. `goal` (k, 5): position, distance, and goal
+        tolerance.
     """
     base, rotation, valid = states.base, states.rotation, states.valid
     k, limbs = states.stance.shape
@@ -115,7 +116,7 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     point_part = np.empty((k, m, POINT_FEATURES), dtype=np.float32)
     point_part[:, :, :3] = np.matmul(points.positions[None] - base[:, None], rotation)
     point_part[:, :, 3:6] = np.matmul(points.normals[None], rotation)
-    point_part[:, :, 6], point_part[:, :, 7] = points.free, points.risk
+    point_part[:, :, 6], point_part[:, :, 7] = points.free, points.failure_probability
     limb_part = np.zeros((k, limbs, m, LIMB_FEATURES), dtype=np.float32)
     limb_part[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
     limb_part[..., 1] = valid
@@ -270,12 +271,12 @@ class TableFeatures:
     """Function that computes the features of many states of one map from exact tables."""
 
     def __init__(self, env: MlivrEnv) -> None:
-        """Take the map, the base rotations and the risks of an environment with two limbs."""
+        """Take the map, the base rotations and the failures of an environment with two limbs."""
         self.grasp_map, self.rotation = (
             env.graph.grasp_map,
             env.table_moves().graph.base_rotation,
         )
-        self.risk, self.tolerance = env.failure_probability, env.goal_tolerance
+        self.failure_probability, self.tolerance = env.failure_probability, env.goal_tolerance
 
     def __call__(
         self,
@@ -323,7 +324,9 @@ class TableFeatures:
             of_actions,
         )
         return point_features(
-            MapPoints(self.grasp_map.positions, self.grasp_map.normals, free, self.risk),
+            MapPoints(
+                self.grasp_map.positions, self.grasp_map.normals, free, self.failure_probability
+            ),
             states,
             GoalBatch(goals, self.tolerance, lookahead),
         )

@@ -30,7 +30,7 @@ METHODS = ("bc", "dagger", "ppo", "finetune")
 
 `"bc"` is behaviour cloning in rounds: the expert acts in all rollouts, with a share of random
 actions (Laskey et al., 2017), and samples of all rounds are kept. `"dagger"` differs in that the
-learned policy acts after the first round (Ross et al., 2011). `"ppo"` is PPO with action masks
+actor-critic acts after the first round (Ross et al., 2011). `"ppo"` is PPO with action masks
 (Huang and Ontañón, 2022), `"finetune"` the same with small steps from a checkpoint.
 """
 
@@ -44,13 +44,13 @@ class ImitationHyperparameters:
     rounds
         Number of rounds; in each one data are gathered and then learned from.
     dagger
-        Whether the learned policy acts in the rollouts after the first round (DAgger); otherwise
+        Whether the actor-critic acts in the rollouts after the first round (DAgger); otherwise
         the expert acts in all rounds (behaviour cloning). The samples of all rounds are kept in
         both.
     layouts
-        Number of layouts of the points in a round.
+        Number of layouts in a round; a layout is a subset of the points of the map.
     goals
-        Number of goals on each layout.
+        Number of goals that are drawn on each layout; held-out ones are left out.
     rollouts
         Number of rollouts to each goal.
     max_rollout_steps
@@ -153,8 +153,8 @@ METHOD_FIELDS: dict[str, Validator[Any]] = {
     "timesteps": COUNT,
     "ppo": PPO,
 }
-"""Validators of the parts of a method: imitation, PPO in `n_envs` sub-environments, or both in
-order."""
+"""Validators of the parts of a method: imitation, PPO in `n_envs` sub-environments for `timesteps`
+environment steps in all, or both in this order."""
 
 
 def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str, Any]:

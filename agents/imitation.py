@@ -1,16 +1,16 @@
 """Imitation of the expert: behaviour cloning and DAgger with sets of optimal actions.
 
 The expert is a table of the cost-to-go from every state to a goal, which one backward search
-computes. So it labels each state with the cost of every action, not only with an action of its own.
-Several actions are often optimal, and the loss is minus the logarithm of the summed probability of
-all of them.
+computes. It labels each state with the set of its optimal actions, of which there are often
+several. The loss is minus the logarithm of the summed probability of this set.
 
 Training goes in rounds. In each round states are gathered by rollouts, labelled by the expert and
-added to those of the rounds before; then gradient steps follow on all of them. With DAgger (Ross et
-al., 2011) the learned policy acts after the first round. With behaviour cloning the expert acts in
-all rounds. A share of the actions is random in both, so that states beside the expert's path occur
-too (Laskey et al., 2017). Points are removed at random, layout by layout, so that the policy learns
-to act on maps that it has not seen.
+added to those of the rounds before; then gradient steps follow on all of them. With behaviour
+cloning the expert acts in all rounds, by a random one of the optimal actions. With DAgger (Ross et
+al., 2011) the actor-critic acts after the first round, by its most probable action, even if this
+leads back to a stance, which a `LearnedPolicy` avoids. A share of the actions is random in both, so
+that states beside the expert's path occur too (Laskey et al., 2017). In most layouts points are
+removed, so that the policy learns to act on maps that it has not seen.
 
 The value head learns minus the cost-to-go: for the reward `"steps"` the discounted return `-(1 -
 discount^n) / (1 - discount)` of n further steps, for `"base"` the undiscounted sum of base
@@ -102,7 +102,7 @@ class Imitation:
     Attributes
     ----------
     actor_critic
-        Actor-critic policy of sb3-contrib that is trained.
+        Actor-critic of sb3-contrib that is trained.
     hyperparameters
         Hyperparameters.
     data
@@ -175,14 +175,15 @@ class Imitation:
         """
         given = self.hyperparameters
         for k in range(given.rounds):
-            began, success, by_expert = time.perf_counter(), [], k == 0 or not given.dagger
+            began, by_expert = time.perf_counter(), k == 0 or not given.dagger
+            counts = np.zeros(2, dtype=np.int64)
             for layout in range(given.layouts):
-                samples, reached = self.gather(self._layout(layout), by_expert)
+                samples, counted = self.gather(self._layout(layout), by_expert)
                 self.data.append(samples)
-                success.append(reached)
+                counts += counted
             figures = {
                 "gathering_seconds": time.perf_counter() - began,
-                "rollout_success": float(np.mean(success)),
+                "rollout_success": float(counts[1] / max(counts[0], 1)),
                 "states": float(sum(len(samples.stances) for samples in self.data)),
             }
             if not figures["states"]:
@@ -203,7 +204,7 @@ class Imitation:
             free[self.rng.permutation(self.m)[: int(share * self.m)]] = False
         return free
 
-    def gather(self, free: BoolArray, by_expert: bool) -> tuple[Samples, float]:
+    def gather(self, free: BoolArray, by_expert: bool) -> tuple[Samples, IntArray]:
         """Return the states that rollouts visit on one layout, labelled by the expert.
 
         Parameters
@@ -211,17 +212,17 @@ class Imitation:
         free
             Whether each point belongs to the layout, shape (m,).
         by_expert
-            Whether the expert acts; otherwise the learned policy takes its most probable action.
+            Whether the expert acts; otherwise the actor-critic takes its most probable action.
 
         Returns
         -------
-        tuple[Samples, float]
-            The samples, and the share of the rollouts that reached their goal.
+        tuple[Samples, IntArray]
+            The samples, and the number of rollouts and of those that reached their goal.
         """
         tables = without_points(self.moves.tables, ~free)
         goals, env = self._draw_goals(tables), self.env
         if not len(goals):
-            return _no_samples(self.m), 1.0
+            return _no_samples(self.m), np.zeros(2, dtype=np.int64)
         cost, risk = cost_of(env), env.failure_probability
         values = TableValues(tables, in_goal_region(tables, goals, env.goal_tolerance), cost, risk)
         goal_index, stances = self._draw_starts(values)
@@ -244,8 +245,8 @@ class Imitation:
             states = SubEnvStates._make(part[going] for part in states)
             goal_index = goal_index[going]
         samples = Samples(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-        known, unfinished = np.isfinite(samples.cost), len(goal_index)
-        return Samples(*(column[known] for column in samples)), 1.0 - unfinished / max(count, 1)
+        known, reached = np.isfinite(samples.cost), count - len(goal_index)
+        return Samples(*(column[known] for column in samples)), np.array([count, reached])
 
     def _draw_goals(self, tables: StepTables) -> Array:
         """Return goals that the environment's tasks draw, without held-out ones [m], (g, 3).
@@ -320,7 +321,7 @@ class Imitation:
         return np.concatenate([nothing, *goal_index]), np.concatenate([nothing, *stances])
 
     def _policy_actions(self, samples: Samples) -> BoolArray:
-        """Return the most probable action of the learned policy in each state, shape (k, 2 m)."""
+        """Return the most probable action of the actor-critic in each state, shape (k, 2 m)."""
         chosen = np.zeros((len(samples.stances), 2 * self.m), dtype=np.bool_)
         for at in range(0, len(chosen), 512):
             part = Samples(*(column[at : at + 512] for column in samples))

@@ -62,12 +62,13 @@ class LearnedPolicy:
 
     New are stances that this episode has not visited; if there are none, the most probable of all
     valid actions is taken. Without this rule a deterministic policy that once steps back and forth
-    never stops.
+    never stops. With the network `"pointer"` its input is computed from the environment
+    (`env_features`), and the observation that `act` receives is not used.
 
     Attributes
     ----------
     actor_critic
-        Actor-critic policy of sb3-contrib, which has the network.
+        Actor-critic of sb3-contrib, which has the network.
     network
         `"pointer"` or `"mlp"`.
     config
@@ -113,9 +114,9 @@ def beam_search(
     """Return actions from the present state to the goal by a beam search, or None if it finds none.
 
     Each of the `width` most probable action sequences is extended by its most probable actions,
-    which are carried out in the model. The probability of a sequence is the product of those of its
-    actions. The first sequence that reaches the goal is returned. None leads to a stance that any
-    of them has visited.
+    whose results the steps of the environment tell. The probability of a sequence is the product of
+    those of its actions. Of the shortest sequences that reach the goal the most probable one is
+    returned. No sequence is extended to a stance that the beam has contained before.
 
     Parameters
     ----------

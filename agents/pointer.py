@@ -64,7 +64,7 @@ class PointerNetwork(nn.Module):
         width
             Width of the pointer head.
         summary
-            Width of the code of a point.
+            Width of the embedding of a point; the summary of all points is four times as wide.
         """
         super().__init__()
         self.latent_dim_vf = width
@@ -92,8 +92,8 @@ class PointerNetwork(nn.Module):
             limbs[..., arrivals] /= ARRIVAL
         return {"points": points, "limbs": limbs, "goal": observation["goal"] / LENGTH}
 
-    def codes(self, observation: dict[str, Tensor]) -> Tensor:
-        """Return the codes of the points, shape (k, m, summary); 0 for points that are not free."""
+    def embeddings(self, observation: dict[str, Tensor]) -> Tensor:
+        """Return the embeddings of the points, shape (k, m, summary); 0 for those not free."""
         points, goal = observation["points"], observation["goal"]
         held = observation["limbs"][..., 0].sum(dim=1)[..., None]
         to_goal = (points[..., :3] - goal[:, None, :3]).norm(dim=-1, keepdim=True)
@@ -103,14 +103,17 @@ class PointerNetwork(nn.Module):
             limbs[..., POINT_DISTANCES].amin(dim=1),
             limbs[..., POINT_ARRIVALS].amax(dim=1),
         )
-        code: Tensor = torch.relu(
+        embedding: Tensor = torch.relu(
             self.encode(torch.cat([points, held, expanded, to_goal, distances, arrivals], dim=-1))
         )
-        return code * points[..., 6:7]
+        return embedding * points[..., 6:7]
 
-    def summarise(self, observation: dict[str, Tensor], codes: Tensor) -> tuple[Tensor, Tensor]:
+    def summarise(
+        self, observation: dict[str, Tensor], embeddings: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Return a summary of all points, and the features of the points that the limbs hold.
 
+        The summary has the mean and the maximum of the embeddings about each of two centres.
         Points are weighted by their distance from the base, and again by their distance from a
         position `AHEAD` towards the goal.
 
@@ -127,7 +130,7 @@ class PointerNetwork(nn.Module):
         for centre in (torch.zeros_like(ahead), ahead):
             away = (points[..., :3] - centre[:, None]).square().sum(dim=-1, keepdim=True)
             weights = torch.exp(-away / (2.0 * SPREAD**2))
-            weighted = codes * weights
+            weighted = embeddings * weights
             count = (weights * points[..., 6:7]).sum(dim=1)
             parts += [weighted.sum(dim=1) / count.clamp_min(1e-6), weighted.amax(dim=1)]
         limbs = observation["limbs"]
@@ -154,7 +157,7 @@ class PointerNetwork(nn.Module):
     def forward(self, observation: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
         """Return the logits of all actions, (k, N m), and the value layer's input, (k, width)."""
         observation = self.scaled(observation)
-        summary, held = self.summarise(observation, self.codes(observation))
+        summary, held = self.summarise(observation, self.embeddings(observation))
         of_state = torch.cat([summary, observation["goal"], held.mean(dim=1)], dim=-1)
         return self._logits(observation, summary, held), torch.relu(self.assess(of_state))
 

@@ -25,6 +25,9 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 class Policy(Protocol):
     """Interface of a policy, which chooses actions in a `MlivrEnv`.
 
+    A policy may use the environment itself beside the observation: its state, and its steps as a
+    model. One that keeps a memory of the episode clears it where `env.steps` is 0.
+
     What stable-baselines3 calls a policy is an actor-critic here, see `networks`; `LearnedPolicy`
     makes a policy of it.
     """
@@ -65,7 +68,10 @@ class RandomPolicy:
 class ExpertPolicy:
     """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
-    It is for two limbs, and for the rewards `"steps"` and `"base"`.
+    It is for two limbs, and for the rewards `"steps"` and `"base"`. Where grasps may fail, the cost
+    is the expected cost of plans that repeat a failed step until it succeeds, see
+    `planners.table_values.expected_prices`. The first action makes the environment compute all its
+    steps, or read them from a table (`MlivrEnv.table_moves`).
 
     Examples
     --------
@@ -142,7 +148,9 @@ def cost_of(env: MlivrEnv) -> Cost:
 
 
 class PlanPolicy:
-    """Policy that follows plans, and plans again when the state is not the one expected.
+    """Policy that follows plans, and plans again when the stance is not the one expected.
+
+    It also plans again when an episode begins or the goal has changed.
 
     Attributes
     ----------
@@ -226,7 +234,7 @@ def planner_policy(
         if result.plan is None:
             return None
         index = graph.grasp_map.index
-        return _actions(env, [(limb, index(point)) for limb, point in result.plan.actions])
+        return _action_numbers(env, [(limb, index(point)) for limb, point in result.plan.actions])
 
     return PlanPolicy(find)
 
@@ -246,13 +254,13 @@ def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
 
     def find(env: MlivrEnv) -> list[int] | None:
         where = env.moves, env.state, env.goal, env.goal_tolerance
-        return _actions(
+        return _action_numbers(
             env, find_walk(method, *where, budget=budget, seed=seed + env.steps).actions
         )
 
     return PlanPolicy(find)
 
 
-def _actions(env: MlivrEnv, moves: Iterable[tuple[int, int]]) -> list[int]:
-    """Return the action numbers of moves, each given by a limb and the index of a point."""
-    return [limb * len(env.graph.grasp_map) + point for limb, point in moves]
+def _action_numbers(env: MlivrEnv, actions: Iterable[tuple[int, int]]) -> list[int]:
+    """Return the numbers of actions, each given by a limb and the index of a point."""
+    return [limb * len(env.graph.grasp_map) + point for limb, point in actions]

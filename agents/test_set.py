@@ -36,8 +36,8 @@ from mlivr_gym.world.map_entries import SPACING
 SPLITS = ("same", "half", "dense", "occupied")
 """Names of the splits, which are parts of the test set; none of them is for training.
 
-They are the map of the training, half of its points, points every 0.1 m, and the same map with a
-fifth of the points occupied.
+They are the map of the JEM, on which the shipped policy was trained, half of its points, points
+every 0.1 m, and the same map with a fifth of the points occupied.
 """
 
 MIN_START_GOAL_DISTANCE = 2.0
@@ -77,7 +77,7 @@ TEST_SET = Fields(
 
 
 class HeldOutWorld(NamedTuple):
-    """A map of the test set, with its tasks."""
+    """A map of the test set, with its tasks; their goals are held out, not always the map."""
 
     split: str
     """One of `SPLITS`; `"half"` has several maps, the others one each."""
@@ -136,7 +136,7 @@ def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[
     seed
         Seed of all draws.
     sizes
-        Number of tasks in each split.
+        Number of tasks in each split; that of `"half"` is divided among four maps.
     """
     rng = np.random.default_rng(seed)
     worlds = [_draw_tasks(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]

@@ -18,7 +18,7 @@ def add_command(add: Add) -> None:
         description="Write episodes of the optimal expert with action masks as a Minari data set. "
         "Needs the extra 'data'.",
     )
-    option(parser, "--id ID", "id of the data set", "mlivr/jem/astar-v0")
+    option(parser, "--id ID", "id of the data set", "mlivr/jem/expert-v0")
     option(parser, "--episodes N", "number of episodes", 200)
     option(parser, "--seed N", "seed of the first episode", 0)
     option(parser, "--reward REWARD", "reward of a step: steps or base", "steps")

@@ -36,7 +36,7 @@ EXAMPLES = {
         "mlivr-gym evaluate --policy pretrained --beam 8 --split same",
         "mlivr-gym evaluate --policy my_policy --split occupied --json",
     ),
-    "dataset": ("mlivr-gym dataset --id mlivr/jem/astar-v0 --episodes 200",),
+    "dataset": ("mlivr-gym dataset --id mlivr/jem/expert-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
     "build": (
         "mlivr-gym build --robot my_robot.json",

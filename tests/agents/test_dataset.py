@@ -42,7 +42,7 @@ def nothing_collected(monkeypatch):
 def test_ids_that_minari_would_refuse_in_the_end_are_refused_first(folder, nothing_collected, name):
     with pytest.raises(SettingError, match="data set") as caught:
         write_dataset(name, 2)
-    assert "'mlivr/jem/astar-v0'" in str(caught.value) or "too long" in str(caught.value)
+    assert "'mlivr/jem/expert-v0'" in str(caught.value) or "too long" in str(caught.value)
     assert not folder.exists() or not any(folder.iterdir())
 
 

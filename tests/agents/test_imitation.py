@@ -127,11 +127,11 @@ def test_walks_of_the_expert_go_one_step_nearer_each_time(env, short):
     """Without noise each walk gives one sample for each number of steps that remain."""
     settings = ImitationHyperparameters(**(short | {"noise": 0.0}))
     imitation = Imitation(env, make_actor_critic(env, "mlp", {}), True, settings, 2)
-    samples, arrived = imitation.gather(
+    samples, (rollouts, arrived) = imitation.gather(
         np.ones(len(env.graph.grasp_map), dtype=bool), by_expert=True
     )
     counts = np.bincount(samples.cost.astype(int))[1:]
-    assert arrived == 1.0
+    assert arrived == rollouts > 0
     assert len(counts) > 2
     assert (np.diff(counts) <= 0).all()
 
@@ -198,3 +198,14 @@ def test_goals_that_are_all_held_out_leave_nothing_to_learn(env, small_map, shor
     network = make_actor_critic(own, "mlp", {})
     with pytest.raises(StanceError, match="imitation has no state to learn from"):
         Imitation(own, network, True, given, 0, goal[None]).run()
+
+
+def test_a_layout_without_goals_counts_no_rollout(env, short):
+    imitation = Imitation(
+        env, make_actor_critic(env, "mlp", {}), True, ImitationHyperparameters(**short), 0
+    )
+    samples, rollouts = imitation.gather(
+        np.zeros(len(env.graph.grasp_map), dtype=bool), by_expert=True
+    )
+    assert len(samples.stances) == 0
+    assert rollouts.tolist() == [0, 0]
