@@ -6,7 +6,7 @@ alone, so it serves any number of limbs. With `Settings(transitions=False, colli
 `heuristic="paper"` its nodes, edges and estimates are those of the paper. If steps are checked, a
 node of the search is a `State`: a stance together with the branches that each limb may be on.
 
-The line numbers are those of this file, not of the listing in the paper:
+The line numbers are those of this listing, not of that in the paper:
 
     1   open <- {start}, g(start) <- 0, closed <- {}
     2   while open is not empty:

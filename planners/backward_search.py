@@ -51,8 +51,8 @@ class BackwardProgress(Record):
     """Estimate at which the search ended; infinite if its queue was exhausted."""
 
 
-class NodeEstimate(Record):
-    """Costs of a node, in one record because they are read together."""
+class NodeCosts(Record):
+    """Costs of a node to the goal and from the start, in one record as they are read together."""
 
     cost: float
     """Minimum cost to the goal so far."""
@@ -96,7 +96,7 @@ def costs_to_goal(
     """
     count, is_start = len(goals), np.zeros(len(goals), dtype=np.bool_)
     is_start[starts] = True
-    estimates = NodeEstimate.rows(count)
+    estimates = NodeCosts.rows(count)
     estimates["cost"], estimates["start_bound"] = np.inf, start_bounds
     low = float(start_bounds[goals].min(initial=np.inf))
     queue = NodeQueue.allocate(INITIAL_CAPACITY + int(goals.sum()), low, bucket_width(weights))
@@ -122,7 +122,7 @@ def costs_to_goal(
 def _search(
     nodes: tuple[NodeTable, BoolArray, BoolArray],
     weights: CostWeights,
-    estimates: Rows[NodeEstimate],
+    estimates: Rows[NodeCosts],
     queue: NodeQueue,
     progress: BackwardProgress,
 ) -> bool:
@@ -173,7 +173,7 @@ def _improve_predecessors(
     table: NodeTable,
     s: int,
     weights: CostWeights,
-    estimates: Rows[NodeEstimate],
+    estimates: Rows[NodeCosts],
     queue: NodeQueue,
 ) -> None:
     """Lower the costs of the nodes from which an edge leads to an expanded node."""

@@ -1,11 +1,11 @@
 """Best-first search over an implicit graph, for any number of limbs.
 
 A stance of three or four limbs has hundreds of neighbours, few of which are nodes, and most of the
-time goes into postures and step checks. So a neighbour is evaluated in three stages, each when it
+time goes into postures and step checks. So a neighbour is evaluated in three parts, each when it
 comes first in an open queue, as in Lazy Weighted A* (Cohen, Phillips and Likhachev 2014): first its
 points alone are known, in a block with the other neighbours of its parent; then its posture is
-computed; then the edge to it is checked, which makes it a state. Neighbours of one stage are
-evaluated in batches.
+computed; then the edge to it is checked, which makes it a state. Neighbours with
+the same part to be evaluated form batches.
 
 Every item has a lower bound of the cost of plans through it, by the triangle inequality and
 `set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds

@@ -7,9 +7,10 @@ and a label is dropped if labels of the same node that cost no more have all its
 (dominance). An edge that was not checked is assumed to keep its upper bound from the table, so the
 cheapest path over unchecked edges bounds the cost of every plan from below.
 
-With weight 1 of the cost and a consistent `h` the search sets labels: the cost of a node that is
-popped is final for its label, so that no cheaper one with the same branches follows. With another
-weight it corrects labels: a node may be expanded again when a cheaper label reaches it.
+With weight 1 of the cost and a consistent `h` the search sets labels, up to the order within a
+bucket of its queue: no label that is popped from a later bucket dominates it at less cost. With
+another weight it corrects labels: a node may be expanded again when a cheaper label reaches it. The
+result does not depend on that order, since the search ends by the lower bound of the queue alone.
 """
 
 from __future__ import annotations
@@ -125,8 +126,8 @@ class SearchOutcome(NamedTuple):
     path: NodePath | None
     """The cheapest path, or None."""
     lower_bound: float
-    """Lower bound of the cost of every path, at most `cost_limit`; valid for weight 1 of the
-    cost."""
+    """Lower bound of the cost of every path, at most `cost_limit`; with another weight than 1 it is
+    one only if the queue was exhausted without a path."""
     end: int
     """Why the search ended: `SEARCH_COMPLETE`, `ARRAYS_FULL`, `EXPANSION_LIMIT`, or `PAUSED` or
     `CHECKS_PENDING` at its deadline."""

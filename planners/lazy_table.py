@@ -64,7 +64,7 @@ class LazyTable(ABC):
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
     def unchecked(self, edges: IntArray) -> IntArray:
-        """Return the edges of some that were not checked, each once."""
+        """Return those of the given edges that were not checked, each once."""
         return np.asarray(np.unique(edges[~self.checked_edges.contains(edges)]))
 
     def check_nodes(
@@ -339,7 +339,8 @@ def branch_sets_along(
     """Return the branch sets after the steps of a path, 0 for no step, shape (k, N).
 
     The table may have them for the robot after a cyclic relabelling of its limbs, for which a few
-    steps differ. From the first step with other branch sets on, the steps are checked anew.
+    steps keep other branches, see `relabelling`. From the first step with other branch sets on, the
+    steps are checked anew.
 
     Parameters
     ----------

@@ -20,16 +20,16 @@ The last two are reasons of a `PlanningResult` without a plan.
 
 @dataclass(frozen=True)
 class Improvement:
-    """A plan that an anytime search found before it ended, with the quality proved at that time.
+    """A path that a search found before it ended, with the quality proved at that time.
 
     Attributes
     ----------
     time
         Time from the start of the search [s].
     cost
-        Cost of the plan.
+        Cost of the path.
     bound
-        Optimality bound: the plan was proved to cost at most this factor times the minimum;
+        Optimality bound: the path was proved to cost at most this factor times the minimum;
         infinite if nothing was proved.
     """
 
@@ -58,12 +58,12 @@ class SearchResult:
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     backward_expanded
-        Number of nodes expanded by backward searches for the lower bound.
+        Number of nodes that backward searches settled to compute the lower bounds.
     bound
         Optimality bound: the path costs at most this factor times the minimum; infinite if
         nothing is proved.
     improvements
-        The plans found in turn, each cheaper than the one before.
+        The paths found in turn, each cheaper than the one before.
     """
 
     status: str

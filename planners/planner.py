@@ -154,7 +154,7 @@ class Planner:
             the machine.
         progress
             Called from time to time with the number of expansions, by `"algorithm1"` and by
-            searches of graphs without a table.
+            searches that use no node table, see `searches`.
 
         Returns
         -------
@@ -300,9 +300,10 @@ class Planner:
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
-        """Return a plan on the same footholds with other base poses and less base translation.
+        """Return a plan on the same footholds with other base poses and no more base translation.
 
-        The method is that of `refinement.refined`; the given plan is not changed.
+        The method is that of `refinement.refined`, which returns the given plan if it finds no
+        better one; the given plan is not changed.
 
         Parameters
         ----------

@@ -42,8 +42,8 @@ class PlanningResult:
     tree
         Base positions at both ends of each explored step, shape (e, 2, 3) [m].
     improvements
-        The plans found in turn, each cheaper than the one before, with the times at which they were
-        found.
+        The paths found in turn, each cheaper than the one before, with the times at which they were
+        found; the last one is that of the plan.
     """
 
     plan: Plan | None

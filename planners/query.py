@@ -264,7 +264,10 @@ class SearchQuery:
 
     @property
     def guaranteed_bound(self) -> float:
-        """Return the bound w of plans of two limbs and Algorithm 1; infinite if none is proved."""
+        """Return the bound w that the order of the queue proves; infinite if it proves none.
+
+        It serves two limbs and Algorithm 1, whose searches end at the first such plan.
+        """
         proved = self.method != "greedy" and self.heuristic != "paper"
         return self.inflation if proved else math.inf
 

@@ -1,4 +1,8 @@
-"""Items of the open queues of the search without a table, see `implicit_search`."""
+"""Items of the open queues of the search over an implicit graph, see `implicit_search`.
+
+An item changes while it waits in several queues. Each change raises its `version`, and a queue
+skips an item that was pushed with another one.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +31,7 @@ class Block:
     estimates
         Keys by which they are ordered in the search for a first plan, shape (k,).
     version
-        Number of neighbours already taken.
+        Number of neighbours already taken, which identifies the state of the block.
     """
 
     parent: int

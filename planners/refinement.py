@@ -1,11 +1,11 @@
 """Plans refined: other base poses on the same footholds, with less base translation.
 
-The stance graph gives each stance one base pose, that of best manipulability. With the footholds
-fixed any pose that meets the thresholds will do, as long as each step is an edge by the same
-checks. The path of minimum base translation is sought first among all candidate poses of each
-stance, then among seeded samples around the poses of the best path. Each round is an exact A* over
-a layered graph, one layer of poses for each stance, with the translation to the last layer, steps
-not checked, as its heuristic; a step is checked when the search is about to use it.
+The stance graph gives each stance one base pose, that of the largest margin over the thresholds.
+With the footholds fixed any pose that meets the thresholds will do, as long as each step is an edge
+by the same checks. The path of minimum base translation is sought first among all candidate poses
+of each stance, then among seeded samples around the poses of the best path. Each round is an exact
+A* over a layered graph, one layer of poses for each stance, with the translation to the last layer,
+steps not checked, as its heuristic; a step is checked when the search is about to use it.
 """
 
 from __future__ import annotations

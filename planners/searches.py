@@ -30,11 +30,14 @@ class Searcher(Protocol):
     """A search over one stance graph."""
 
     def find(self, search: SearchQuery, start: State) -> SearchResult | None:
-        """Search from a state; return None if no sequence of moves connects it with the goal."""
+        """Search from a state; return None if no sequence of moves connects it with the goal.
+
+        A move changes the point of one limb, whether or not a step can make it.
+        """
 
 
 class GraphSearcher:
-    """The compiled search for any number of limbs: over the table of nodes if the graph has one."""
+    """The compiled searches, over a node table or an implicit graph; see the module for which."""
 
     def __init__(self, graph: StanceGraph, *, build_sets: bool = True) -> None:
         """Prepare to search a stance graph.

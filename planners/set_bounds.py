@@ -55,7 +55,7 @@ def fewest_moves(
 
     Parameters
     ----------
-    support sets
+    support_sets
         Support sets of each set, shape (n, N): sets with a common support set are one move apart.
     moves
         0 for the goals and -1 for other sets, where the moves are written, shape (n,).

@@ -128,7 +128,7 @@ class _TableSearch:
     generated
         Number of labels generated, in all searches.
     backward_expanded
-        Number of nodes expanded by backward searches for the lower bounds.
+        Number of nodes that backward searches settled to compute the lower bounds.
     """
 
     def __init__(self, lower_bounds: LowerBounds, search: SearchQuery, start: State) -> None:

@@ -76,7 +76,7 @@ def plan_of(
 
 
 def edges_along(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
-    """Return how many steps of a sequence of stances are executable, from the first on."""
+    """Return how many steps of a sequence of stances the graph has, from the first on."""
     points = [graph.indices(stance) for stance in stances]
     try:
         state = graph.state(points[0])

@@ -39,7 +39,7 @@ class Thresholds(Record):
 
 
 class PostureRule(Record):
-    """The candidate postures of a stance, and the rule that chooses one of them; see `solver`."""
+    """The candidate poses of a stance, and the rule that chooses one of them; see `solver`."""
 
     thresholds: Thresholds
     """Thresholds of a node."""

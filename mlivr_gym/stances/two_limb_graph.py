@@ -75,7 +75,8 @@ class TwoLimbGraph(StanceGraph):
         Number of those above the thresholds that collide, by cause.
     no_departure
         Number of those above the thresholds from which a limb cannot depart with `w_m` above
-        `Settings.path_floor`, which holds without thresholds too, and every joint in its window.
+        `Settings.path_floor` and every joint in its window. If steps are checked, this floor
+        also holds without thresholds.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
