@@ -11,14 +11,14 @@ from reports import table
 
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.robot.any_limb import LimbKind
-from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
+from mlivr_gym.robot.any_limb import LimbValidator
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
 from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
+from mlivr_gym.robot.validators import PairOf, SizeOrEdges
 from mlivr_gym.schema import (
     Anything,
     Choice,
@@ -109,7 +109,7 @@ def kind_in_words(kind: Any) -> str:
             return "list of boxes"
         case ListOf():
             return _listed(kind)
-        case Struct() | LimbKind():
+        case Struct() | LimbValidator():
             return "object"
         case Fields():
             return "object with " + ", ".join(f"`{name}`" for name in kind.required)
@@ -119,7 +119,7 @@ def kind_in_words(kind: Any) -> str:
             return "pair of " + ", ".join(f"`{' '.join(pair)}`" for pair in kind.pairs)
         case SizeOrEdges():
             return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
-        case LimbKind():
+        case LimbValidator():
             return "object"
         case Named():
             return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(

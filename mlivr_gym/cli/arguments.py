@@ -53,7 +53,8 @@ def command(
     add
         Function that adds the command's parser.
     run
-        Function that runs the command; returns its exit code, or None for success.
+        Function that runs the command; returns its exit code, or None for success. What `--json`
+        prints it puts into the dictionary `result` of its arguments.
     description
         First paragraph of its help.
     groups

@@ -73,6 +73,8 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         epilog=f"{examples('plan', 'render', 'simulate', 'evaluate')}\n{EXIT_CODES}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    # `grace`, and `default` and `commands` below, are no options but values for the commands:
+    # the time to end after Ctrl-C, a function of an option's name, and all parsers by name.
     parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -81,12 +81,12 @@ def add_command(add: Add) -> None:
     text = "use start, goal, map and cost of this case of Table I"
     option(parser, "--case CASE", text, type=int, choices=(1, 2, 3, 4))
     text = (
-        "as fast as the default limits allow, as gentler limits or those for the arms of a station "
-        "allow, or the paper's 50 s a step"
+        "fast: as quick as the default limits allow; gentle: limits with a reserve; station: "
+        "limits of a station's arms; paper: 50 s a step"
     )
     paces = ("fast", "gentle", "station", "paper")
     option(parser, "--pace PACE", text, "fast", choices=paces)
-    text = "duration of every step [s], which must keep the limits (default: the shortest)"
+    text = "duration of every step [s], refused if it breaks a limit (default: the shortest)"
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
     text = (
@@ -98,7 +98,8 @@ def add_command(add: Add) -> None:
     text = "grasps of a robot of the UR5e's size, or of the size of a station's arms"
     option(parser, "--physics PHYSICS", text, "default", choices=("default", "station"))
     text = (
-        "make robot and module differ from the model of the controller: not at all, or in all ways"
+        "how robot and module differ from the model of the controller: not at all (none), or in "
+        "all ways that are studied (all)"
     )
     option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
     option(parser, "--seed N", "seed of the disturbances", 1)

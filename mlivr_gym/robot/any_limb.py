@@ -18,8 +18,8 @@ LIMB_FAMILIES: dict[str, Struct[AnyLimb]] = {
 """Fields of a limb of each family, by the names in robot files."""
 
 
-class LimbKind:
-    """A limb of any family; plain data without a family are of the UR family."""
+class LimbValidator:
+    """Validator of a limb of any family; plain data without a family are of the UR family."""
 
     def read(self, value: object, place: FieldPath) -> AnyLimb:
         """Return the limb of plain data, or a limb as it is."""
@@ -34,5 +34,5 @@ class LimbKind:
         return LIMB_FAMILIES[family].read(value, place)
 
 
-LIMB_OF_FAMILY = LimbKind()
-"""The kind of the field `limb` of a robot."""
+LIMB_OF_FAMILY = LimbValidator()
+"""Validator of the field `limb` of a robot."""

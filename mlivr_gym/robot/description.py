@@ -38,8 +38,8 @@ LEAST_MASS = 1e-12
 """Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
 
 
-class JointFigures(NamedTuple):
-    """Limits of one joint; None where the file has none."""
+class JointData(NamedTuple):
+    """What a file says of one joint; None where it says nothing."""
 
     name: str
     limits: tuple[float, float] | None
@@ -53,7 +53,7 @@ class JointFigures(NamedTuple):
 
 
 class Description(NamedTuple):
-    """A file as MuJoCo reads it, at the posture where all joints are at 0."""
+    """A file as MuJoCo reads it, with all joints at 0."""
 
     name: str
     """Name of the robot."""
@@ -61,8 +61,8 @@ class Description(NamedTuple):
     """The compiled `mujoco.MjModel`."""
     data: Any
     """Its `mujoco.MjData`."""
-    joints: dict[int, JointFigures]
-    """Figures of each hinge by its number in the model."""
+    joints: dict[int, JointData]
+    """Data of each hinge by its number in the model."""
     missing: tuple[str, ...]
     """Mesh files of collision shapes that were not found or cannot be read."""
     fields: dict[str, Any]
@@ -133,7 +133,7 @@ def read_description(
         address = model.jnt_qposadr[joint]
         data.qpos[address : address + 7] = model.qpos0[address : address + 7]
     mujoco.mj_kinematics(model, data)
-    joints = _figures(mujoco, model, found, (speeds, torques))
+    joints = _joint_data(mujoco, model, found, (speeds, torques))
     name = tree.get("name") or tree.get("model") or path.stem
     return Description(name, model, data, joints, tuple(missing), _fields(fields))
 
@@ -276,8 +276,8 @@ def _check_joints(spec: Any) -> None:
     import mujoco
 
     for joint in spec.joints:
-        above = joint.parent.parent
-        if joint.type == mujoco.mjtJoint.mjJNT_FREE and above.name != "world":
+        carrier = joint.parent.parent
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE and carrier.name != "world":
             raise RobotError(
                 f"joint {joint.name!r} is floating; only the whole robot may float, all other "
                 "joints must be revolute or fixed"
@@ -307,13 +307,17 @@ def _check_masses(spec: Any) -> None:
             )
 
 
-def _figures(
+def _joint_data(
     mujoco: Any,
     model: Any,
     found: dict[str, float],
     limits: tuple[float | Sequence[float] | None, float | Sequence[float] | None],
-) -> dict[int, JointFigures]:
-    """Return the limits of the hinges; `limits` are speeds and torques that a caller gives."""
+) -> dict[int, JointData]:
+    """Return the data of the hinges.
+
+    `found` are the speed limits of a URDF by joint, `limits` the speeds and torques that a caller
+    gives in their place.
+    """
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
     speeds, torques = limits
@@ -328,7 +332,7 @@ def _figures(
         low, high = model.jnt_range[joint].tolist()
         limited = bool(model.jnt_limited[joint]) and high > low
         address = int(model.jnt_dofadr[joint])
-        out[joint] = JointFigures(
+        out[joint] = JointData(
             name,
             (low, high) if limited else None,
             _torque(mujoco, model, joint) if strong is None else strong[k],

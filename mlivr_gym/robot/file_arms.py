@@ -105,7 +105,7 @@ def with_held_joints(
     Parameters
     ----------
     file
-        The file, whose posture is changed.
+        The file, whose joint angles are changed.
     arms
         The arms.
     names
@@ -214,8 +214,8 @@ def body_name(model: Any, body: int) -> str:
     return str(model.body(body).name) or f"body {body}"
 
 
-def above(model: Any, body: int) -> list[int]:
-    """Return a body and all that carry it, without the world."""
+def with_carriers(model: Any, body: int) -> list[int]:
+    """Return a body, the one that carries it, and so on up to the root, without the world."""
     out = []
     while body:
         out.append(body)
@@ -238,7 +238,7 @@ def _moving(model: Any) -> list[int]:
 def _path(file: Description, body: int) -> list[int]:
     """Return the moving bodies from the robot's body to a body, this one included."""
     moving = set(_moving(file.model))
-    return [b for b in reversed(above(file.model, body)) if b in moving]
+    return [b for b in reversed(with_carriers(file.model, body)) if b in moving]
 
 
 def _longest(file: Description, body: int) -> list[int]:

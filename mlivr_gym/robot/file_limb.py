@@ -31,8 +31,8 @@ ROTOR_INERTIA = 0.1
 TOOL_LENGTH, GRIPPER_MASS = 0.05, 0.5
 """Length [m] and mass [kg] of the gripper that is added to an arm without one."""
 
-POSTURES = 100
-"""Number of random postures in which the flange is compared with that of the file."""
+SAMPLES = 100
+"""Number of random joint angles at which the flange is compared with that of the file."""
 
 LARGEST_ERROR = 5e-3
 """Largest distance of the flange from that of the file [m]; grasps are captured within 10 mm."""
@@ -331,7 +331,7 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
 def _position_error(
     file: Description, arm: FileArm, limb: AnyLimb, found: RecognisedArm, flange: Array
 ) -> float:
-    """Return the largest distance of the flange from that of the file over random postures [m]."""
+    """Return the largest distance of the flange from that of the file over random angles [m]."""
     import mujoco
 
     data, rng = mujoco.MjData(file.model), np.random.default_rng(0)
@@ -342,7 +342,7 @@ def _position_error(
     tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ flange
     addresses = file.model.jnt_qposadr[list(arm.joints)]
     worst = 0.0
-    for _ in range(POSTURES):
+    for _ in range(SAMPLES):
         angles = rng.uniform(-np.pi, np.pi, len(addresses))
         data.qpos[addresses] = angles
         mujoco.mj_kinematics(file.model, data)

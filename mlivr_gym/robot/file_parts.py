@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.file_arms import FileArm, above, body_name, tool_frame_of
+from mlivr_gym.robot.file_arms import FileArm, body_name, tool_frame_of, with_carriers
 from mlivr_gym.robot.joint_chain import MEETING
 
 SHORTEST_GRIPPER = 0.01
@@ -79,7 +79,7 @@ def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
         If the limbs do not stand on one body.
     """
     model = file.model
-    roots = {above(model, arm.first)[-1] for arm in arms}
+    roots = {with_carriers(model, arm.first)[-1] for arm in arms}
     if len(roots) > 1 or any(model.body_parentid[arm.first] == 0 for arm in arms):
         names = ", ".join(repr(body_name(model, root)) for root in sorted(roots))
         raise RobotError(f"the limbs stand on {names}; all must be mounted on one body")
@@ -89,7 +89,9 @@ def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
     return tuple(
         body
         for body in range(1, model.nbody)
-        if root in above(model, body) and body not in bases and not moving & set(above(model, body))
+        if root in with_carriers(model, body)
+        and body not in bases
+        and not moving & set(with_carriers(model, body))
     )
 
 
@@ -109,7 +111,7 @@ def _moved_by(file: Description, arm: FileArm, link: int) -> tuple[int, ...]:
     model = file.model
     out = []
     for body in range(1, model.nbody):
-        carrier = next((b for b in above(model, body) if b in arm.links), None)
+        carrier = next((b for b in with_carriers(model, body) if b in arm.links), None)
         if carrier == link:
             out.append(body)
     return tuple(out)
@@ -118,13 +120,13 @@ def _moved_by(file: Description, arm: FileArm, link: int) -> tuple[int, ...]:
 def _gripper(file: Description, arm: FileArm, last: tuple[int, ...]) -> tuple[int, ...]:
     """Return the bodies behind the last link that have shapes, and those that they carry."""
     first = [body for body in last if body != arm.links[-1] and solid_geoms(file, body)]
-    return tuple(body for body in last if set(first) & set(above(file.model, body)))
+    return tuple(body for body in last if set(first) & set(with_carriers(file.model, body)))
 
 
 def _base(file: Description, arms: tuple[FileArm, ...], number: int) -> tuple[int, ...]:
     """Return the bodies that fix a limb, and no other, to the robot's body."""
     model = file.model
-    before = [set(above(model, int(model.body_parentid[arm.first]))) for arm in arms]
+    before = [set(with_carriers(model, int(model.body_parentid[arm.first]))) for arm in arms]
     others = set().union(*(found for k, found in enumerate(before) if k != number))
     alone = before[number] - others
     moving = {link for arm in arms for link in arm.links}
@@ -133,5 +135,5 @@ def _base(file: Description, arms: tuple[FileArm, ...], number: int) -> tuple[in
     return tuple(
         body
         for body in range(1, model.nbody)
-        if alone & set(above(model, body)) and not moving & set(above(model, body))
+        if alone & set(with_carriers(model, body)) and not moving & set(with_carriers(model, body))
     )

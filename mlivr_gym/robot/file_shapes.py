@@ -22,10 +22,10 @@ from mlivr_gym.robot.capsule_fit import (
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
-from mlivr_gym.robot.kinds import APART
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import MOST_CAPSULES
 from mlivr_gym.robot.stretched import gripper_capsule
+from mlivr_gym.robot.validators import APART
 
 
 def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Hull]:

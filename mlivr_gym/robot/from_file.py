@@ -23,14 +23,14 @@ from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_descr
 from mlivr_gym.robot.file_arms import arms_of, with_held_joints
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
-from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.mounts import Mount
+from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.values import Triple
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
 
-FREE = 0.03
+UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
 
 R = TypeVar("R", bound=DerivedFigures)
@@ -52,12 +52,13 @@ class RobotFile:
     offsets
         The offsets [rad], shape (N, 6).
     capsule_excess
-        By how much the capsules of each link exceed its shapes at most [m], by limb and link.
+        How far the capsules of each link reach beyond its shapes at most [m], by limb and link.
     body_excess
-        By how much the box of the body exceeds its shapes [m].
+        How far the box of the body reaches beyond its shapes [m].
     position_error
-        Largest distance of a flange from that of the file over random postures [m]: what the exact
-        axes of the family differ from those of the file.
+        Largest distance of a flange from that of the file over random joint angles [m]. It is above
+        0 because axes that are nearly parallel or perpendicular in the file are exactly so in the
+        family.
     """
 
     fields: dict[str, Any]
@@ -133,11 +134,11 @@ def read_robot(
         Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the
         number that the file has.
     tips
-        Names of the last link, or a site, of each limb; None for every chain of joints that begins
-        at the body.
+        For each limb the name of its last link, or of a site on it; None for every chain of joints
+        that begins at the body.
     tool_frame
-        Name of the link or site at which a limb grasps, of each limb if they differ; None for a
-        customary name such as `tool0`, or the last link.
+        Name of the link or site at which a limb grasps, or a list with that of each limb; None for
+        a customary name such as `tool0`, or the last link.
     tool_length
         Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
         or, if it has none, for the default gripper of 0.05 m.
@@ -157,14 +158,14 @@ def read_robot(
         Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
         the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
     held_joint
-        Name of the joint that an arm of seven joints holds, of each limb if they differ; None for
-        the third joint.
+        Name of the joint that does not move in an arm of seven, or a list with that of each limb;
+        None for the third joint.
     held_angle
         Angle at which it is held, of every limb or of each [rad].
     capsules
-        Collision shapes of a limb in its link frames, or `"ur5e"` for those of the UR5e stretched
-        to its lengths, of another family capsules along its links; None for capsules fitted to the
-        collision shapes of the file.
+        Collision shapes of a limb in its link frames; None for capsules fitted to the collision
+        shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths,
+        or, for an arm of another family, for capsules along its links.
     package_dirs
         Folders in which the packages of `package://` names lie, in addition to those above the
         file.
@@ -248,7 +249,7 @@ def _stand_off(limb: FileLimb) -> float:
     for capsule in limb.capsules:
         far = max(float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end))
         if capsule.link == "upper_arm" and far < capsule.radius:
-            lows.append(far + capsule.radius + FREE - limb.limb.d1)
+            lows.append(far + capsule.radius + UPPER_ARM_GAP - limb.limb.d1)
     return round(max(lows), 3)
 
 

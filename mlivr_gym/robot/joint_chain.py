@@ -149,6 +149,6 @@ def sign_of(length: float, otherwise: float) -> float:
     return -1.0 if number < -ALIGNED else 1.0
 
 
-def told(axis: Array) -> str:
+def axis_text(axis: Array) -> str:
     """Return an axis for a message."""
     return "(" + ", ".join(f"{round(float(a), 4) + 0.0:g}" for a in axis) + ")"

@@ -1,4 +1,4 @@
-"""The fields of a robot file as a JSON schema, made from the kinds that check them.
+"""The fields of a robot file as a JSON schema, made from the validators that check them.
 
 `python -m mlivr_gym.robot.json_schema > envs_assets/robot.schema.json` writes the file that ships.
 """
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.robot.any_limb import LIMB_FAMILIES, LimbKind
-from mlivr_gym.robot.kinds import PairOf, SizeOrEdges
+from mlivr_gym.robot.any_limb import LIMB_FAMILIES, LimbValidator
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
+from mlivr_gym.robot.validators import PairOf, SizeOrEdges
 from mlivr_gym.schema import Choice, Integer, ListOf, Numbers, OrNone, Rotation, Struct, Text
 from mlivr_gym.values import MAX_TEXT_LENGTH
 
@@ -48,7 +48,7 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
             return {"anyOf": [json_schema_of(kind.kind), {"type": "null"}]}
         case Named():
             return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
-        case LimbKind():
+        case LimbValidator():
             return {"anyOf": [json_schema_of(kind) for kind in LIMB_FAMILIES.values()]}
         case SizeOrEdges():
             return {"anyOf": [json_schema_of(kind.edge), json_schema_of(kind.edges)]}

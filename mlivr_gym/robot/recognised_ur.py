@@ -11,12 +11,12 @@ from mlivr_gym.robot.joint_chain import (
     MEETING,
     JointChain,
     RecognisedArm,
+    axis_text,
     crossing_fault,
     flange_fault,
     foot,
     rounded,
     sign_of,
-    told,
     tool_x,
 )
 from mlivr_gym.robot.limb import Limb
@@ -27,7 +27,7 @@ def three_parallel(chain: JointChain) -> RecognisedArm | str:
 
     Its axes 2, 3 and 4 are parallel, axes 1, 2 and 4, 5 and 5, 6 are perpendicular and cross. With
     `n` the common direction of axes 2 to 4, a length `d` is measured along the axis before it, and
-    `a2`, `a3` across `n`. Signs are those of the file if its zero posture is that of the standard
+    `a2`, `a3` across `n`. Signs are those of the file if its zero angles are those of the standard
     DH convention, else those of the UR arms: `a2`, `a3` negative and the others not.
     """
     reason = _fault(chain)
@@ -60,8 +60,8 @@ def _fault(chain: JointChain) -> str:
     for k in (2, 3):
         if np.linalg.norm(np.cross(axes[1], axes[k])) > ALIGNED:
             return (
-                f"axis {told(axes[k])} of joint {names[k]!r} is not parallel to axis "
-                f"{told(axes[1])} of joint {names[1]!r}"
+                f"axis {axis_text(axes[k])} of joint {names[k]!r} is not parallel to axis "
+                f"{axis_text(axes[1])} of joint {names[1]!r}"
             )
     for k in (0, 3, 4):
         fault = crossing_fault(chain, k, k + 1)

@@ -58,7 +58,7 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     if reason:
         return reason
     plus = np.ones(len(chain.names))
-    literal = _posture(chain, points, plus)
+    literal = _seen_in_family(chain, points, plus)
     lengths = literal.lengths
     if literal.zeros(chain, plus).any() or min(lengths[name] for name in ("a2", "d4", "d6")) < 0.0:
         return _in_family(chain, points, _signs(chain, points, elbow))
@@ -151,14 +151,14 @@ def _signs(chain: JointChain, points: Points, elbow: int) -> Array:
     # The elbow axis of seven joints and the axis behind that of the forearm may point either way.
     turned = [(elbow + 2, elbow + 1)] if elbow == 2 else [(elbow, 2), (elbow + 2, elbow + 1)]
     for k, before in turned:
-        zero = _posture(chain, points, signs).zeros(chain, signs)[before]
+        zero = _seen_in_family(chain, points, signs).zeros(chain, signs)[before]
         if abs(np.arctan2(np.sin(zero), np.cos(zero))) > 0.5 * np.pi + EXACT:
             signs[k] = -1.0
     return signs
 
 
 class ArmInFamily(NamedTuple):
-    """What an arm looks like in its family at the posture of the chain."""
+    """An arm in the terms of its family where the joints of the chain that move are at 0."""
 
     angles: Array
     """Angles of all joints [rad], shape (n,)."""
@@ -177,8 +177,8 @@ class ArmInFamily(NamedTuple):
         return zeros
 
 
-def _posture(chain: JointChain, points: Points, signs: Array) -> ArmInFamily:
-    """Return the posture of the chain in the family for signs of the axes, shape (n,)."""
+def _seen_in_family(chain: JointChain, points: Points, signs: Array) -> ArmInFamily:
+    """Return angles and lengths of the chain in the family for signs of the axes, shape (n,)."""
     axes, seven = signs[:, None] * chain.axes, len(signs) == 7
     up, second, lean = axes[0], axes[1], axes[len(axes) - 4]
     wrist_1, wrist_2, out = axes[-3:]
@@ -228,7 +228,7 @@ def _posture(chain: JointChain, points: Points, signs: Array) -> ArmInFamily:
 
 def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm:
     """Return the arm for signs of the axes, shape (n,)."""
-    seen = _posture(chain, points, signs)
+    seen = _seen_in_family(chain, points, signs)
     fields: dict[str, Any] = {**seen.lengths, "held_joint": None}
     if chain.held is None:
         if not _is_tilted(chain):

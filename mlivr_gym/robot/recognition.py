@@ -1,7 +1,7 @@
 """Which family of arms a chain of joints belongs to, from the axes of its joints.
 
-A family is a row of `FAMILIES`: its recogniser takes the axes and anchors of the joints at a
-posture of a file and returns the fields of a limb of the family with the signs and offsets that
+A family is a row of `FAMILIES`: its recogniser takes the axes and anchors of the joints of a file
+at 0 and returns the fields of a limb of the family with the signs and offsets that
 turn the file's joint angles into the family's, or the reason why the chain is of another family.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.joint_chain import JointChain, RecognisedArm, told
+from mlivr_gym.robot.joint_chain import JointChain, RecognisedArm, axis_text
 from mlivr_gym.robot.recognised_ur import three_parallel
 from mlivr_gym.robot.recognised_wrist import spherical_wrist
 
@@ -46,7 +46,7 @@ def recognised(chain: JointChain) -> RecognisedArm:
             return found
         reasons.append(f"{family.name}: {found}")
     axes = ", ".join(
-        f"{name} {told(axis)}" for name, axis in zip(chain.names, chain.axes, strict=True)
+        f"{name} {axis_text(axis)}" for name, axis in zip(chain.names, chain.axes, strict=True)
     )
     held = "" if chain.held is None else f" with joint {chain.names[chain.held.joint]!r} held"
     raise RobotError(

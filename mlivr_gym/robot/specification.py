@@ -26,10 +26,7 @@ from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.export import as_mjcf, as_urdf
 from mlivr_gym.robot.failed_joints import mounts_with_failed_joint
-from mlivr_gym.robot.folds import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.robot.folds import geometric_order as geometric_order
 from mlivr_gym.robot.from_file import robot_of_file
-from mlivr_gym.robot.kinds import APART, PairOf, SizeOrEdges
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -42,6 +39,9 @@ from mlivr_gym.robot.limb_dynamics import (
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount
+from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
+from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
+from mlivr_gym.robot.validators import APART, PairOf, SizeOrEdges
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -114,7 +114,7 @@ class RobotSpec(DerivedFigures):
     gripper_mass
         Mass of a gripper [kg]; 0 if the last link of the limb includes it.
     dynamics
-        Masses, inertias and joint limits of a limb, also by the name of an arm (one of `ARMS`);
+        Masses, inertias, and limits of torque and speed of a limb, or the name of one of `ARMS`;
         None for those of the arm that has the limb's lengths.
     mounts
         Place of each limb, and its own kinematics if limbs differ; None for equal limbs at equal

@@ -1,4 +1,4 @@
-"""Kinds of values that only robots have."""
+"""Validators of values that only robots have."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ APART = (
 
 @dataclass(frozen=True)
 class PairOf:
-    """One of several pairs of names, in either order.
+    """Validator of one of several pairs of names, in either order.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class PairOf:
 
 @dataclass(frozen=True)
 class SizeOrEdges:
-    """The edge of a cube [m], or three edges of a box.
+    """Validator of the edge of a cube [m], or of three edges of a box.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Candidate base poses of the default robot, and the order of rolls."""
+"""Lengths of planning of the default robot, and the order of candidate rolls."""
 
 from __future__ import annotations
 
