@@ -1,6 +1,6 @@
 """The stance graph of two limbs in networkx and rustworkx, with the searches of these libraries.
 
-Nodes are stances and edges are legal steps. Branches are left out, because neither library supports
+Nodes are stances and edges are valid steps. Branches are left out, because neither library supports
 labels; their problem is therefore easier, and a path may cost less than any executable walk. A
 virtual node that is joined to every stance in the goal region represents the goal.
 """
@@ -21,7 +21,7 @@ Path = list[int]
 
 
 def edge_chunks(graph: TwoLimbGraph) -> Iterator[list[tuple[int, int, float]]]:
-    """Yield every legal step once, in either direction, with its length [m], in chunks."""
+    """Yield every valid step once, in either direction, with its length [m], in chunks."""
     table = graph.steps
     for held, point in np.ndindex(*table.degree.shape):
         row = table.rows[held, table.row_start[held, point] : table.row_start[held, point + 1]]

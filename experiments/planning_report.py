@@ -148,7 +148,7 @@ def markdown(data: dict[str, Any]) -> str:
 {host["processor"]}, {host["cores"]} cores, Python {host["python"]}, {packages}.
 
 Two limbs, collisions on, the table that ships: {known["stances"]} stances and {known["steps"]} \
-legal steps, {known["memory"]:.0f} MB in memory. Two figures are \
+valid steps, {known["memory"]:.0f} MB in memory. Two figures are \
 median and 95th percentile. Values of version 0.1.0 were measured on two cores of an AMD EPYC, \
 Python 3.11.7, Numba 0.68.1, its queries with collisions off; a dash marks what it did not measure.
 
@@ -173,7 +173,7 @@ One configuration, both limbs against the cabin, the body, themselves and each o
 
 ## The same table in graph libraries
 
-The same tasks in the same run, base cost: nodes are the stances, edges the legal steps, the goal a
+The same tasks in the same run, base cost: nodes are the stances, edges the valid steps, the goal a
 virtual node joined to every goal stance. A* of the libraries has the consistent heuristic. They
 have no labels for branches, so their paths may cost less than any executable walk (*lower*).
 Attaching the goal is not timed; for this planner the whole call is timed, including the motion of

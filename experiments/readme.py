@@ -89,7 +89,7 @@ def truth(data: dict[str, Any]) -> str:
     """Return the text on the checks against independent programs."""
     walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
     stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
-    return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} legal \
+    return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} valid \
 steps have a complete motion. Of {optimal["queries"]} random queries on half the points, with
 collisions checked, {optimal["outcomes"].get("existence differs", 0)} differ from SciPy's Dijkstra \
 over `successors` in whether a plan exists, and the costs of {optimal["found"]} plans by at most

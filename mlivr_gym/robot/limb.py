@@ -159,7 +159,7 @@ class LimbBase(ABC):
 
         A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
         and no more than they allow. Within it a posture has one winding: a limb never needs to turn
-        back, so every walk of steps that are legal one by one can be carried out. A step on which a
+        back, so every walk of steps that are valid one by one can be carried out. A step on which a
         joint of a limb that holds would leave its window is no edge for the branch concerned.
         """
         low, high = self.limits.T

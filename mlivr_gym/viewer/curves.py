@@ -66,11 +66,11 @@ def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
     stances. A plan without thresholds has no curves.
     """
     title, settings = "manipulability / threshold", plan.world.settings
-    w_m_min, w_b_min = settings.thresholds(plan.world.robot.limbs)
-    if w_m_min <= 0.0 or w_b_min <= 0.0 or len(frames) < 2:
+    limb_threshold, base_threshold = settings.thresholds(plan.world.robot.limbs)
+    if limb_threshold <= 0.0 or base_threshold <= 0.0 or len(frames) < 2:
         return Plot(title, frames.times, ())
     robot = plan.world.robot
-    limb = limb_manipulabilities(robot, links, frames.joint_positions) / w_m_min
+    limb = limb_manipulabilities(robot, links, frames.joint_positions) / limb_threshold
     swing_limb = np.array([step.limb for step in plan.steps] or [0])[
         np.minimum(frames.step, len(plan.steps) - 1)
     ]
@@ -79,12 +79,12 @@ def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
         limb[in_step & (swing_limb == i), i] = np.nan
     base = np.full(len(frames), np.nan)
     first = np.searchsorted(frames.times, frames.starts())
-    base[first] = plan.motion.w_b[: len(first)] / w_b_min
+    base[first] = plan.motion.w_b[: len(first)] / base_threshold
     base = np.interp(frames.times, frames.times[first], base[first])
     curves = [(f"limb {i}", LIMB_COLOURS[i], limb[:, i]) for i in range(robot.limbs)]
     curves.append(("base, in stances", BASE_COLOUR, base))
     curves.append(("threshold", THRESHOLD_COLOUR, np.ones(len(frames))))
-    floor = np.full(len(frames), settings.path_floor / w_m_min)
+    floor = np.full(len(frames), settings.path_floor / limb_threshold)
     curves.append(("path floor", FLOOR_COLOUR, floor))
     return Plot(title, frames.times, tuple(curves))
 

@@ -18,7 +18,11 @@ from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, ListOf, Rotation, 
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, Triple, as_triple, check_unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
-"""Kinds of boxes."""
+"""Kinds of boxes, which decide colours and names in messages.
+
+A `"panel"` is a wall, a `"closeout"` a plate across a corner between two walls, a `"bulkhead"` the
+wall at an end, a `"track"` a rail with points, and a `"stanchion"` a post of a `"handrail"`.
+"""
 
 BOX, POINT = "box/", "point/"
 """Prefixes of the names of boxes and of graspable points in the MuJoCo scene."""

@@ -187,8 +187,8 @@ class GraspMap:
         keep
             Ids that stay in any case (the start stance).
         clear_deck
-            Range of x [m] in which every deck point is dropped, others in place of
-            them are not, as long as there are enough.
+            Range of x [m] in which no deck point is kept but those of `keep`; other points are
+            kept in their place, if there are enough.
         """
         last = np.zeros(len(self), dtype=np.int64)
         if clear_deck is not None:
@@ -312,9 +312,9 @@ class GraspMap:
     ) -> GraspMap:
         """Build a map from parsed JSON.
 
-        All fields are optional, see "File formats" in the documentation. A point of a segment
-        counts with the rail's width; handrails keep points of the same face away. What `to_dict`
-        returns is known by its `ids` and taken as it is.
+        All fields are optional, see "File formats" in the documentation. Points whose rail, with
+        its width, is closer to a handrail on the same face than the clearance are left out. Data
+        with a field `ids` are those of `to_dict`, in which nothing is left out.
 
         Parameters
         ----------
@@ -364,7 +364,7 @@ def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
     Raises
     ------
     MlivrError
-        If the name is unknown, the file or the data are faulty, or it is nothing of these.
+        If the name is unknown, the file or the data are faulty, or it is none of these.
 
     Examples
     --------
