@@ -68,9 +68,11 @@ def train(
     env_arguments
         Arguments of `MlivrEnv`, from which the environment is made; by default none.
     hyperparameters
-        Result of `load_hyperparameters`; by default those of the package.
+        Result of `load_hyperparameters`; by default those of the package. What they have is done:
+        `imitation`, `ppo`, or both in this order.
     init
-        Checkpoint to start from, without suffix; `"finetune"` needs one.
+        Checkpoint to start from, without suffix, of the same network and sizes; `"finetune"` needs
+        one.
     out
         Path of the checkpoint to write, without suffix.
     command
@@ -206,8 +208,15 @@ def _train(
     torch.manual_seed(request.seed)
     actor_critic = make_actor_critic(env, request.network, request.sizes)
     if request.init is not None:
-        first = load_policy(request.init, env).actor_critic
-        actor_critic.load_state_dict(first.state_dict())
+        first = load_policy(request.init, env)
+        try:
+            actor_critic.load_state_dict(first.actor_critic.state_dict())
+        except RuntimeError:
+            raise SettingError(
+                f"init {str(request.init)!r} has network {first.network!r} with sizes "
+                f"{first.config['sizes']}, and this training has network {request.network!r} with "
+                f"sizes {request.sizes}; train with network and sizes of the checkpoint"
+            ) from None
     interrupted = False
     try:
         if "imitation" in request.hyperparameters:

@@ -24,7 +24,7 @@ DYNAMICS = ("kinematic", "mujoco")
 def check_dynamics(
     dynamics: str, *, transitions: bool, precompute: bool, grasp_failure: float | Array
 ) -> None:
-    """Check that arguments of `MlivrEnv` are compatible with its dynamics.
+    """Check that the dynamics of `MlivrEnv` support the other arguments.
 
     Raises
     ------
@@ -37,8 +37,10 @@ def check_dynamics(
         raise SettingError(
             "dynamics='mujoco' needs transitions=True: unchecked steps cannot be executed"
         )
-    if precompute or np.any(np.asarray(grasp_failure) > 0.0):
-        raise SettingError("precompute and grasp_failure need dynamics='kinematic'")
+    if precompute:
+        raise SettingError("precompute and the vector environment need dynamics='kinematic'")
+    if np.any(np.asarray(grasp_failure) > 0.0):
+        raise SettingError("failure probabilities (grasp_failure) need dynamics='kinematic'")
 
 
 def simulation_part(given: Any, path: FieldPath) -> Any:

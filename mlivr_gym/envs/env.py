@@ -1,4 +1,4 @@
-"""The Gymnasium environment `MLIVR-JEM-v0`: a multi-limbed robot climbs to a goal, step by step.
+"""The Gymnasium environment of all ids: a multi-limbed robot climbs to a goal, step by step.
 
 The environment joins parts that are objects of their own: `rewards`, `tasks`, `observations`, the
 steps of a stance graph (`current_moves`), and pictures (`viewer`). `vector_env` steps many at once.
@@ -56,7 +56,10 @@ class MlivrEnv(StanceGraphEnv):
 
     With `dynamics="kinematic"` a step is a transition of the stance graph. With `dynamics="mujoco"`
     a controller executes it in MuJoCo, and each limb is on one branch of inverse kinematics, which
-    is chosen when it grasps a point (`branches` then has one bit for each limb).
+    is chosen when it grasps a point (`branches` then has one bit for each limb). Simulation decides
+    whether a step fails. Observation, goal test and reward of a step that does not fail use the
+    base pose that was planned for the new stance; `base_error` is the simulated base's distance
+    from its trajectory.
 
     With `grasp_failure` above 0 an attempt to grasp a point fails with that point's
     `failure_probability`. The base then returns along its path, and the limb grasps the point that
@@ -72,7 +75,7 @@ class MlivrEnv(StanceGraphEnv):
 
     When points are occupied or obstacles are added to `graph` during an episode, the mask becomes
     that of the new world. The robot stays where it is; if no step leaves its state, all
-    actions are invalid.
+    actions are invalid. In an unchanged world at least one action is valid in every state.
 
     ## Observation Space
     A dictionary, see `envs.observations.Observation`:
@@ -90,8 +93,9 @@ class MlivrEnv(StanceGraphEnv):
     `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
     [m], and for an invalid action minus `graph.max_displacement`, an upper bound of the base
     displacement of a step. A step that fails in simulation counts as a step, with the displacement
-    of the base until the failure. An object is called with the `envs.rewards.StepOutcome` and
-    returns the reward. `success_bonus` is added when the goal is reached. Without shaping the
+    of the base until the failure. An object as `reward` is called with the
+    `envs.rewards.StepOutcome` and returns the reward. `success_bonus` is added when the goal is
+    reached. Without shaping the
     undiscounted return of an episode without invalid actions is minus the cost of its steps, plus
     the bonus. With `dynamics="mujoco"` a failed step ends the episode, so give a bonus, or an agent
     gains by failing early.
@@ -103,8 +107,9 @@ class MlivrEnv(StanceGraphEnv):
 
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of valid steps joins them, `"far"`
-    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module. Tasks and grasp failures are
-    drawn from one random stream, which the seed of `reset` starts. `reset(options=...)` takes:
+    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module. Tasks, grasp failures and
+    disturbances are drawn from one random stream, which the seed of `reset` starts, and which a
+    reset without a seed continues. `reset(options=...)` takes:
 
     * `start`: ids of the points held, and `goal`: x, y, z [m]; one that is not given is drawn.
     * `start_pose`: x, y, z [m] and quaternion w, x, y, z, and `start_joints`, shape (N, 6) [rad],
@@ -114,8 +119,8 @@ class MlivrEnv(StanceGraphEnv):
       used as long as the actions follow it.
 
     ## Episode End
-    The episode terminates when the base is within `goal_tolerance` of the goal or, with
-    `dynamics="mujoco"`, when a step fails, with the observation of the stance before it. It is
+    The episode terminates when the base is within `goal_tolerance` of the goal after an action or,
+    with `dynamics="mujoco"`, when a step fails, with the observation of the stance before it. It is
     truncated after `max_episode_steps` of the registration (100) by `gymnasium.make`, and never
     if it is unwrapped.
 
@@ -162,7 +167,9 @@ class MlivrEnv(StanceGraphEnv):
     | `render_mode` | None | `"rgb_array"`, `"rgb_array_list"` (a film), or `"human"` (a window) |
     | `width`, `height` | 640, 360 | size of pictures [px] |
 
-    A film has the pictures since the last call of `render`, 25 for each action and each second.
+    With `dynamics="kinematic"` the arguments `limits`, `controller`, `disturbances` and `physics`
+    have no effect. A film has the pictures since the last call of `render`, 25 for each action,
+    which last a second.
 
     ## Version History
     * v0: first version. Episodes also depend on the rules of the stance graph, whose number
@@ -287,7 +294,7 @@ class MlivrEnv(StanceGraphEnv):
         return self._observation(), self._info(False)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Move limb `action // m` to point `action % m`.
+        """Move limb `action // m` to point `action % m`, if this action is valid.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Observations of the single and of the vector environment, and their space."""
+"""Observations of the single and the vector environment, and their space."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-MASK_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
+BRANCH_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
 """Bits of each 16-bit branch set, the lowest first, shape (65536, 16)."""
 
 Floats = NDArray[np.float32]
@@ -42,7 +42,8 @@ class Observation(TypedDict):
     goal: Floats
     """Goal position of the base [m], shape (3,), float32; it lies inside the cabin."""
     branches: NDArray[np.int8]
-    """Branches and flips on which each limb may be, 0 or 1, shape (16 N,), int8."""
+    """Whether each limb may be on each branch and flip, limb by limb, at `branch + 8 flip`, shape
+    (16 N,), int8."""
 
 
 def observation_space(graph: StanceGraph) -> spaces.Dict:
@@ -85,7 +86,7 @@ class Observer:
             grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
             position = np.array(properties.base_position).astype(np.float32)
             turn = properties.quaternion.astype(np.float32)
-        branches = MASK_BITS.take(state.branch_sets, axis=0).ravel()
+        branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
         return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
 
 

@@ -66,7 +66,7 @@ class ResetOptions:
         Parameters
         ----------
         options
-            Options that the kind `RESET_OPTIONS` has read.
+            Options that `RESET_OPTIONS` has checked.
         graph
             The stance graph.
         plans

@@ -1,4 +1,4 @@
-"""Rewards of single and vector environments, as objects that are called with the outcome of a step.
+"""Rewards of single and vector environments: objects that are called with an action's outcome.
 
 Any callable that takes a `StepOutcome` is a reward. The names `"steps"` and `"base"` stand for
 `StepReward()` and `BaseReward()`.
@@ -74,7 +74,7 @@ class StepReward:
         return -1.0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which the kind `REWARD` builds this reward."""
+        """Return plain data from which `REWARD` builds this reward."""
         return {"kind": "steps"}
 
 
@@ -87,7 +87,7 @@ class BaseReward:
         return -np.where(outcome.valid, outcome.displacement, outcome.max_displacement)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which the kind `REWARD` builds this reward."""
+        """Return plain data from which `REWARD` builds this reward."""
         return {"kind": "base"}
 
 
@@ -120,11 +120,11 @@ class TotalReward(NamedTuple):
     step_reward: Reward
     """Reward of a step alone, as the argument `reward` of the environment."""
     success_bonus: float
-    """Number that is added when the goal is reached."""
+    """Number that is added for an action after which the base is in the goal region."""
     shaping: bool
     """Whether shaping is added."""
     discount: float
-    """Discount of the shaping."""
+    """Discount of the shaping, which must be the agent's for the optimal policy to stay."""
     tolerance: float
     """Radius of the goal region [m]."""
 

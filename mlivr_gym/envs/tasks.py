@@ -22,7 +22,7 @@ from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 MAX_WALK_STEPS = 12
-"""Maximum number of steps of the walk from the start to the goal."""
+"""Maximum number of steps of the walk by which `WalkTasks` finds a goal from its start."""
 
 
 class Task(NamedTuple):
@@ -87,17 +87,19 @@ class TaskGenerator(Protocol):
 class WalkTasks:
     """Task generator whose goal is the end of a walk from the start towards a random point.
 
-    For two limbs the start is a stance of the graph, drawn by its index until a step leaves it;
-    then a point is drawn by its index. Each of at most `MAX_WALK_STEPS` steps goes to the stance
-    whose base is closest to that point, the first one in the order of the graph if several are,
-    while the distance decreases. If the walk ends outside the cabin or within the goal tolerance of
-    the start, both are drawn again, or only the point if the start is given.
+    The start is a random stance, drawn again until a step leaves it. With two limbs it is drawn
+    from all stances of the graph, with more from those around a random point, see
+    `stances.random_states`. Then a point of the map is drawn. Each of at most `MAX_WALK_STEPS`
+    steps goes to the stance whose base is closest to that point, the first one in the order of the
+    graph if several are, while the distance decreases. If the walk ends outside the cabin or within
+    the goal tolerance of the start, both are drawn again, or only the point if the start is given.
 
     Attributes
     ----------
     far
         Whether start and point, and start and goal, must lie in opposite halves of the map along
-        its longest axis, see `longest_axis`; otherwise they are drawn again too.
+        its longest axis, see `longest_axis`; if they do not, they are drawn again too. Both may be
+        near the middle.
     """
 
     far: bool = False
@@ -113,7 +115,7 @@ class WalkTasks:
         return sample_task(graph, rng, tolerance, start, far=self.far)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which the kind `TASKS` builds this generator."""
+        """Return plain data from which `TASKS` builds this generator."""
         return {"kind": "far" if self.far else "walk"}
 
 
@@ -211,7 +213,7 @@ def draw_task(
 def sample_task(
     graph: StanceGraph,
     rng: Randomness,
-    tolerance: float,
+    min_distance: float,
     start: State | None = None,
     *,
     far: bool = False,
@@ -224,7 +226,7 @@ def sample_task(
         The stance graph.
     rng
         Source of randomness.
-    tolerance
+    min_distance
         Distance from the start within which a goal is drawn again [m].
     start
         The start, or None to draw it.
@@ -248,7 +250,7 @@ def sample_task(
         if far and (origin[axis] - middle) * (position[axis] - middle) >= 0.0:
             continue
         inside = (position >= grasp_map.cabin[0]).all() and (position <= grasp_map.cabin[1]).all()
-        if inside and _squared_lengths(position - origin) > tolerance * tolerance:
+        if inside and _squared_lengths(position - origin) > min_distance * min_distance:
             return Task(state, position)
     raise StanceError(
         f"no goal that can be reached was found on map {grasp_map.name!r} in {TRIES} draws"

@@ -50,7 +50,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` contains arrays: `stance`
     (k, N) point ids, `action_mask` (k, N m) int8, `base_position` (k, 3) [m], `base_translation`
     [m], `steps`, `limb_manipulability` (k, N), `base_manipulability`, `is_success`,
-    `invalid_action` and `grasp_failed`, of shape (k,) unless stated.
+    `invalid_action` and `grasp_failed`, of shape (k,) unless stated; and Gymnasium's flags `_key`
+    of each key, all True.
 
     The same objects serve as rewards and task generators. A reward is called with arrays that have
     an entry for each sub-environment that took an action, a generator once for each one that is
@@ -59,8 +60,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     actions, over any number of episodes.
 
     By default a sub-environment whose episode has ended is reset on the next step, which ignores
-    its action and returns reward 0. With `autoreset_mode="Disabled"` call `reset` with the option
-    `reset_mask`.
+    its action and returns reward 0. If `autoreset_mode` is `"Disabled"`, `reset_mask` resets it.
 
     When points or obstacles of `env.graph` change, the tables are made again, and masks and steps
     are those of the new world, as in `MlivrEnv`.
@@ -97,13 +97,13 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         num_envs
             Number of sub-environments k.
         max_episode_steps
-            Number of steps after which an episode is truncated.
+            Number of steps after which an episode is truncated, None for no limit.
         autoreset_mode
             `"NextStep"` or `"Disabled"`.
         env
-            An environment whose world and rewards are used, in place of `kwargs`.
+            An environment whose world, rewards, tasks and failure probabilities are used.
         **kwargs
-            Arguments of `MlivrEnv`.
+            Arguments of `MlivrEnv`, unless `env` is given.
 
         Raises
         ------
@@ -115,6 +115,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
             raise SettingError(
                 "the vector environment takes no render_mode; use MlivrEnv to render"
             )
+        if env is not None and kwargs:
+            raise SettingError(f"env and {', '.join(kwargs)} are both given; give one of them")
         self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
@@ -173,8 +175,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if numbers is not None:
             if not (starts is None and goals is None):
                 raise SettingError("reset option 'task' includes start and goal; give it alone")
-            env = self.env
-            tolerance = env.goal_tolerance
+            env, tolerance = self.env, self.env.goal_tolerance
             fixed = [fixed_task(env.tasks, env.graph, number, tolerance) for number in numbers]
             starts, goals = [task.start.stance for task in fixed], [task.goal for task in fixed]
         new, new_goals = self._copied_states(), self.goals.copy()
@@ -200,14 +201,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> tuple[dict[str, Any], list[int | None]]:
         """Return the options after checking them, and a seed or None for each sub-environment."""
         k = self.num_envs
-        kinds: Validators = {
+        validators: Validators = {
             "reset_mask": Reader(self._read_reset_mask),
             "start": OrNone(ListOf(STANCE, k, k)),
             "goal": OrNone(ListOf(GOAL, k, k)),
             "task": OrNone(ListOf(FIXED_NUMBER, k, k)),
         }
         path = FieldPath("options", SettingError)
-        given = Fields({}, kinds).read({} if options is None else options, path)
+        given = Fields({}, validators).read({} if options is None else options, path)
         if isinstance(seed, (list, tuple, np.ndarray)):
             each = ListOf(OrNone(SEED), k, k).read(seed, FieldPath("seed", SettingError))
             return given, list(each)
@@ -248,8 +249,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         Returns
         -------
         tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]
-            Observations, rewards, terminated and truncated, each of shape (k,), and the
-            information.
+            Observations, rewards, terminated, truncated, each for k, and the information.
 
         Raises
         ------

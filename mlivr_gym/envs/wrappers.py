@@ -75,7 +75,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
         Raises
         ------
         SettingError
-            If an argument is not of its kind.
+            If an argument cannot be used; the message names it.
         ValueError
             If the environment has no `render_mode` that returns pictures.
         gymnasium.error.DependencyNotInstalled

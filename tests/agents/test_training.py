@@ -34,6 +34,10 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
         save_policy(init, make_actor_critic(env, network, sizes[network]), config)
         with pytest.raises(SettingError, match="needs a checkpoint"):
             train(method, network, env=env, hyperparameters=settings)
+        other = settings | {"networks": {"pointer": {"width": 8}, "mlp": {"net_arch": [8]}}}
+        for wrong in (other, settings | {"networks": {}}):
+            with pytest.raises(SettingError, match="network and sizes of the checkpoint"):
+                train(method, network, env=env, hyperparameters=wrong, init=init)
     trained = train(
         method, network, 1, env=env, hyperparameters=settings, init=init, out=tmp_path / "policy",
         command="none",

@@ -76,9 +76,17 @@ def test_what_copies_cannot_do_is_named(small_map):
     for words, change in (
         ("takes no render_mode", {"render_mode": "rgb_array"}),
         ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
+        ("the vector environment need dynamics='kinematic'", {"dynamics": "mujoco"}),
     ):
         with pytest.raises(SettingError, match=words):
             MlivrVectorEnv(**({"num_envs": 1, "map": small_map, "collisions": False} | change))
+
+
+def test_an_environment_is_not_given_together_with_arguments(small_map):
+    """The arguments would have no effect."""
+    env = MlivrEnv(map=small_map, collisions=False)
+    with pytest.raises(SettingError, match="env and reward, tasks are both given"):
+        MlivrVectorEnv(2, env=env, reward="base", tasks="far")
 
 
 def test_nothing_goes_before_the_first_reset(small_map):
