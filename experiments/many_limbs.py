@@ -68,11 +68,11 @@ def fan(robot: str) -> dict[str, Any]:
     rows = []
     for state in states:
         began = time.perf_counter()
-        nodes = len(graph.candidates(state.stance)[0])
+        nodes = len(graph.neighbouring_nodes(state.stance)[0])
         known = time.perf_counter()
         steps = len(graph.successors(state).limb)
         checked = time.perf_counter()
-        graph.candidates(state.stance)
+        graph.neighbouring_nodes(state.stance)
         again = time.perf_counter()
         assert len(tabled.successors(state).limb) == steps
         tabled_end = time.perf_counter()

@@ -11,7 +11,7 @@
   corridor around it, which is widened if that fails.
 
 A* without manipulability (Takada 2023) is `Planner` on a graph with
-`Settings(manipulability=False)`; `walks.edges_along` then counts how many steps of its plans are
+`Settings(manipulability=False)`; `walks.count_steps` then counts how many steps of its plans are
 edges under the thresholds.
 """
 

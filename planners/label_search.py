@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import (
-    MOST_LIMBS,
     NO_BRANCHES,
+    PACKED_LIMBS,
     after_move,
     branch_set_of,
     each_keeps_one,
@@ -339,7 +339,7 @@ def _is_dominated(
                 if missing == NO_BRANCHES and (earlier or branch_sets != labels.branch_sets[other]):
                     return True
                 if earlier and not status.equal_only:
-                    for limb in range(MOST_LIMBS):
+                    for limb in range(PACKED_LIMBS):
                         alone = every_branch(limb)
                         if missing & ~alone == NO_BRANCHES:
                             uncovered &= missing | ~alone

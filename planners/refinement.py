@@ -27,7 +27,7 @@ from mlivr_gym.motion.plan_parts import World
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.state import State
 
 ROUNDS, SHRINK = 12, 0.8
@@ -230,7 +230,7 @@ class _Footholds:
         return None
 
     def _expand(
-        self, stances: StanceSet, ahead: _PendingSteps, postures: Postures
+        self, stances: StanceArrays, ahead: _PendingSteps, postures: Postures
     ) -> Iterator[_PoseNode]:
         """Yield the nodes that the first pending steps lead to, if they are edges."""
         graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]

@@ -75,7 +75,7 @@ def plan_of(
     return Plan(query, World.of(graph), motion, statistics)
 
 
-def edges_along(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
+def count_steps(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
     """Return how many steps of a sequence of stances the graph has, from the first on."""
     points = [graph.indices(stance) for stance in stances]
     try:

@@ -103,7 +103,7 @@ class RestingLimbs(Record):
     """Capsules of each configuration in the body frame."""
 
 
-class Sweep(Record):
+class SweepScratch(Record):
     """Scratch for the check of one motion, with the limbs at rest."""
 
     motion: SweptMotion

@@ -38,7 +38,7 @@ from mlivr_gym.collisions.motion import (
     SWINGS,
     Interval,
     LimbMotion,
-    Sweep,
+    SweepScratch,
     SweptMotion,
 )
 from mlivr_gym.collisions.placement import (
@@ -70,7 +70,9 @@ FIRST_TRAVEL = 0.6, 0.3
 
 
 @kernel
-def set_joints(robot: RobotModel, limb: LimbMotion, s: float, scratch: Sweep, q: Joints) -> bool:
+def set_joints(
+    robot: RobotModel, limb: LimbMotion, s: float, scratch: SweepScratch, q: Joints
+) -> bool:
     """Set `q` to the joint angles of a limb at a fraction `s` of a motion.
 
     Returns whether the limb can reach that configuration.
@@ -118,14 +120,11 @@ def _base_rate(motion: SweptMotion) -> float:
 
 
 @kernel
-def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) -> int:
+def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: SweepScratch) -> int:
     """Check whether the first limb of a motion keeps the clearance from all it is compared with.
 
-    Returns
-    -------
-    int
-        `CLEAR`; `UNDECIDED` if it comes too close to decide within the depth, or if a configuration
-        cannot be reached; else the cause of the collision.
+    Returns `CLEAR`; `UNDECIDED` if it comes too close to decide within the depth, or if a
+    configuration cannot be reached; else the cause of the collision.
     """
     motion, intervals = scratch.motion, scratch.intervals
     span = _base_rate(motion)
@@ -162,7 +161,7 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Sweep) ->
 
 
 @part
-def _first_division(robot: RobotModel, travel: float, scratch: Sweep) -> int:
+def _first_division(robot: RobotModel, travel: float, scratch: SweepScratch) -> int:
     """Return the number of intervals in the initial division of a motion."""
     motion = scratch.motion
     if motion.first.kind == DEPARTS:
@@ -176,7 +175,9 @@ def _first_division(robot: RobotModel, travel: float, scratch: Sweep) -> int:
 
 
 @kernel
-def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Placed) -> None:
+def _bound_swing(
+    robot: RobotModel, limb: LimbMotion, scratch: SweepScratch, placed: Placed
+) -> None:
     """Bound the motion of a limb over a whole swing; an interval takes its share of the bounds."""
     if limb.kind == SWINGS:
         for k in range(6):
@@ -192,7 +193,7 @@ def _bound_swing(robot: RobotModel, limb: LimbMotion, scratch: Sweep, placed: Pl
 
 
 @part
-def _set_interval(robot: RobotModel, number: int, count: int, scratch: Sweep) -> bool:
+def _set_interval(robot: RobotModel, number: int, count: int, scratch: SweepScratch) -> bool:
     """Set the lowest interval of the stack to an initial interval, with everything to be compared.
 
     Returns whether the limbs can reach its end.
@@ -225,14 +226,13 @@ def _place_limb(
     robot: RobotModel,
     limb: LimbMotion,
     interval: Interval,
-    scratch: Sweep,
+    scratch: SweepScratch,
     placed: Placed,
     ends: IntervalAngles,
 ) -> bool:
     """Place a limb at the midpoint of an interval; return whether it can reach that configuration.
 
-    If `placed.is_bounded` is then false, its motion has no proved bound and its shapes are not
-    placed.
+    `placed.is_bounded` is False if its motion has no proved bound; shapes are then not placed.
     """
     if not set_joints(robot, limb, interval.middle, scratch, placed.q):
         return False
@@ -255,7 +255,7 @@ def _place_limb(
 
 @kernel
 def _flange_motion(
-    robot: RobotModel, limb: LimbMotion, interval: Interval, scratch: Sweep
+    robot: RobotModel, limb: LimbMotion, interval: Interval, scratch: SweepScratch
 ) -> FlangeMotion:
     """Bound a flange's motion in the limb base frame from an interval's midpoint to either end."""
     if limb.kind == DEPARTS:
@@ -279,7 +279,7 @@ def _compare(
     clearance: float,
     speed: tuple[float, float],
     interval: Interval,
-    scratch: Sweep,
+    scratch: SweepScratch,
 ) -> int:
     """Make the comparisons that remain for an interval, and remove those that are clear.
 
@@ -332,7 +332,7 @@ def _compare_with_boxes(
     clearance: float,
     speed: tuple[float, float],
     interval: Interval,
-    scratch: Sweep,
+    scratch: SweepScratch,
 ) -> int:
     """Compare the first limb, and the base if it moves during a swing, with boxes."""
     motion, first, limb = scratch.motion, scratch.first, robot.limbs[scratch.motion.first.limb]
@@ -362,7 +362,7 @@ def _compare_with_boxes(
 
 @part
 def _compare_with_resting(
-    robot: RobotModel, limb: LimbModel, pending: int, clearance: float, scratch: Sweep
+    robot: RobotModel, limb: LimbModel, pending: int, clearance: float, scratch: SweepScratch
 ) -> tuple[int, int]:
     """Compare the first limb with limbs at rest; return a result and those that are undecided."""
     undecided, resting = 0, scratch.resting
@@ -380,7 +380,7 @@ def _compare_with_resting(
 
 
 @part
-def _halve(top: int, scratch: Sweep) -> None:
+def _halve(top: int, scratch: SweepScratch) -> None:
     """Replace interval `top` by its two halves, with the limbs at its midpoint as placed now."""
     first, second = scratch.intervals[top], scratch.intervals[top + 1]
     half = 0.5 * first.half

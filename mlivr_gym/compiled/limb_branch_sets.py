@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 
-MOST_LIMBS = 4
+PACKED_LIMBS = 4
 """Maximum number of limbs whose branch sets fit into one integer."""
 
 WORD = 64
@@ -67,7 +67,7 @@ def supports_of(branch_sets: np.uint64, limb: int, limbs: int) -> np.uint64:
     turned = branch_sets
     if first != NO_BRANCHES:
         turned = (branch_sets >> first) | (branch_sets << (width - first))
-    return turned & (EVERY_BRANCH_SET >> (WIDTH * np.uint64(MOST_LIMBS + 1 - limbs)))
+    return turned & (EVERY_BRANCH_SET >> (WIDTH * np.uint64(PACKED_LIMBS + 1 - limbs)))
 
 
 @kernel
@@ -88,7 +88,7 @@ def after_move(of_supports: np.uint64, moved: np.uint64, limb: int, limbs: int) 
     turned = of_supports | (moved << (width - WIDTH))
     if first != NO_BRANCHES:
         turned = (turned << first) | (turned >> (width - first))
-    return turned & (EVERY_BRANCH_SET >> (WIDTH * np.uint64(MOST_LIMBS - limbs)))
+    return turned & (EVERY_BRANCH_SET >> (WIDTH * np.uint64(PACKED_LIMBS - limbs)))
 
 
 @kernel

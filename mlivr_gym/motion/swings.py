@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.motion import Sweep
+from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.motion.regrasp import Regrasp
@@ -88,8 +88,8 @@ class SwingFinder:
         self._rows = motions.SupportRecord.rows(len(supports))
         for row, support in zip(self._rows, supports, strict=True):
             row["limb"], row["point"], row["branch"] = support
-        self._segments, self._scratch = motions.SwingSegment.rows(1), Sweep.rows(1)
-        self._segments["path"], self._segments["limb"] = path, limb
+        self._curves, self._scratch = motions.SwingCurve.rows(1), SweepScratch.rows(1)
+        self._curves["path"], self._curves["limb"] = path, limb
 
     @classmethod
     def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
@@ -216,19 +216,19 @@ class SwingFinder:
 
         The rounding starts at `first` and ends at `last`, each with shape (7,).
         """
-        segment = self._segments[0]
-        segment["rounded"], segment["turning"], segment["corner"]["q"] = True, corner[0], corner[1:]
+        curve = self._curves[0]
+        curve["rounded"], curve["turning"], curve["corner"]["q"] = True, corner[0], corner[1:]
         clear = self._is_line_clear(first, last)
-        segment["rounded"] = False
+        curve["rounded"] = False
         return clear
 
     def _is_line_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance from one knot to the next."""
-        segment = self._segments[0]
-        segment["begin"], segment["finish"] = a[0], b[0]
-        segment["start"]["q"], segment["end"]["q"] = a[1:], b[1:]
-        clear = motions.segment_clear(
-            self._segments, self._rows, self._robots, self._world, self._scratch
+        curve = self._curves[0]
+        curve["begin"], curve["finish"] = a[0], b[0]
+        curve["start"]["q"], curve["end"]["q"] = a[1:], b[1:]
+        clear = motions.curve_clear(
+            self._curves, self._rows, self._robots, self._world, self._scratch
         )
         return bool(clear)
 

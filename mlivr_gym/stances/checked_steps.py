@@ -14,7 +14,7 @@ from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
-from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, moving_limb
 
@@ -43,7 +43,7 @@ class CheckedSteps(ChangingWorld):
         self._check_releases(stances, np.indices(points.shape).reshape(2, -1).T)
         return stances.releases
 
-    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
+    def _check_releases(self, stances: StanceArrays, todo: IntArray) -> None:
         """Compute releases that are not known: rows and limbs, shape (k, 2)."""
         todo = todo[~stances.releases["known"][todo[:, 0], todo[:, 1]]]
         self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
@@ -64,7 +64,7 @@ class CheckedSteps(ChangingWorld):
         return centre
 
     def step_rows(
-        self, stances: StanceSet, before: IntArray, after: IntArray, branch_sets: IntArray
+        self, stances: StanceArrays, before: IntArray, after: IntArray, branch_sets: IntArray
     ) -> Any:
         """Return rows of `StepRecord` for steps between stances.
 
@@ -118,7 +118,7 @@ class CheckedSteps(ChangingWorld):
         steps = self.step_rows(found, before, np.arange(len(states), len(points)), branch_sets)
         return self.branch_sets_of_steps(steps, found)
 
-    def branch_sets_of_steps(self, steps: Any, stances: StanceSet) -> IntArray:
+    def branch_sets_of_steps(self, steps: Any, stances: StanceArrays) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
         Parameters
@@ -144,7 +144,7 @@ class CheckedSteps(ChangingWorld):
         branch_sets[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
         return branch_sets
 
-    def _releasable_steps(self, stances: StanceSet, steps: Any, able: IntArray) -> IntArray:
+    def _releasable_steps(self, stances: StanceArrays, steps: Any, able: IntArray) -> IntArray:
         """Return the indices of steps whose limb can be released before and after them.
 
         The releases of these limbs are then known; those of a single support limb too, since the

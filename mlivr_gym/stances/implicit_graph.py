@@ -16,7 +16,7 @@ from mlivr_gym.stances.node_steps import candidate_steps, node_stances
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.workers import Progress
-from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
@@ -78,7 +78,7 @@ class ImplicitGraph(StanceGraph):
             found.branch_sets[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
         return found
 
-    def _check_releases(self, stances: StanceSet, todo: IntArray) -> None:
+    def _check_releases(self, stances: StanceArrays, todo: IntArray) -> None:
         """Compute releases, see `CheckedSteps`, and store them."""
         new = []
         todo = todo[~stances.releases["known"][todo[:, 0], todo[:, 1]]]
@@ -101,7 +101,7 @@ class ImplicitGraph(StanceGraph):
         for row, limb, key in new:
             self._releases[key] = stances.releases[row, limb].copy()
 
-    def _free_branch_sets(self, stances: StanceSet, rows: IntArray) -> IntArray:
+    def _free_branch_sets(self, stances: StanceArrays, rows: IntArray) -> IntArray:
         """Return the branch sets of stances, without obstacles for some of them, shape (k, N).
 
         The motion by which a limb is released is chosen without obstacles, which only remove
@@ -130,8 +130,8 @@ class ImplicitGraph(StanceGraph):
     def _obstacles_changed(self) -> None:
         self._releases = {}
 
-    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
         limb, point, stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)

@@ -15,7 +15,7 @@ from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.transitions.records import ReleaseRecord, StanceSet
+from mlivr_gym.transitions.records import ReleaseRecord, StanceArrays
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -34,7 +34,7 @@ class CandidateSteps(NamedTuple):
 
 def node_stances(
     grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, relabellings: IntArray
-) -> StanceSet:
+) -> StanceArrays:
     """Return nodes of a table, relabelled, as the step check reads them.
 
     Parameters
@@ -61,7 +61,7 @@ def node_stances(
     )
     releases = ReleaseRecord.rows(*points.shape)
     releases["branches"], releases["folds"], releases["known"] = branches, folds, True
-    return StanceSet(np.ascontiguousarray(points), base, branch_sets, releases)
+    return StanceArrays(np.ascontiguousarray(points), base, branch_sets, releases)
 
 
 def candidate_steps(table: NodeTable, row: int, relabelling: int) -> CandidateSteps:

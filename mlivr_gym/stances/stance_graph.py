@@ -334,7 +334,7 @@ class StanceGraph(CheckedSteps):
         angles: Array = out["q"]
         return angles
 
-    def transition(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
+    def state_after(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """Return the state after a step, None if no such step leaves the state.
 
         Parameters
@@ -353,7 +353,7 @@ class StanceGraph(CheckedSteps):
         return State(stance, tuple(found.tolist())) if found.all() else None
 
     @abstractmethod
-    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Return the nodes in which one limb holds another point, steps to them unchecked.
 
         Returns
@@ -365,7 +365,7 @@ class StanceGraph(CheckedSteps):
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
-        limb, point, postures = self.candidates(state.stance)
+        limb, point, postures = self.neighbouring_nodes(state.stance)
         stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
         stances[np.arange(len(limb)), limb] = point
         every = np.zeros(len(stances), dtype=np.int64)
@@ -379,7 +379,7 @@ class StanceGraph(CheckedSteps):
         both = join(self.posture_of(state), self.posture(after))
         if after == state.stance:
             return None
-        return self.transition(state, after, both) if self.is_node(both).all() else None
+        return self.state_after(state, after, both) if self.is_node(both).all() else None
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,).

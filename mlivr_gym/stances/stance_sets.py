@@ -25,8 +25,8 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
 from mlivr_gym.stances.workers import Progress
 
-MOST_LIMBS = 4
-"""Largest number of limbs, whose points fit into 64 bits."""
+LARGEST_SET = 4
+"""Largest number of points of a set, whose indices fit into 64 bits."""
 
 MOST_SETS = 40_000_000
 """Largest number of sets of points close enough to be checked; four limbs on the JEM have 11
@@ -108,7 +108,7 @@ class StanceSets:
             The sets; None if they are not known, for two or more than four limbs, and if there are
             too many.
         """
-        if not 3 <= graph.limbs <= MOST_LIMBS:
+        if not 3 <= graph.limbs <= LARGEST_SET:
             return None
         key = SET_TABLES.name(graph)
         if key not in _cached:

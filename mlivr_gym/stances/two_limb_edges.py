@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.stances.two_limb_rows import StanceRows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable
-from mlivr_gym.transitions.records import StanceSet
+from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.step_check import StepChecks
 
 
@@ -31,7 +31,7 @@ class TwoLimbEdges:
     def __init__(
         self,
         checks: StepChecks,
-        stances: StanceSet,
+        stances: StanceArrays,
         rows: StanceRows,
         base: Array,
         edges: Any = None,

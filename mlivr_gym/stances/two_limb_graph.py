@@ -335,8 +335,8 @@ class TwoLimbGraph(StanceGraph):
         others: IntArray = row[row != s]
         return others
 
-    def candidates(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Return the neighbours of a stance, steps unchecked; see `StanceGraph.candidates`."""
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+        """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
         limbs, rows = [], []
         for limb in range(2):
             row = self.stances_with(1 - limb, stance[1 - limb])

@@ -6,7 +6,7 @@ from typing import Any
 
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
+from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, SweepScratch
 from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.compiled.bit_sets import NO, YES
 from mlivr_gym.compiled.kernels import entry, kernel, part
@@ -18,7 +18,7 @@ from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.records import WorldRecord
 
 
-class SwingSegment(Record):
+class SwingCurve(Record):
     """A line in joint space while the base follows part of its path, or a rounded corner."""
 
     path: BasePath
@@ -30,7 +30,7 @@ class SwingSegment(Record):
     finish: float
     """Parameter at the end."""
     rounded: bool
-    """Whether the segment rounds a corner, see `collisions.sweep`."""
+    """Whether it rounds a corner, see `collisions.sweep`."""
     limb: int
     """Limb that swings."""
     start: Angles
@@ -42,7 +42,7 @@ class SwingSegment(Record):
 
 
 class SupportRecord(Record):
-    """A support limb of a swing segment."""
+    """A support limb during a swing."""
 
     limb: int
     """Index of the limb."""
@@ -53,7 +53,7 @@ class SupportRecord(Record):
 
 
 @kernel
-def set_base_motion(scratch: Sweep, path: BasePath, begin: float, finish: float) -> None:
+def set_base_motion(scratch: SweepScratch, path: BasePath, begin: float, finish: float) -> None:
     """Set the base motion, from `begin` to `finish` on a path, with limbs that swing in lines."""
     motion = scratch.motion
     motion.rounded = False
@@ -70,12 +70,12 @@ def set_swing(motion: LimbMotion, limb: int, start: Angles, end: Angles) -> None
 
 
 @kernel
-def set_corner(scratch: Sweep, segment: SwingSegment) -> None:
-    """Set base and swing limbs to round the corner of a segment."""
+def set_corner(scratch: SweepScratch, curve: SwingCurve) -> None:
+    """Set base and swing limbs to round a corner."""
     motion = scratch.motion
-    motion.rounded, motion.corner = True, segment.turning
+    motion.rounded, motion.corner = True, curve.turning
     for joint in range(6):
-        motion.first.corner[joint] = motion.second.corner[joint] = segment.corner.q[joint]
+        motion.first.corner[joint] = motion.second.corner[joint] = curve.corner.q[joint]
 
 
 @kernel
@@ -101,7 +101,9 @@ def _set_flange(motion: LimbMotion, grasp: Grasp) -> None:
 
 
 @kernel
-def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting: bool) -> None:
+def compare_with(
+    scratch: SweepScratch, boxes: bool, body: bool, resting: bool, meeting: bool
+) -> None:
     """Select the shapes with which the first limb is compared; it is at no grasp."""
     motion = scratch.motion
     motion.boxes, motion.body, motion.resting, motion.meeting = boxes, body, resting, meeting
@@ -109,7 +111,7 @@ def compare_with(scratch: Sweep, boxes: bool, body: bool, resting: bool, meeting
 
 
 @part
-def is_clear(robot: RobotModel, world: WorldRecord, layer: int, scratch: Sweep) -> bool:
+def is_clear(robot: RobotModel, world: WorldRecord, layer: int, scratch: SweepScratch) -> bool:
     """Return whether the motion in `scratch` keeps the clearance in a layer of the world.
 
     Layer 0 has the boxes of the map, layer 1 the obstacles.
@@ -126,7 +128,7 @@ def swing_clear(
     limb: int,
     start: Angles,
     end: Angles,
-    scratch: Sweep,
+    scratch: SweepScratch,
 ) -> bool:
     """Return whether a limb can swing along a line while the base follows the motion in `scratch`.
 
@@ -140,15 +142,15 @@ def swing_clear(
 
 
 @entry
-def segment_clear(
-    segments: Any, supports: Any, robots: Any, world: WorldRecord, scratch_rows: Any
+def curve_clear(
+    curves: Any, supports: Any, robots: Any, world: WorldRecord, scratch_rows: Any
 ) -> bool:
-    """Return whether the robot keeps the clearance along a segment of a swing.
+    """Return whether the robot keeps the clearance along one line or rounded corner of a swing.
 
     Parameters
     ----------
-    segments
-        The segment, a row of `SwingSegment`, shape (1,).
+    curves
+        The line or corner, a row of `SwingCurve`, shape (1,).
     supports
         The support limbs, rows of `SupportRecord`.
     robots
@@ -156,15 +158,15 @@ def segment_clear(
     world
         The points, the boxes and the obstacles.
     scratch_rows
-        A row of `Sweep`, shape (1,).
+        A row of `SweepScratch`, shape (1,).
     """
-    segment, robot, scratch = segments[0], robots[0], scratch_rows[0]
+    curve, robot, scratch = curves[0], robots[0], scratch_rows[0]
     scratch.resting.count = 0
-    set_base_motion(scratch, segment.path, segment.begin, segment.finish)
-    if segment.rounded:
-        set_corner(scratch, segment)
+    set_base_motion(scratch, curve.path, curve.begin, curve.finish)
+    if curve.rounded:
+        set_corner(scratch, curve)
     for layer in range(world.first, world.stop):
-        if not swing_clear(robot, world, layer, segment.limb, segment.start, segment.end, scratch):
+        if not swing_clear(robot, world, layer, curve.limb, curve.start, curve.end, scratch):
             return False
         inside = layer == 0
         for k in range(len(supports)):
@@ -172,7 +174,7 @@ def segment_clear(
             set_support(
                 scratch.motion.first, support.limb, support.branch, world.grasps[support.point]
             )
-            set_swing(scratch.motion.second, segment.limb, segment.start, segment.end)
+            set_swing(scratch.motion.second, curve.limb, curve.start, curve.end)
             compare_with(scratch, YES, inside, NO, inside)
             if not is_clear(robot, world, layer, scratch):
                 return False

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.motion import Sweep
+from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.arm import JointAxes
@@ -34,7 +34,7 @@ class ReleaseRecord(Record):
     """For each branch, the fold that it reaches first."""
 
 
-class StanceSet(NamedTuple):
+class StanceArrays(NamedTuple):
     """K stances of N limbs as compiled code reads them."""
 
     points: IntArray
@@ -68,7 +68,7 @@ class WorldRecord(NamedTuple):
 class StepContext(NamedTuple):
     """A robot at stances in a world."""
 
-    stances: StanceSet
+    stances: StanceArrays
     robots: Any
     """A row of `RobotModel`, shape (1,)."""
     world: WorldRecord
@@ -107,7 +107,7 @@ class StepRecord(Record):
 class StepScratch(Record):
     """Scratch of the check of one step."""
 
-    sweep: Sweep
+    sweep: SweepScratch
     holding: Holding
     path: BasePath
     """Base path under check."""

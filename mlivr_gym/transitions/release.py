@@ -50,7 +50,7 @@ from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratc
 def release_all(
     start: int, stop: int, todo: IntArray, context: StepContext, scratch_rows: Any
 ) -> None:
-    """Compute `StanceSet.releases` for some limbs at some stances.
+    """Compute `StanceArrays.releases` for some limbs at some stances.
 
     Parameters
     ----------

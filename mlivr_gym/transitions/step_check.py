@@ -19,7 +19,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.transitions.records import (
     ReleaseRecord,
-    StanceSet,
+    StanceArrays,
     StepContext,
     StepRecord,
     StepScratch,
@@ -74,10 +74,10 @@ class StepChecks:
             solver.grasps, boxes, obstacles or boxes, solver.thresholds, int(obstacles_only), stop
         )
 
-    def stances(self, points: IntArray, postures: Postures) -> StanceSet:
+    def stances(self, points: IntArray, postures: Postures) -> StanceArrays:
         """Return stances with their postures, whose releases are not known yet."""
         points = np.ascontiguousarray(points, dtype=np.int64)
-        return StanceSet(
+        return StanceArrays(
             points,
             postures.base_rows,
             postures.branch_sets,
@@ -105,7 +105,7 @@ class StepChecks:
             entry(0, count, rows, scene, scratch)
             self._idle.append(scratch)
 
-    def release(self, stances: StanceSet, todo: IntArray, world: WorldRecord) -> None:
+    def release(self, stances: StanceArrays, todo: IntArray, world: WorldRecord) -> None:
         """Compute releases; `todo` has stances and limbs, shape (k, 2)."""
         self._run(len(todo), release_all, todo, StepContext(stances, self.robots, world))
 
@@ -115,15 +115,15 @@ class StepChecks:
         steps["branches"] = ALL
         return steps
 
-    def can_follow(self, steps: Any, stances: StanceSet, world: WorldRecord) -> Any:
+    def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:
         """Return which steps the support limbs can follow on some base path, shape (k,)."""
         self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
-    def check(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
+    def check(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Check steps between stances; the results are written into them."""
         self._run(len(steps), check_all, steps, StepContext(stances, self.robots, world))
 
-    def relax(self, steps: Any, stances: StanceSet, world: WorldRecord) -> None:
+    def relax(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Write into steps the branches that they keep at most, see `relaxed_steps`."""
         self._run(len(steps), relax_all, steps, StepContext(stances, self.robots, world))

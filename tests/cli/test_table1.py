@@ -9,7 +9,7 @@ from mlivr_gym.cli import table1
 from mlivr_gym.cli.main import main
 from mlivr_gym.paper import CASES, CONSTRUCTION, FINDING, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Plan, refinement
-from mlivr_gym.planners.walks import edges_along
+from mlivr_gym.planners.walks import count_steps
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_walks_start_at_one_pose_and_end_on_the_face(made, mode):
     assert row["stances"] == len(graph)
     own = start.pose_for(graph) is None
     if own:
-        assert edges_along(graph, row["stances_of_plan"]) == row["steps"]
+        assert count_steps(graph, row["stances_of_plan"]) == row["steps"]
 
 
 def rows_of_the_paper():

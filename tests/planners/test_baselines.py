@@ -12,7 +12,7 @@ from mlivr_gym.planners.baselines import (
     CORRIDORS,
     find_walk,
 )
-from mlivr_gym.planners.walks import edges_along
+from mlivr_gym.planners.walks import count_steps
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -70,7 +70,7 @@ def test_baselines_serve_more_limbs():
     env.reset(seed=1)
     walk = find_walk("local", env.moves, env.state, env.goal)
     assert walk.reached
-    assert edges_along(env.graph, [state.stance for state in walk.states]) == len(walk.actions)
+    assert count_steps(env.graph, [state.stance for state in walk.states]) == len(walk.actions)
 
 
 def test_two_levels_look_at_all_that_lies_in_their_corridors_and_at_nothing_else(env):

@@ -85,7 +85,7 @@ def least_of(graph, walk, layers):
             there = layers[k + 1].take(slice(row, row + 1))
             moved = np.linalg.norm(there.base_position - here[-1].base_position)
             if spent + moved < least:
-                after = graph.transition(state, walk.stances[k + 1], join(here[-1], there))
+                after = graph.state_after(state, walk.stances[k + 1], join(here[-1], there))
                 if after is not None:
                     go_on(after, [*here, there], spent + moved)
 

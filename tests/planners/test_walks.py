@@ -5,7 +5,7 @@ import numpy as np
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.walks import edges_along, plan_of
+from mlivr_gym.planners.walks import count_steps, plan_of
 
 
 def test_a_walk_makes_a_plan(small_map):
@@ -37,8 +37,8 @@ def test_steps_that_thresholds_forbid_are_found(small_map):
     for seed in range(30):
         env.reset(seed=seed)
         plan = Planner(free).plan(env.state.stance, env.goal, "steps").unwrap()
-        done = edges_along(strict, plan.stances)
-        assert edges_along(free, plan.stances) == len(plan.steps)
+        done = count_steps(strict, plan.stances)
+        assert count_steps(free, plan.stances) == len(plan.steps)
         taken = 0  # by the environment, until it calls a step invalid
         world.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
         for limb, point in plan.actions:

@@ -17,7 +17,7 @@ def test_steps_of_several_states_are_those_of_each(small_map, robot):
     states.append(steps.after(states[0], 0))
     before, rows = [], []
     for k, state in enumerate(states):
-        limb, point, _ = graph.candidates(state.stance)
+        limb, point, _ = graph.neighbouring_nodes(state.stance)
         for n in rng.permutation(len(limb))[:12]:
             before.append(k)
             rows.append(state.stance_after(int(limb[n]), int(point[n])))

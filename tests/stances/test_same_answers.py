@@ -93,7 +93,7 @@ def test_what_rounding_leaves_decides_no_step(robot):
     graph, rng = stance_graph(robot=robot), np.random.default_rng(8)
     for _ in range(4):
         state = random_state(graph, rng)
-        limb, point, postures = graph.candidates(state.stance)
+        limb, point, postures = graph.neighbouring_nodes(state.stance)
         stances = np.tile(np.array(state.stance), (len(limb), 1))
         stances[np.arange(len(limb)), limb] = point
         every, here = np.zeros(len(limb), dtype=np.int64), graph.posture(state.stance)

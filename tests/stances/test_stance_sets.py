@@ -68,7 +68,7 @@ def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, mon
     stances = rows[plain.is_node(plain.nodes(rows))]
     assert len(stances) > 5
     for stance in map(tuple, stances[:20].tolist()):
-        ours, theirs = kept.candidates(stance), plain.candidates(stance)
+        ours, theirs = kept.neighbouring_nodes(stance), plain.neighbouring_nodes(stance)
         np.testing.assert_array_equal(ours[0], theirs[0])
         np.testing.assert_array_equal(ours[1], theirs[1])
         assert len(kept._neighbouring(stance, range(graph.limbs))[0]) <= len(

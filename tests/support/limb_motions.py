@@ -8,7 +8,7 @@ from mlivr_gym import robot_spec
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, Sweep
+from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, SweepScratch
 from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.base_path import base_poses
 from mlivr_gym.kinematics.limb import Angles
@@ -55,7 +55,7 @@ def at_corner(first, corner, last, t):
 
 
 def round_corner(scratch, corner, *joints):
-    """Let a motion, a row of `Sweep`, round a corner.
+    """Let a motion, a row of `SweepScratch`, round a corner.
 
     Args:
         scratch: The motion, in a line so far.
@@ -88,7 +88,7 @@ NOBODY = swinging(1, np.zeros(6), np.zeros(6))
 
 
 def motion(path, places, first, second=NOBODY, compared=()):
-    """A motion to be checked, a row of `Sweep`.
+    """A motion to be checked, a row of `SweepScratch`.
 
     Args:
         path: Path of the base.
@@ -97,7 +97,7 @@ def motion(path, places, first, second=NOBODY, compared=()):
         second: What another limb does meanwhile.
         compared: Names of what it is compared with: "boxes", "body", "resting" and "meeting".
     """
-    scratch = Sweep.row()
+    scratch = SweepScratch.row()
     moves = scratch["motion"]
     moves["path"], moves["first"], moves["second"] = path, first, second
     moves["begin"], moves["finish"] = places

@@ -57,7 +57,7 @@ class Released(NamedTuple):
 
 
 class PlainChecks:
-    """A robot at stances, rows of `StanceSet`, in the world of a graph."""
+    """A robot at stances, rows of `StanceArrays`, in the world of a graph."""
 
     def __init__(self, graph, stances):
         self.spec, self.checks, self.stances = graph.robot, graph.checks, stances

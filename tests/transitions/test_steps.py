@@ -8,9 +8,9 @@ from plain_steps import NO_EDGE, PlainStep
 from random_steps import NO_COLLISIONS, asked, two_stances
 
 from mlivr_gym import stance_graph
-from mlivr_gym.collisions.motion import Sweep
+from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.transitions.motions import SupportRecord, SwingSegment, segment_clear
+from mlivr_gym.transitions.motions import SupportRecord, SwingCurve, curve_clear
 
 
 @pytest.fixture(scope="module", params=[2, 3])
@@ -96,7 +96,7 @@ def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
             continue
         start = plain.folds[int(rng.integers(len(plain.folds)))]
         end = start + rng.normal(size=6) * 0.3
-        piece, holds = SwingSegment.rows(1), SupportRecord.rows(len(of_step.held))
+        piece, holds = SwingCurve.rows(1), SupportRecord.rows(len(of_step.held))
         places = sorted(rng.uniform(0.0, 1.0, 2).tolist())
         piece["path"], piece["limb"] = path, limb
         piece["begin"], piece["finish"] = places
@@ -111,7 +111,7 @@ def test_pieces_of_a_swing_are_clear_where_every_motion_in_them_is(small):
         for row, i in zip(holds, of_step.held, strict=True):
             row["limb"], row["point"], row["branch"] = i, after[i], chosen[i]
         world = graph.checks.world(None)
-        ours = segment_clear(piece, holds, graph.checks.robots, world, Sweep.rows(1))
+        ours = curve_clear(piece, holds, graph.checks.robots, world, SweepScratch.rows(1))
         swing = swinging(limb, start, end)
         motion = {"places": places, "corner": corner}
         truth = plain.clear(path, swing, swing, ("boxes", "body"), **motion) and all(
