@@ -35,7 +35,12 @@ def run(args: argparse.Namespace) -> None:
     for part, entries in summary.items():
         print(f"{part.replace('_', ' ')}:")
         for name, value in entries.items():
-            print(f"  {name.replace('_', ' ')}: {_text(value)}")
+            print(f"  {_label(name)}: {_text(value)}")
+
+
+def _label(name: str) -> str:
+    """Return the name of an entry in words; w_m and w_b are symbols."""
+    return name if name in ("w_m", "w_b") else name.replace("_", " ")
 
 
 def _text(value: Any) -> str:

@@ -13,7 +13,9 @@ def test_the_module_and_its_robots_are_told(run):
     counts = told["map"]["points"], told["map"]["segments"], told["map"]["handrails"]
     assert counts == (331, 46, 18)
     assert told["stance_graph"]["pairs_within_span"] == 43540
-    assert "  pairs within span: 43540\n" in run("info")[1]
+    text = run("info")[1]
+    assert "  pairs within span: 43540\n" in text
+    assert "\n  w_m: 0.1" in text  # a symbol, not words
 
 
 def test_every_count_of_the_stance_graph_is_that_of_its_stances(run, tmp_path, ladder):
