@@ -69,9 +69,9 @@ class ExpertPolicy:
     """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
     It is for two limbs, and for the rewards `"steps"` and `"base"`. Where grasps may fail, the cost
-    is the expected cost of plans that repeat a failed step until it succeeds, see
-    `planners.table_values.expected_prices`. The first action makes the environment compute all its
-    steps, or read them from a table (`MlivrEnv.table_moves`).
+    is the expected cost of plans that repeat a failed step until it succeeds, an upper bound of the
+    least expected cost, see `planners.table_values.expected_prices`. The first action makes the
+    environment compute all its steps, or read them from a table (`MlivrEnv.table_moves`).
 
     Examples
     --------

@@ -316,16 +316,16 @@ def draw_tasks(
         for _ in range(MAX_DRAWS):
             if not has_start[k]:
                 s = random_below(streams, k, n)
-                mask0, mask1 = tables.branch_sets[s]
-                if mask0 == 0 or mask1 == 0 or not any_step(s, (mask0, mask1), tables):
+                set0, set1 = tables.branch_sets[s]
+                if set0 == 0 or set1 == 0 or not any_step(s, (set0, set1), tables):
                     continue
-                stances[k], branch_sets[k, 0], branch_sets[k, 1] = s, mask0, mask1
-            s, mask0, mask1 = stances[k], branch_sets[k, 0], branch_sets[k, 1]
+                stances[k], branch_sets[k, 0], branch_sets[k, 1] = s, set0, set1
+            s, set0, set1 = stances[k], branch_sets[k, 0], branch_sets[k, 1]
             target = targets[random_below(streams, k, len(targets))]
             side = position[s, axis] - middle
             if axis >= 0 and side * (target[axis] - middle) >= 0.0:
                 continue
-            here = _walk_towards(s, (mask0, mask1), target, position, tables)
+            here = _walk_towards(s, (set0, set1), target, position, tables)
             away, inside = 0.0, True
             for i in range(3):
                 away += (position[here, i] - position[s, i]) ** 2
