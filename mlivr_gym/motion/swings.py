@@ -8,12 +8,13 @@ clearance is taken:
 * `over`: two lines through one of the robot's folds, while the base moves;
 * `changed`: change to other branches with the base at rest, swing on a line while the base moves,
   change again; a candidate only if the stance graph proved the step by such a line;
-* `folded`: fold the limb, move the base, unfold the limb; most steps are proved in this way.
+* `folded`: fold the limb, move the base, unfold the limb. The stance graph tries this first, and a
+  plan takes it where no shorter swing is clear.
 
 While the base is at rest, a limb changes between folds and branches by the fewest clear lines
 (breadth-first search). The lines by which the graph proved that the limb can be released are among
-them, so each edge of the graph has a swing. Joint 6 turns while the base moves, which moves none of
-the limb's collision shapes.
+them, so each edge of the graph has a swing; should none be found, the planner reports it. Joint 6
+turns while the base moves, which moves none of the limb's collision shapes.
 
 Each line is checked as a whole, see `collisions.sweep`, and so is the curve that rounds a corner,
 see `motion.rounded_lines`. Of several roundings the largest that keeps the clearance is taken; at a
