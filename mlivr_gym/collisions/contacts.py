@@ -303,5 +303,6 @@ def _names(shapes: ShapesOfLimb) -> list[str]:
 
 
 def _lies_behind(box: Box, point: Array, normal: Array) -> bool:
+    """Return whether a box protrudes by at most `FLUSH` from the surface at a point."""
     reach = np.abs(np.array(box.rotation).T @ normal) @ np.array(box.half)
     return float((np.array(box.centre) - point) @ normal + reach) <= FLUSH

@@ -171,6 +171,7 @@ class LimbShapes:
         self.mounts: Any = robot["mounts"][: robot["mount_count"]]
 
     def _add_limb(self, spec: RobotSpec, i: int) -> ShapesOfLimb:
+        """Write limb `i` with its capsules into the robot, and return its shapes."""
         kinematics = spec.every_limb[i]
         moving = [capsule for capsule in _sorted_capsules(spec, i) if capsule.link != "base"]
         names = tuple(capsule.link for capsule in moving)
@@ -203,6 +204,7 @@ class LimbShapes:
         return ShapesOfLimb(names, of_limb["link"], of_limb["ends"], of_limb["radius"], compared)
 
     def _add_mounts(self, spec: RobotSpec) -> None:
+        """Write the capsules of the body and of all mounts into the robot."""
         robot = self.robot
         round_ends, round_radius = box_capsules(robot["half"])
         for k in range(4):

@@ -231,6 +231,7 @@ class PostureSolver:
             getattr(postures, name)[again] = getattr(new, name)
 
     def _solve_new(self, rows: IntArray, nodes_only: bool) -> None:
+        """Compute and store the postures of relative geometries."""
         grasps, centroid = geometries_of_rows(rows, self.robot.limbs)
         out = self._solve_in_place(grasps, self._no_boxes, avoid=False, nodes_only=nodes_only)
         out.base_position[:] += centroid

@@ -64,6 +64,7 @@ class Moves(Protocol):
 
 
 def _properties(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
+    """Return the properties of a stance, of which `posture` is the posture."""
     position = tuple(posture.base_position[0].tolist())
     orientation = quaternion(posture.base_rotation[0])
     return StanceProperties(

@@ -236,6 +236,7 @@ def kept_at_most(
     first = moved - relabellings + 1  # the limb after the swing limb
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
+        """Return the branches that steps from some members to others keep at most."""
         steps = graph.step_rows(stances, one, other, branch_sets[one])
         graph.checks.relax(steps, stances, world)
         of_supports = relabelled(steps["kept"][:, :limbs], first[one])[:, :-1]

@@ -114,6 +114,7 @@ class ChangingWorld(ABC):
         self._set_obstacles(self.obstacles, self.occupied - vacated)
 
     def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
+        """Set the obstacles and occupied points, and forget what depended on them."""
         if boxes != self.obstacles:
             self.obstacle_grid = box_grid(boxes) if boxes else None
         self.obstacles, self.occupied = boxes, frozenset(occupied)

@@ -61,6 +61,7 @@ class StanceSets:
 
     @cached_property
     def _codes(self) -> NDArray[np.uint64]:
+        """Codes of the sets, ascending, shape (n,)."""
         return codes(self.points)
 
     def find(self, stances: IntArray) -> IntArray:

@@ -97,6 +97,7 @@ _shares: Any = None
 
 
 def _start_worker(shares: Any) -> None:
+    """Store the shares to which a worker process reports."""
     global _shares
     _shares = shares
 

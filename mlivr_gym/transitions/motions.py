@@ -94,6 +94,7 @@ def set_departure(motion: LimbMotion, limb: int, branch: int, grasp: Grasp) -> N
 
 @kernel
 def _set_flange(motion: LimbMotion, grasp: Grasp) -> None:
+    """Set the flange of a limb motion to that of a limb at a grasp."""
     for k in range(3):
         motion.flange.position[k] = grasp.flange.position[k]
         for axis in range(3):
