@@ -36,11 +36,15 @@ BOXES, PLATES = 5, 10
 """Number of unknown boxes, and of points covered by unknown plates."""
 
 MODES = {
-    "blind, undisturbed": (None, "none"),
-    "cameras, undisturbed": (DepthCamera(), "none"),
-    "cameras, all disturbances": (DepthCamera(), "all"),
+    "blind, undisturbed": (None, Setup()),
+    "cameras, undisturbed": (DepthCamera(), Setup()),
+    "cameras, all disturbances": (DepthCamera(), Setup.of(disturbances="all")),
+    "cameras, all disturbances, gentle pace": (
+        DepthCamera(),
+        Setup.of("gentle", disturbances="all"),
+    ),
 }
-"""Camera and disturbances of each series."""
+"""Camera and setup of each series."""
 
 
 class Task(NamedTuple):
@@ -96,8 +100,7 @@ def draw_tasks(graph: TwoLimbGraph, count: int) -> list[Task]:
 
 def measure(graph: TwoLimbGraph, tasks: list[Task], mode: str) -> dict[str, Any]:
     """Walk all tasks in one mode."""
-    camera, disturbances = MODES[mode]
-    setup, rows = Setup.of(disturbances=disturbances), []
+    (camera, setup), rows = MODES[mode], []
     for seed, task in enumerate(tasks):
         try:
             record = run_closed_loop(

@@ -30,15 +30,19 @@ if TYPE_CHECKING:
 COSTS = ("steps", "base")
 """Costs of the plans."""
 
+PACES = ("fast", "gentle", "station")
+"""Limits of the motion, see `simulation.limits`."""
+
 
 def add_command(add: Add) -> None:
     """Add the command to the command line."""
     parser = command(
         add,
         run,
-        "Walk to a goal in MuJoCo and replan at every grasp. Boxes given with --unknown and points "
-        "given with --refusing are there, but the robot does not know them: it sees boxes with the "
-        "depth cameras of its body, and notices a refused grasp. Boxes given with --box are known.",
+        "Walk to a goal in MuJoCo and replan at every grasp, and where a path turns out to be "
+        "blocked. Boxes given with --unknown and points given with --refusing are there, but the "
+        "robot does not know them: it sees boxes with the depth cameras of its body, and notices "
+        "a refused grasp. Boxes given with --box are known.",
         ("world", "obstacles"),
     )
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
@@ -51,6 +55,8 @@ def add_command(add: Add) -> None:
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
+    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
+    option(parser, "--pace PACE", text, "fast", choices=PACES)
     text = "make robot and module differ from the model of the controller"
     option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
     option(parser, "--seed N", "seed of disturbances and noise", 1)
@@ -82,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         unknown=unknown,
         refusing=args.refusing,
         camera=None if args.blind else DepthCamera(noise=args.noise),
-        setup=Setup.of(disturbances=args.disturbances),
+        setup=Setup.of(args.pace, disturbances=args.disturbances),
         seed=args.seed,
         show=_show,
     )  # fmt: skip
@@ -111,14 +117,17 @@ def run(args: argparse.Namespace) -> int:
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
 
 
+LINES = {
+    "sensed": "sees {hits} surface points, {boxes} boxes beside the map",
+    "planned": "plans {steps} steps",
+    "step": "limb {limb} takes {point} in {duration:.1f} s",
+    "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
+    "blocked": "limb {limb} has turned back, its path to {point} is blocked",
+    "end": "{outcome}",
+}
+"""The line that tells each kind of event, with its values."""
+
+
 def _show(event: Event) -> None:
     """Print an event in one line."""
-    values = event.values
-    line = {
-        "sensed": "sees {hits} surface points, {boxes} boxes beside the map",
-        "planned": "plans {steps} steps",
-        "step": "limb {limb} takes {point} in {duration:.1f} s",
-        "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
-        "end": "{outcome}",
-    }[event.kind]
-    print(f"{event.time:7.1f} s  {line.format(**values)}")
+    print(f"{event.time:7.1f} s  {LINES[event.kind].format(**event.values)}")

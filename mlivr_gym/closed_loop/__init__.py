@@ -1,1 +1,1 @@
-"""Walks in which the robot senses what its map lacks, and replans at every grasp."""
+"""Walks in which the robot senses what its map lacks, turns back and replans."""
