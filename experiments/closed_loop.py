@@ -145,6 +145,17 @@ HEAD = (
 )
 
 
+def sentence(data: dict[str, Any]) -> str:
+    """Return what the walks with all disturbances show, in one sentence for the docs."""
+    blind, *_, last = ([w["outcome"] for w in mode["walks"]] for mode in data["modes"].values())
+    return (
+        f"Of {len(last)} walks among unknown boxes and plates, with all disturbances at the gentle "
+        f"pace, {last.count(ARRIVED)} arrive, {last.count(STOPPED)} stop on all points and "
+        f"{last.count(FAILED)} fail; of {len(blind)} blind and undisturbed ones "
+        f"{blind.count(FAILED)} collide.\n"
+    )
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
     rows = [row_of(mode, found["walks"]) for mode, found in data["modes"].items()]

@@ -19,6 +19,7 @@ from typing import Any
 
 import ablation
 import benchmark_env
+import closed_loop
 import comparison_report
 import connectivity
 import disturbances
@@ -201,6 +202,7 @@ def parts(results: Path) -> dict[str, str]:
         "limits": simulation_figures.limits(),
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
+        "closed_loop": closed_loop.sentence(data("closed_loop")),
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
