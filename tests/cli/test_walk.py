@@ -49,5 +49,5 @@ def test_each_kind_of_failure_that_is_noticed_has_its_line():
 
 
 def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
-    assert main([*TASK, "--unknown", *BAG, "--blind", "--quiet"]) == 1
+    assert main([*TASK, "--unknown", *BAG, "--blind"]) == 1
     assert "collision" in capsys.readouterr().out

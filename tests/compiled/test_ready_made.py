@@ -182,7 +182,7 @@ event.register("numba:compile", compiled)
 from mlivr_gym.compiled import ready_made
 asked, look = [], ready_made._CacheWithArchive.load_overload
 def counted(self, signature, target):
-    asked.append(self._place)
+    asked.append(self._entry_name)
     return look(self, signature, target)
 ready_made._CacheWithArchive.load_overload = counted
 {path}
