@@ -100,9 +100,9 @@ def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_updated(seen, pl
     belief.add_hits(places, simulation.model, simulation.data)
     assert belief.is_blocked(there, 0)
     assert not belief.is_blocked(there, 0)  # seen before
+    belief.add_hits(places + 0.05 * normal, simulation.model, simulation.data)
     belief.update_graph()
     assert belief.graph.obstacles
-    belief.add_hits(places, simulation.model, simulation.data)
     assert not belief.is_blocked(there, 0)  # the graph knows it
     belief.add_hits(places + np.array([0.0, 0.0, 4.0]), simulation.model, simulation.data)
     assert not belief.is_blocked(there, last)  # far away
