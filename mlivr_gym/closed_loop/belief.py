@@ -54,7 +54,7 @@ class Belief:
     graph
         The stance graph, whose obstacles and occupied points are those believed.
     refused
-        Indices of the points that refused a grasp.
+        Indices of the points that count as occupied after attempts to grasp them.
     """
 
     def __init__(self, graph: StanceGraph, noise: float) -> None:
@@ -81,7 +81,7 @@ class Belief:
         self._known = sorted(boxes, key=lambda box: -float(np.prod(box.half)))
 
     def refuse(self, point: int) -> None:
-        """Remember that a point refused a grasp."""
+        """Let a point count as occupied, since attempts to grasp it failed."""
         self.refused.add(point)
         self.graph.occupy([point])
 

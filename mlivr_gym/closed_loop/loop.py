@@ -4,11 +4,12 @@ Here "walk" is what the robot does until it arrives, stops or fails; `run_closed
 one, and `mlivr-gym walk` is its command.
 
 The robot knows a map and a goal. Boxes that its map lacks, and points that refuse a grasp, exist
-only in the simulation. At every grasp the cameras look round, what they see beside the map becomes
-an obstacle, and the remainder of the walk is planned anew from the branches on which the limbs are.
-A limb that is refused, or misses its point, goes back to where it was and makes one more attempt;
-then the point counts as occupied. If no plan is left in the world that the robot believes in, it
-stops where it is and holds all its points.
+only in the simulation. The cameras look round at every grasp and during every step. At a grasp,
+what they saw beside the map becomes an obstacle, and the remainder of the walk is planned anew from
+the branches on which the limbs are. During a step, a limb turns back if something new lies where
+the robot will move. A limb that is refused, or misses its point, goes back as well. After the
+second such attempt the point counts as occupied. If no plan is left in the world that the robot
+believes in, it stops where it is and holds all its points.
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ class ClosedLoopRecord:
     sensed
         Boxes that were sensed.
     refused
-        Ids of the points that count as occupied since they refused a grasp.
+        Ids of the points that count as occupied, since limbs did not get to them or were refused.
     peak_force
         Largest force of a grasp [N].
     duration

@@ -153,15 +153,21 @@ def test_dagger_lets_the_policy_walk_after_the_first_round(env, dagger, monkeypa
     assert set(walks) == ({1, 2} if dagger else set())
 
 
+class OneGoal:
+    """A user's generator with a single goal."""
+
+    def __init__(self, goal):
+        self.goal = goal
+
+    def draw(self, graph, rng, tolerance, start=None):
+        return Task(graph.state((0, 1)) if start is None else start, self.goal)
+
+
 def test_goals_are_drawn_by_the_tasks_of_the_environment(env, small_map, short):
     """A user's generator with one goal: all samples have it, in all rounds."""
     goal = env.graph.base_position[0]
 
-    class OneGoal:
-        def draw(self, graph, rng, tolerance, start=None):
-            return Task(graph.state((0, 1)) if start is None else start, goal)
-
-    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal())
+    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal(goal))
     given = ImitationHyperparameters(**(short | {"updates": 1}))
     imitation = Imitation(own, make_actor_critic(own, "mlp", {}), True, given, 0)
     imitation.run()
@@ -189,11 +195,7 @@ def test_the_value_learns_the_discounted_return(env, short, discount):
 def test_goals_that_are_all_held_out_leave_nothing_to_learn(env, small_map, short):
     goal = env.graph.base_position[0]
 
-    class OneGoal:
-        def draw(self, graph, rng, tolerance, start=None):
-            return Task(graph.state((0, 1)) if start is None else start, goal)
-
-    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal())
+    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal(goal))
     given = ImitationHyperparameters(**short)
     network = make_actor_critic(own, "mlp", {})
     with pytest.raises(StanceError, match="imitation has no state to learn from"):
