@@ -28,6 +28,7 @@ import format_tables
 import limb_starts
 import many_limbs
 import planning_report
+import random_layouts
 import reference_curves
 import robots
 import simulation_figures
@@ -248,6 +249,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "benchmark_planning": planning_report.markdown,
     "planner_vs_rl": comparison_report.markdown,
     "reference_curves": reference_curves.markdown,
+    "random_layouts": random_layouts.markdown,
 }
 """Functions that make the report of each file of results."""
 

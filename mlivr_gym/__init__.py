@@ -1,7 +1,7 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0` and `MLIVR-Truss-v0`.
+`MLIVR-Random-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0` and `MLIVR-Truss-v0`.
 """
 
 from importlib import import_module
@@ -66,6 +66,12 @@ register(
     vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
     max_episode_steps=100,
     kwargs={"tasks": "far"},
+)
+register(
+    id="MLIVR-Random-v0",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    max_episode_steps=100,
+    kwargs={"tasks": "random"},
 )
 for _limbs in (3, 4):
     register(

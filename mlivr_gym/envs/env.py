@@ -29,7 +29,7 @@ from mlivr_gym.envs.snapshots import (
 )
 from mlivr_gym.envs.stance_graph_env import StanceGraphEnv
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TASKS, TaskGenerator
+from mlivr_gym.envs.tasks import TASKS, LayoutTasks, TaskGenerator, fewest_steps
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
@@ -88,6 +88,7 @@ class MlivrEnv(StanceGraphEnv):
     | `base_quaternion` | `Box(4)` | orientation of the base w, x, y, z, with w >= 0 | 1 |
     | `goal` | `Box(3)` | goal position of the base | m |
     | `branches` | `MultiBinary(16 N)` | inverse kinematics branches and flips of each limb | |
+    | `occupied` | `MultiBinary(m)` | occupied points, with `tasks="random"` only | |
 
     ## Rewards
     `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
@@ -107,9 +108,10 @@ class MlivrEnv(StanceGraphEnv):
 
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of valid steps joins them, `"far"`
-    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module. Tasks, grasp failures and
-    disturbances are drawn from one random stream, which the seed of `reset` starts, and which a
-    reset without a seed continues. `reset(options=...)` takes:
+    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module, and `"random"`
+    (`MLIVR-Random-v0`) with a new layout of occupied points, which stays if both start and goal are
+    given. Tasks, grasp failures and disturbances are drawn from one random stream, which the seed
+    of `reset` starts, and which a reset without a seed continues. `reset(options=...)` takes:
 
     * `start`: ids of the points held, and `goal`: x, y, z [m]; one that is not given is drawn.
     * `start_pose`: x, y, z [m] and quaternion w, x, y, z, and `start_joints`, shape (N, 6) [rad],
@@ -134,6 +136,7 @@ class MlivrEnv(StanceGraphEnv):
     | `action_mask` | 1 for each valid action, shape (N m,), int8 |
     | `is_success` | whether the base is in the goal region |
     | `invalid_action`, `grasp_failed` | whether the action was invalid, or its grasp failed |
+    | `fewest_steps` | with `tasks="random"`: steps of an optimal plan from the start, -1: none |
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
@@ -155,7 +158,7 @@ class MlivrEnv(StanceGraphEnv):
     | `reward` | `"steps"` | `"steps"`, `"base"`, or an `envs.rewards.Reward` |
     | `success_bonus` | 0.0 | reward added when the goal is reached |
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
-    | `tasks` | `"walk"` | `"walk"`, `"far"`, or an `envs.tasks.TaskGenerator` |
+    | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, or a `TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
     | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"station"`, see `Setup.of` |
     | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"station"`, see `Setup.of` |
@@ -241,7 +244,12 @@ class MlivrEnv(StanceGraphEnv):
             clearance=clearance,
         )  # fmt: skip
         graph = stance_graph(as_map(map), robot_spec(robot), settings)
-        super().__init__(graph, goal_tolerance, render_mode, (width, height))
+        layouts = isinstance(self.tasks, LayoutTasks)
+        if layouts and graph.limbs > 2:
+            raise SettingError(
+                f"tasks='random' needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
+            )
+        super().__init__(graph, goal_tolerance, render_mode, (width, height), layouts)
         self._executor: StepExecutor | None = None
         if dynamics == "mujoco":
             parts = {"limits": limits, "controller": controller, "physics": physics}
@@ -286,6 +294,9 @@ class MlivrEnv(StanceGraphEnv):
                 f"no step leaves the start stance {graph.ids(start.stance)}; choose another start"
             )
         self.goal, self._stream, self._seeded = goal, stream, True
+        if isinstance(self.tasks, LayoutTasks):
+            fewest = fewest_steps(self.table_moves(), start, goal, self.goal_tolerance)
+            self._task_info = {"fewest_steps": fewest}
         self._enter_state(start)
         self.steps, self.base_translation = 0, 0.0
         self._record_event(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from gymnasium import spaces
@@ -44,10 +44,12 @@ class Observation(TypedDict):
     branches: NDArray[np.int8]
     """Whether each limb may be on each branch and flip, limb by limb, at `branch + 8 flip`, shape
     (16 N,), int8."""
+    occupied: NotRequired[NDArray[np.int8]]
+    """Whether each point is occupied, shape (m,), int8; only with `tasks="random"`."""
 
 
-def observation_space(graph: StanceGraph) -> spaces.Dict:
-    """Return the space of `Observation` for a stance graph."""
+def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:
+    """Return the space of `Observation`, with `occupied` if episodes have layouts of their own."""
     grasp_map, points, limbs = graph.grasp_map, len(graph.grasp_map), graph.limbs
     low = np.minimum(grasp_map.cabin[0], grasp_map.positions.min(axis=0)) - graph.robot.span
     high = np.maximum(grasp_map.cabin[1], grasp_map.positions.max(axis=0)) + graph.robot.span
@@ -60,6 +62,7 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
             "base_quaternion": spaces.Box(-1.0, 1.0, (4,), dtype=np.float32),
             "goal": spaces.Box(low, high, dtype=np.float32),
             "branches": spaces.MultiBinary(16 * limbs),
+            **({"occupied": spaces.MultiBinary(points)} if layouts else {}),
         }
     )
 
@@ -67,9 +70,9 @@ def observation_space(graph: StanceGraph) -> spaces.Dict:
 class Observer:
     """Source of the observations of one environment."""
 
-    def __init__(self, graph: StanceGraph) -> None:
-        """Start without a table of observations."""
-        self.graph = graph
+    def __init__(self, graph: StanceGraph, layouts: bool = False) -> None:
+        """Start without a table of observations; see `observation_space`."""
+        self.graph, self.layouts = graph, layouts
         self._rows: tuple[NDArray[Any], ...] = ()
 
     def observation(
@@ -87,7 +90,11 @@ class Observer:
             position = np.array(properties.base_position).astype(np.float32)
             turn = properties.quaternion.astype(np.float32)
         branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
-        return _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
+        seen = _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
+        if self.layouts:
+            seen["occupied"] = np.zeros(len(self.graph.grasp_map), dtype=np.int8)
+            seen["occupied"][list(self.graph.occupied)] = 1
+        return seen
 
 
 def _as_observation(

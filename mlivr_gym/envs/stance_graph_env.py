@@ -49,16 +49,21 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         goal_tolerance: float,
         render_mode: str | None,
         size: tuple[int, int],
+        layouts: bool = False,
     ) -> None:
-        """Build the spaces; pictures have width and height `size` [px]."""
+        """Build the spaces; pictures have width and height `size` [px].
+
+        With `layouts`, observations say which points are occupied.
+        """
         self.graph, self.goal_tolerance, self.render_mode = graph, goal_tolerance, render_mode
         if render_mode is not None:
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
         self.action_space = spaces.Discrete(graph.limbs * len(graph.grasp_map))
-        self.observation_space = observation_space(graph)
-        self._moves, self._observer = CurrentMoves(graph), Observer(graph)
+        self.observation_space = observation_space(graph, layouts)
+        self._moves, self._observer = CurrentMoves(graph), Observer(graph, layouts)
         self._state, self._graph_version = None, graph.version
         self._simulation_info: dict[str, Any] = {}
+        self._task_info: dict[str, Any] = {}
         self.viewer = EnvViewer(graph, size, goal_tolerance)
 
     @property
@@ -136,6 +141,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
             "is_success": self._distance <= self.goal_tolerance,
             "invalid_action": invalid,
             **self._simulation_info,
+            **self._task_info,
             "grasp_failed": failed,
         }
 

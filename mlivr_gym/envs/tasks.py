@@ -1,7 +1,7 @@
 """Tasks: generators that draw starts and goals which a walk of valid steps connects.
 
-Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"` and `"far"`
-stand for `WalkTasks()` and `WalkTasks(far=True)`.
+Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"`, `"far"` and
+`"random"` stand for `WalkTasks()`, `WalkTasks(far=True)` and `LayoutTasks()`.
 """
 
 from __future__ import annotations
@@ -15,14 +15,21 @@ from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.errors import SettingError, StanceError, shortened
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.schema import Choice, FieldPath, Integer
+from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.step_tables import StepTables, state_of, step_tables
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 MAX_WALK_STEPS = 12
 """Maximum number of steps of the walk by which `WalkTasks` finds a goal from its start."""
+
+OCCUPIED_SHARES = 0.3, 0.5
+"""Least and largest share of the points that `LayoutTasks` makes occupied."""
 
 
 class Task(NamedTuple):
@@ -119,7 +126,102 @@ class WalkTasks:
         return {"kind": "far" if self.far else "walk"}
 
 
-TASK_GENERATORS = {"walk": WalkTasks(), "far": WalkTasks(far=True)}
+@dataclass(frozen=True)
+class LayoutTasks:
+    """Task generator that draws which points are occupied, and a start and goal joined by a plan.
+
+    The share of occupied points is uniform in `OCCUPIED_SHARES`, and each set of points of that
+    size is as likely as another; points of a start that is given stay free. They become the
+    occupied points of the graph. The goal is the base position of a random stance that is left, if
+    it lies in the cabin. The start is a random one of the stances outside the goal region from
+    which an exact search finds the goal. If there is none, all three are drawn again.
+    """
+
+    def draw(
+        self,
+        graph: StanceGraph,
+        rng: np.random.Generator,
+        tolerance: float,
+        start: State | None = None,
+    ) -> Task:
+        """Return a task, and occupy the points of its layout; see `TaskGenerator.draw`.
+
+        Raises
+        ------
+        SettingError
+            If the robot has more than two limbs, or the start has a pose of its own.
+        StanceError
+            If no task is found; the graph then has the occupied points that it had before.
+        """
+        if start is not None and start.pose is not None:
+            raise SettingError("tasks='random' starts in the posture of a stance; give no pose")
+        before, points = graph.occupied, np.arange(len(graph.grasp_map))
+        low, high = graph.grasp_map.cabin
+        free = points if start is None else np.setdiff1d(points, start.stance)
+        for _ in range(TRIES):
+            count = round(rng.uniform(*OCCUPIED_SHARES) * len(points))
+            graph.vacate()
+            graph.occupy(rng.choice(free, min(count, len(free)), replace=False).tolist())
+            tables = step_tables(graph)
+            feasible = np.flatnonzero((tables.branch_sets != 0).all(axis=1))
+            if not len(feasible):
+                continue
+            goal = tables.base_position[rng.choice(feasible)]
+            if (goal < low).any() or (goal > high).any():
+                continue
+            fewest = _step_values(tables, goal, tolerance).of_stances(0)
+            starts = np.flatnonzero(np.isfinite(fewest) & (fewest > 0.0))
+            if start is not None:
+                starts = starts[(tables.points[starts] == start.stance).all(axis=1)]
+            if len(starts):
+                s = int(rng.choice(starts))
+                return Task(start or state_of(tables, s, tables.branch_sets[s]), goal)
+        graph.vacate()
+        graph.occupy(sorted(before))
+        raise StanceError(
+            f"no layout with a goal that can be reached was found on map {graph.grasp_map.name!r} "
+            f"in {TRIES} draws"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `TASKS` builds this generator."""
+        return {"kind": "random"}
+
+
+def _step_values(tables: StepTables, goal: Array, tolerance: float) -> TableValues:
+    """Return the fewest steps to a goal [m]."""
+    return TableValues(tables, in_goal_region(tables, goal[None], tolerance), Cost.named("steps"))
+
+
+def fewest_steps(moves: TableMoves, state: State, goal: Array, tolerance: float) -> int:
+    """Return the number of steps of an optimal plan, -1 if there is none.
+
+    Parameters
+    ----------
+    moves
+        The steps.
+    state
+        The start.
+    goal
+        Goal position [m], shape (3,).
+    tolerance
+        Radius of the goal region [m].
+    """
+    if _squared_lengths(moves.stance_properties(state).base_position - goal) <= tolerance**2:
+        return 0
+    values, steps = _step_values(moves.tables, goal, tolerance), moves.successors(state)
+    after = [steps.after(state, k) for k in range(len(steps.limb))]
+    s = np.array([moves.stance_at[one.stance] for one in after])
+    branch_sets = np.array([one.branch_sets for one in after])
+    actions = moves.action_mask(state).size
+    rest = values.of_actions(s, branch_sets, np.zeros(len(s), np.int64), actions).min(axis=1)
+    fewest = 1 + np.where(values.is_goal[0, s], 0.0, rest).min()
+    return int(fewest) if np.isfinite(fewest) else -1
+
+
+TASK_GENERATORS: dict[str, TaskGenerator] = {
+    "walk": WalkTasks(), "far": WalkTasks(far=True), "random": LayoutTasks(),
+}  # fmt: skip
 """The task generators by name."""
 
 
@@ -137,6 +239,21 @@ def _read_generator(given: Any, path: FieldPath) -> TaskGenerator:
 
 TASKS = Reader(_read_generator)
 """Validator of a task generator, given as itself, by name, or as plain data (`to_dict`)."""
+
+
+def refuse_layouts(tasks: TaskGenerator) -> None:
+    """Refuse tasks with layouts of their own where all sub-environments have one layout.
+
+    Raises
+    ------
+    SettingError
+        If they are `LayoutTasks`.
+    """
+    if isinstance(tasks, LayoutTasks):
+        raise SettingError(
+            "the vector environment has one layout of points for all, and tasks='random' draws one "
+            "for each; use gymnasium.make_vec(..., vectorization_mode='sync')"
+        )
 
 
 FIRST_FIXED_SEED = 1 << 62

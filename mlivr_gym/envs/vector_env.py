@@ -25,7 +25,7 @@ from mlivr_gym.envs.observations import Observation, ObservationArrays, Observat
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task
+from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task, refuse_layouts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, ListOf, OrNone
 from mlivr_gym.stances.step_tables import StepTables, state_of
@@ -57,11 +57,10 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     an entry for each sub-environment that took an action, a generator once for each one that is
     reset. Each sub-environment draws its tasks and grasp failures from a stream of its own. With
     seed s, sub-environment i does exactly what a `MlivrEnv` with seed s + i does under the same
-    actions, over any number of episodes.
+    actions, over any number of episodes. `tasks="random"` is refused.
 
     By default a sub-environment whose episode has ended is reset on the next step, which ignores
     its action and returns reward 0. If `autoreset_mode` is `"Disabled"`, `reset_mask` resets it.
-
     When points or obstacles of `env.graph` change, the tables are made again, and masks and steps
     are those of the new world, as in `MlivrEnv`.
 
@@ -118,6 +117,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         if env is not None and kwargs:
             raise SettingError(f"env and {', '.join(kwargs)} are both given; give one of them")
         self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
+        refuse_layouts(self.env.tasks)
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables
         self._version = self.env.graph.version

@@ -1,0 +1,114 @@
+"""Measure expert, greedy and random policy on the fixed tasks of `MLIVR-Random-v0`.
+
+    python experiments/random_layouts.py [--tasks 200] [--out results]
+
+Each fixed task has a layout of its own. The protocol is that of `docs/benchmark.md`. Writes
+`random_layouts.json` and `random_layouts.md`; takes a minute.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import gymnasium
+import numpy as np
+from reports import command_line, publish, table
+from tqdm import tqdm
+
+import mlivr_gym  # noqa: F401
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
+from mlivr_gym.agents.evaluation import EvaluationTask, bootstrap
+from mlivr_gym.agents.policies import Policy, baseline_policy
+from mlivr_gym.envs.env import MlivrEnv
+
+MOST_STEPS = 60
+"""Steps after which an episode counts as failed."""
+
+POLICIES: dict[str, Policy] = {
+    "expert": ExpertPolicy(), "greedy": baseline_policy("local"), "random": RandomPolicy(),
+}  # fmt: skip
+"""The policies by name."""
+
+
+def drawn(env: MlivrEnv, count: int) -> tuple[list[EvaluationTask], list[int]]:
+    """Return the fixed tasks and the fewest steps of each."""
+    tasks, fewest = [], []
+    for k in range(count):
+        info = env.reset(options={"task": k})[1]
+        occupied = env.graph.ids(sorted(env.graph.occupied))
+        tasks.append(EvaluationTask(info["stance"], tuple(env.goal.tolist()), occupied))
+        fewest.append(info["fewest_steps"])
+    return tasks, fewest
+
+
+def measured(count: int) -> dict[str, Any]:
+    """Return the results of each policy."""
+    env = gymnasium.make("MLIVR-Random-v0", disable_env_checker=True).unwrapped
+    assert isinstance(env, MlivrEnv)
+    tasks, fewest = drawn(env, count)
+    rows = {}
+    for name, policy in POLICIES.items():
+        with tqdm(total=count, desc=name) as bar:
+            found = evaluate(
+                env, policy, tasks, max_steps=MOST_STEPS, progress=lambda done: bar.update()
+            )
+        ratio = (found.steps / np.array(fewest))[found.success]
+        rows[name] = {
+            "success": found.success_rate,
+            "success_interval": bootstrap(found.success.astype(float)),
+            "over_fewest": float(ratio.mean()),
+            "steps": float(found.steps[found.success].mean()),
+            "base_translation_m": float(found.base_translation[found.success].mean()),
+        }
+    shares = [len(task.occupied) / len(env.graph.grasp_map) for task in tasks]
+    return {
+        "tasks": count,
+        "occupied": [min(shares), max(shares)],
+        "fewest_steps": dict(sorted(Counter(fewest).items())),
+        "policies": rows,
+    }
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the report."""
+    counts = {int(steps): count for steps, count in data["fewest_steps"].items()}
+    mean = sum(steps * count for steps, count in counts.items()) / data["tasks"]
+    low, high = (round(100 * share) for share in data["occupied"])
+    rows = [
+        (
+            name,
+            "{:.0f} % [{:.0f}, {:.0f}]".format(
+                *(100 * share for share in (row["success"], *row["success_interval"]))
+            ),
+            f"{row['over_fewest']:.2f}",
+            f"{row['steps']:.1f}",
+            f"{row['base_translation_m']:.2f}",
+        )
+        for name, row in data["policies"].items()
+    ]
+    head = "policy | success [95 % interval] | steps over fewest | steps | base translation [m]"
+    return f"""# Baselines on `MLIVR-Random-v0`
+
+Fixed tasks 0 to {data["tasks"] - 1}, each with a layout of its own, in which {low} to {high} % of \
+the points are occupied. Optimal plans have {min(counts)} to {max(counts)} steps, {mean:.2f} on
+average. An episode fails after {MOST_STEPS} steps or with an invalid action. Expert: the first step
+of an optimal plan. Greedy: the step whose base is closest to the goal, to a stance that was not
+held before. Random: any valid action. Steps and base translation are means over successful
+episodes.
+
+{table(head, rows)}
+`experiments/random_layouts.py` makes this page.
+"""
+
+
+def main() -> None:
+    """Run the experiment."""
+    parser = command_line(__doc__)
+    parser.add_argument("--tasks", type=int, default=200, help="number (default: %(default)s)")
+    arguments = parser.parse_args()
+    publish(arguments.out, "random_layouts", measured(arguments.tasks), markdown)
+
+
+if __name__ == "__main__":
+    main()

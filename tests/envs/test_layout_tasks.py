@@ -1,0 +1,146 @@
+"""Random layouts: occupied points, start and goal by seed, joined by a plan that is optimal."""
+
+import gymnasium
+import networkx as nx
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
+
+from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.tasks import OCCUPIED_SHARES, LayoutTasks
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.errors import SettingError, StanceError
+
+pytestmark = pytest.mark.usefixtures("cache")
+
+
+@pytest.fixture(scope="module")
+def env(small_map, cache):
+    return MlivrEnv(map=small_map, collisions=False, tasks="random")
+
+
+def drawn(env):
+    return env.graph.occupied, env.state, env.goal.tolist()
+
+
+def test_a_seed_gives_one_layout_start_and_goal(small_map, env):
+    other = MlivrEnv(map=small_map, collisions=False, tasks="random")
+    other.reset(seed=99)
+    seen = set()
+    for seed in range(8):
+        for one in (env, other):
+            one.reset(seed=seed)
+        assert drawn(env) == drawn(other)
+        seen.add(env.graph.occupied)
+        share = len(env.graph.occupied) / len(small_map)
+        assert OCCUPIED_SHARES[0] - 0.02 <= share <= OCCUPIED_SHARES[1] + 0.02
+    assert len(seen) == 8
+    env.reset(options={"task": 3})
+    other.reset(options={"task": 3})
+    assert drawn(env) == drawn(other)
+    assert env.graph.occupied not in seen
+
+
+def test_observation_and_mask_follow_the_layout(small_map, env):
+    points = len(small_map)
+    for seed in range(8):
+        observation, info = env.reset(seed=seed)
+        assert observation in env.observation_space
+        taken = np.flatnonzero(observation["occupied"])
+        assert set(taken.tolist()) == env.graph.occupied
+        assert not set(env.state.stance) & env.graph.occupied
+        for _ in range(4):
+            mask = info["action_mask"].reshape(2, points)
+            assert mask.any()
+            assert not mask[:, taken].any()
+            action = int(np.flatnonzero(mask.ravel())[-1])
+            observation, _, ended, _, info = env.step(action)
+            assert not info["invalid_action"]
+            if ended:
+                break
+        invalid = env.step(int(taken[0]))[4]
+        assert invalid["invalid_action"]
+
+
+def fewest_by_breadth_first_search(env):
+    """Over the states that `successors` of the graph gives, with the branches of each limb."""
+    graph, net, todo, seen = env.graph, nx.DiGraph(), [env.state], {env.state}
+    while todo:
+        state = todo.pop()
+        here = graph.posture_of(state).base_position[0]
+        if np.linalg.norm(here - env.goal) <= env.goal_tolerance:
+            net.add_edge(state, "goal")
+        steps = graph.successors(state)
+        for k in range(len(steps.limb)):
+            after = steps.after(state, k)
+            net.add_edge(state, after)
+            if after not in seen:
+                seen.add(after)
+                todo.append(after)
+    return nx.shortest_path_length(net, env.state, "goal") - 1
+
+
+def test_the_fewest_steps_are_those_of_networkx_and_the_expert_takes_them(env):
+    for seed in range(3):
+        observation, info = env.reset(seed=seed)
+        fewest = info["fewest_steps"]
+        assert fewest == fewest_by_breadth_first_search(env) > 0
+        expert = ExpertPolicy()
+        while not info["is_success"]:
+            action = expert.act(env, observation, env.action_masks())
+            observation, _, _, _, info = env.step(action)
+            assert info["fewest_steps"] == fewest
+        assert info["steps"] == fewest
+
+
+def test_a_start_that_is_given_stays_free_and_a_layout_stays_if_nothing_is_drawn(env):
+    env.reset(seed=5)
+    state = env.state
+    for seed in range(5):
+        _, info = env.reset(seed=seed, options={"start": state.stance})
+        assert env.state == state
+        assert info["fewest_steps"] > 0
+    occupied, goal = env.graph.occupied, env.goal
+    env.reset(seed=77, options={"start": state.stance, "goal": goal})
+    assert env.graph.occupied == occupied
+    here = env.graph.posture_of(state).base_position[0]
+    assert env.reset(options={"start": state.stance, "goal": here})[1]["fewest_steps"] == 0
+    free = {*state.stance, int(env.graph.successors(state).point[0])}
+    env.graph.occupy([p for p in range(len(env.graph.grasp_map)) if p not in free])
+    _, info = env.reset(options={"start": state.stance, "goal": env.graph.grasp_map.cabin[0]})
+    assert info["fewest_steps"] == -1
+
+
+def test_without_a_task_the_points_stay_as_they_were(env):
+    env.reset(seed=0)
+    before = env.graph.occupied
+    with pytest.raises(StanceError, match="no layout with a goal"):
+        LayoutTasks().draw(env.graph, np.random.default_rng(0), 1e3)
+    assert env.graph.occupied == before
+
+
+def test_what_has_no_layouts_of_its_own_is_refused(small_map, env):
+    with pytest.raises(SettingError, match=r"vectorization_mode='sync'"):
+        MlivrVectorEnv(2, env=env)
+    with pytest.raises(SettingError, match="needs two limbs; robot 'mlivr3' has 3"):
+        MlivrEnv(map=small_map, robot="mlivr3", tasks="random")
+    env.reset(seed=0)
+    pose = [*env.graph.posture_of(env.state).base_position[0], 1.0, 0.0, 0.0, 0.0]
+    state = env.state._replace(pose=tuple(pose))
+    with pytest.raises(SettingError, match="give no pose"):
+        LayoutTasks().draw(env.graph, np.random.default_rng(0), 0.2, state)
+
+
+def test_the_registered_environment_is_sound(small_map):
+    arguments = {"map": small_map, "collisions": False}
+    made = gymnasium.make("MLIVR-Random-v0", **arguments)
+    check_env(made.unwrapped, skip_render_check=True)
+    check_env_of_sb3(made.unwrapped)
+    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
+    assert again.unwrapped.tasks == LayoutTasks()
+    copies = gymnasium.make_vec("MLIVR-Random-v0", num_envs=2, **arguments)
+    observation, _ = copies.reset(seed=3)
+    assert (observation["occupied"][0] != observation["occupied"][1]).any()
