@@ -4,6 +4,9 @@ Hits are the surface points that rays of the depth cameras measured. Those that 
 explains are counted in a grid of cubes. Cubes with enough hits are obstacles, merged into boxes.
 Counts are kept: what was seen lasts. Where the robot is at present there is nothing else, so cubes
 that may be nearer to it than the clearance are left out as long as it is there.
+
+The graph and the check of a path are told only what they do not know yet: cubes that have become
+obstacles, or whose hits have spread.
 """
 
 from __future__ import annotations
@@ -12,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.collisions.contacts import box_distances
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.closed_loop.known_boxes import KnownBoxes
+from mlivr_gym.closed_loop.path_check import PathCheck
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
@@ -28,22 +33,29 @@ MARGIN = 0.01
 """Distance by which a sensed box extends beyond the hits in its cubes [m]."""
 
 MIN_HITS = 3
-"""Number of hits that make a cube an obstacle."""
+"""Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
 
-EXPLAINED_DEVIATIONS = 5.0
-"""Distance from a box of the map within which a hit belongs to it, in standard deviations."""
-
-ROUNDING = 1e-4
-"""Distance added to this for the rounding of numbers [m]."""
+APART = 3
+"""Number of cubes by which an obstacle must be away from all others to be told as a new one."""
 
 GRID_BORDER = 0.5
 """Distance by which the grid extends beyond the cabin [m]."""
 
-CHECK_PERIOD = 0.1
-"""Time between two configurations of a trajectory that are compared with sensed boxes [s]."""
-
 SENSED = "sensed"
 """First part of the ids of boxes that were sensed."""
+
+_CUBES = np.dtype(
+    [
+        ("cell", np.int64, 3),  # index along each axis of the grid
+        ("count", np.int64),  # number of hits
+        ("is_sure", np.bool_),  # whether it has `MIN_HITS`
+        ("low", np.float64, 3), ("high", np.float64, 3),  # extent of the hits [m]
+        ("known_low", np.float64, 3), ("known_high", np.float64, 3),  # extent that is known [m]
+        ("is_fresh", np.bool_),  # whether the path is to be checked against it
+        ("is_pending", np.bool_),  # whether the graph is to take it in
+        ("is_in_graph", np.bool_),
+    ]
+)  # fmt: skip
 
 
 class Belief:
@@ -68,17 +80,19 @@ class Belief:
             Standard deviation of a measured distance [m].
         """
         self.graph, self.refused = graph, set[int]()
-        self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
         cabin = graph.grasp_map.cabin
         self._origin = cabin[0] - GRID_BORDER
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
-        self._counts = np.zeros(shape, dtype=np.int32)
-        self._low, self._high = np.full((*shape, 3), np.inf), np.full((*shape, 3), -np.inf)
-        self._known_low, self._known_high = self._low.copy(), self._high.copy()
-        self._cubes, self._fresh = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-        self._is_current = True
-        boxes = (*graph.grasp_map.boxes, *graph.obstacles)
-        self._known = sorted(boxes, key=lambda box: -float(np.prod(box.half)))
+        grid = self._origin, CUBE, tuple(shape.tolist())
+        self._known = KnownBoxes((*graph.grasp_map.boxes, *graph.obstacles), noise, grid)
+        self._shapes = LimbShapes(graph.robot)
+        self._row = np.full(shape, -1, dtype=np.int64)  # of each cube, -1 for one without hits
+        self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with `MIN_HITS`
+        self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
+        self._cubes = np.zeros(0, dtype=_CUBES)
+        self._is_there = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle at present
+        self._box_count = 0
+        self._path: PathCheck | None = None
 
     def refuse(self, point: int) -> None:
         """Let a point count as occupied, since attempts to grasp it failed."""
@@ -86,9 +100,10 @@ class Belief:
         self.graph.occupy([point])
 
     def add_hits(self, hits: Array, model: Any, data: Any) -> int:
-        """Take in hits of rays; return the number of cubes that changed.
+        """Take in hits of rays; return the number of cubes that are parts of new obstacles.
 
-        The graph is as before until `update_graph`.
+        New obstacles are more than `APART` cubes away from all that were seen before. The graph is
+        as before until `update_graph`.
 
         Parameters
         ----------
@@ -97,116 +112,130 @@ class Belief:
         model, data
             The simulation, for the present configuration of the robot.
         """
-        unexplained = hits[~self._explained(hits)]
-        cells = np.floor((unexplained - self._origin) / CUBE).astype(np.int64)
-        inside = ((cells >= 0) & (cells < self._counts.shape)).all(axis=1)
-        where = tuple(cells[inside].T)
-        np.add.at(self._counts, where, 1)
-        np.minimum.at(self._low, where, unexplained[inside])
-        np.maximum.at(self._high, where, unexplained[inside])
-        grown = self._known_low[where] - self._low[where] > MARGIN
-        grown |= self._high[where] - self._known_high[where] > MARGIN
-        self._fresh[where] |= grown.any(axis=1)
-        cubes = self._counts >= MIN_HITS
-        if cubes.any():
-            some = np.argwhere(cubes)
-            centres = self._origin + CUBE * (some + 0.5)
-            reach = 0.5 * np.sqrt(3.0) * CUBE + MARGIN + self.graph.settings.clearance
-            cubes[tuple(some[self._close_to_robot(centres, reach, model, data)].T)] = False
-        changed = int((cubes != self._cubes).sum())
-        self._cubes = cubes
-        self._is_current &= not changed and not (self._fresh & cubes).any()
-        return changed
+        unexplained, cells = self._known.unexplained(hits)
+        rows = self._rows(cells)
+        cubes = self._cubes
+        np.add.at(cubes["count"], rows, 1)
+        np.minimum.at(cubes["low"], rows, unexplained)
+        np.maximum.at(cubes["high"], rows, unexplained)
+        grown = cubes["known_low"] - cubes["low"] > MARGIN
+        grown |= cubes["high"] - cubes["known_high"] > MARGIN
+        cubes["is_fresh"] |= grown.any(axis=1)
+        cubes["is_pending"] |= cubes["is_fresh"]
+        cell = cubes["cell"]
+        _mark_around(cell[(cubes["count"] >= MIN_HITS) & ~cubes["is_sure"]], 1, self._is_beside)
+        cubes["is_sure"] = cubes["count"] >= MIN_HITS
+        self._is_there = self._is_beside[tuple(cell.T)]
+        solid = np.flatnonzero(self._is_there)
+        centres = self._origin + CUBE * (cubes["cell"][solid] + 0.5)
+        reach = 0.5 * np.sqrt(3.0) * CUBE + MARGIN + self.graph.settings.clearance
+        self._is_there[solid[_close_to_robot(centres, reach, model, data)]] = False
+        there = cubes["cell"][self._is_there]
+        new = there[~self._is_told_of[tuple(there.T)]]
+        _mark_around(new, APART, self._is_told_of)
+        return len(new)
+
+    def _rows(self, cells: IntArray) -> IntArray:
+        """Return the rows of cubes, shape (k, 3); a cube that has none yet gets one."""
+        where = tuple(cells.T)
+        fresh = cells[self._row[where] < 0]
+        if len(fresh):
+            fresh = np.unique(fresh, axis=0)
+            self._row[tuple(fresh.T)] = len(self._cubes) + np.arange(len(fresh))
+            added = np.zeros(len(fresh), dtype=_CUBES)
+            added["cell"] = fresh
+            added["low"] = added["known_low"] = np.inf
+            added["high"] = added["known_high"] = -np.inf
+            self._cubes = np.concatenate([self._cubes, added])
+        rows: IntArray = self._row[where]
+        return rows
 
     def update_graph(self) -> None:
-        """Replace the sensed boxes of the graph by those that are believed now."""
-        if self._is_current:
-            return
-        graph, prefix = self.graph, f"{SENSED}/"
-        before = [box.id for box in graph.obstacles if box.id.startswith(prefix)]
-        graph.add_obstacles(self.boxes(), replaced=before)
-        self._is_current = True
-        self._mark_known(self._cubes)
+        """Let the graph have the obstacles that are believed now.
 
-    def _mark_known(self, cubes: BoolArray) -> None:
+        It is told of what has come up. Only where obstacles must go, since the robot is there, all
+        are replaced.
+        """
+        cubes, there, replaced = self._cubes, self._is_there, list[str]()
+        new = there & cubes["is_pending"]
+        if (cubes["is_in_graph"] & ~there).any():
+            before = (box.id for box in self.graph.obstacles)
+            replaced, new = [name for name in before if name.startswith(f"{SENSED}/")], there
+        if new.any() or replaced:
+            boxes = self._boxes_of(new, there, self._box_count)
+            self._box_count += len(boxes)
+            self.graph.add_obstacles(boxes, replaced=replaced)
+        cubes["is_in_graph"] = there
+        cubes["is_pending"] &= ~there
+        self._mark_known(there)
+
+    def _mark_known(self, chosen: BoolArray) -> None:
         """Mark the extents of cubes as known to the graph or to the step that is executed."""
-        self._known_low[cubes], self._known_high[cubes] = self._low[cubes], self._high[cubes]
-        self._fresh &= ~cubes
+        cubes = self._cubes
+        cubes["known_low"][chosen], cubes["known_high"][chosen] = (
+            cubes["low"][chosen],
+            cubes["high"][chosen],
+        )
+        cubes["is_fresh"] &= ~chosen
 
     def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
         """Return whether the robot comes closer than the clearance to what is new after a sample.
 
-        New is what was sensed since the last call or `update_graph`. The configurations of the
-        trajectory are checked each `CHECK_PERIOD`.
+        New is what was sensed since the last call or `update_graph`.
         """
-        graph, grasp_map = self.graph, self.graph.grasp_map
-        last, stride = len(trajectory.times) - 1, max(round(CHECK_PERIOD / trajectory.period), 1)
-        ahead = trajectory.at(np.append(np.arange(first, last, stride), last))
-        reach = graph.robot.extent + graph.settings.clearance
-        low, high = (
-            ahead.base_positions.min(axis=0) - reach,
-            ahead.base_positions.max(axis=0) + reach,
-        )
-        fresh = self._fresh & self._cubes
+        fresh = self._cubes["is_fresh"] & self._is_there
         self._mark_known(fresh)
-        boxes = [
-            box
-            for box in self._boxes_of(fresh)
-            if (
-                np.abs(np.array(box.centre) - 0.5 * (low + high)) <= 0.5 * (high - low) + box.half
-            ).all()
-        ]
-        if not boxes:
-            return False
-        aimed = trajectory.grasps[-1].tolist()
-        grasps = [(i, grasp_map.positions[p], grasp_map.normals[p]) for i, p in enumerate(aimed)]
-        clearance = graph.settings.clearance
-        return any(
-            distance < clearance
-            for configuration in zip(
-                ahead.base_positions, ahead.base_quaternions, ahead.joint_positions, strict=True
-            )
-            for *_, distance in box_distances(graph.robot, boxes, configuration, clearance, grasps)
-        )
+        if self._path is None or self._path.trajectory is not trajectory:
+            self._path = PathCheck(self.graph, self._shapes, trajectory)
+        return self._path.is_blocked(self._boxes_of(fresh, fresh), first)
 
     def boxes(self) -> tuple[Box, ...]:
         """Return the boxes that were sensed."""
-        return self._boxes_of(self._cubes)
+        return self._boxes_of(self._is_there, self._is_there)
 
-    def _boxes_of(self, cubes: BoolArray) -> tuple[Box, ...]:
-        """Return cubes merged into boxes, which contain the hits in them and `MARGIN`."""
+    def _boxes_of(self, chosen: BoolArray, there: BoolArray, number: int = 0) -> tuple[Box, ...]:
+        """Return boxes that contain the hits in chosen cubes and `MARGIN`.
+
+        They may contain other cubes that are there. Their ids count from a number.
+        """
+        if not chosen.any():
+            return ()
+        cells = self._cubes["cell"]
+        corner, end = cells[chosen].min(axis=0), cells[chosen].max(axis=0) + 1
+        inside = np.flatnonzero(there & ((cells >= corner) & (cells < end)).all(axis=1))
+        row = np.full(end - corner, -1)
+        row[tuple((cells[inside] - corner).T)] = inside
+        is_chosen = np.zeros(row.shape, dtype=np.bool_)
+        is_chosen[tuple((cells[chosen] - corner).T)] = True
         boxes = []
-        for k, (first, last) in enumerate(merged_cells(cubes)):
-            cells = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
-            low = self._low[cells].min(axis=(0, 1, 2)) - MARGIN
-            high = self._high[cells].max(axis=(0, 1, 2)) + MARGIN
+        for k, (first, last) in enumerate(merged_cells(is_chosen, row >= 0), number):
+            where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+            cubes = self._cubes[row[where].ravel()]
+            low, high = cubes["low"].min(axis=0) - MARGIN, cubes["high"].max(axis=0) + MARGIN
             boxes.append(Box.between(f"{SENSED}/{k}", "obstacle", low, high))
         return tuple(boxes)
 
-    def _explained(self, hits: Array) -> BoolArray:
-        """Return which hits, shape (k, 3), lie on or in a known box."""
-        unexplained = np.arange(len(hits))
-        for box in self._known:
-            local = (hits[unexplained] - np.array(box.centre)) @ np.array(box.rotation)
-            excess = np.maximum(np.abs(local) - np.array(box.half), 0.0)
-            on_box = np.einsum("ij,ij->i", excess, excess) <= self._tolerance**2
-            unexplained = unexplained[~on_box]
-        explained = np.ones(len(hits), dtype=np.bool_)
-        explained[unexplained] = False
-        return explained
 
-    def _close_to_robot(self, centres: Array, reach: float, model: Any, data: Any) -> BoolArray:
-        """Return which centres of cubes, shape (k, 3), lie within `reach` [m] of the robot."""
-        close = np.zeros(len(centres), dtype=np.bool_)
-        for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
-            local = (centres - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-            size = model.geom_size[geom]
-            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
-                # Checks against boxes take the body for capsules that contain it.
-                away = np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1)
-                away -= (np.sqrt(2.0) - 1.0) * float(size.max())
-            else:  # a capsule along its z axis
-                local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
-                away = np.linalg.norm(local, axis=1) - size[0]
-            close |= away <= reach
-        return close
+def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:
+    """Mark the cubes of a grid that are at most `reach` cubes away from some cubes, (k, 3)."""
+    along = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3)
+    marked = np.clip((cells[:, None] + offsets).reshape(-1, 3), 0, np.array(grid.shape) - 1)
+    grid[tuple(marked.T)] = True
+
+
+def _close_to_robot(centres: Array, reach: float, model: Any, data: Any) -> BoolArray:
+    """Return which centres of cubes, shape (k, 3), lie within `reach` [m] of the robot."""
+    close = np.zeros(len(centres), dtype=np.bool_)
+    for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
+        local = (centres - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+        size = model.geom_size[geom]
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
+            # Checks against boxes take the body for capsules that contain it.
+            away = np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1)
+            away -= (np.sqrt(2.0) - 1.0) * float(size.max())
+        else:  # a capsule along its z axis
+            local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
+            away = np.linalg.norm(local, axis=1) - size[0]
+        close |= away <= reach
+    return close

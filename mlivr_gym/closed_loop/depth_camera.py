@@ -24,6 +24,12 @@ from mlivr_gym.simulation.parameter_set import ParameterSet
 CORNERS = np.array(list(product((1.0, -1.0), repeat=3)))
 """Signs of the coordinates of the corners of the body in its frame, shape (8, 3)."""
 
+ALL_PIXELS = slice(None)
+"""Whole images."""
+
+FIELDS = slice(0, None, 2), slice(1, None, 2)
+"""Halves of the pixels of an image, which interlaced looks read out in turn."""
+
 LENS_OFFSET = 0.01
 """Distance of a camera from each of the three faces that meet in its corner [m]."""
 
@@ -43,7 +49,7 @@ class DepthCamera(ParameterSet):
     noise
         Standard deviation of a distance [m].
     period
-        Time between two images during a step [s].
+        Time between two looks during a step [s]; each reads out one half of the pixels, in turn.
 
     Examples
     --------
@@ -80,7 +86,12 @@ class DepthCamera(ParameterSet):
         return unit
 
     def measure(
-        self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec, rng: np.random.Generator
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotSpec,
+        rng: np.random.Generator,
+        pixels: slice = ALL_PIXELS,
     ) -> Array:
         """Return the hits: the surface points that the cameras measure around a simulated robot.
 
@@ -92,6 +103,8 @@ class DepthCamera(ParameterSet):
             The robot.
         rng
             Random numbers for the noise.
+        pixels
+            Which pixels of each image are read out, by default all.
 
         Returns
         -------
@@ -102,7 +115,7 @@ class DepthCamera(ParameterSet):
         rotation = data.xmat[base].reshape(3, 3)
         of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
         hits = []
-        for corner, image in zip(CORNERS, self.rays(), strict=True):
+        for corner, image in zip(CORNERS, self.rays()[:, pixels], strict=True):
             lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
             position, rays = data.xpos[base] + rotation @ lens, image @ rotation.T
             geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))

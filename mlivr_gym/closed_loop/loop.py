@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan, Planner, PlanningResult
@@ -65,9 +66,10 @@ class Event:
     time
         Simulated time [s].
     values
-        What belongs to it: `"sensed"` has `hits`, the number of rays that measured a surface, and
-        `boxes`, the number of boxes sensed so far; `"planned"` has `steps` and `computing_time`
-        [s]; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
+        What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
+        `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all
+        that is seen so far; `"planned"` has `steps` and `computing_time` [s], from what was seen to
+        the plan; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
         `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.
     """
 
@@ -276,7 +278,6 @@ class _Loop:
         while not record.reason:
             if self._camera is not None:
                 self._sense(self._camera)
-                self._belief.update_graph()
             plan = self._plan(executor.state)
             if plan is None:
                 break
@@ -298,28 +299,30 @@ class _Loop:
             names = " and ".join(model.geom(int(geom)).name for geom in data.contact[0].geom)
             raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
 
-    def _sense(self, camera: DepthCamera) -> None:
+    def _sense(self, camera: DepthCamera, pixels: slice = ALL_PIXELS) -> None:
         """Look round, and believe what is seen."""
         simulation, belief = self._executor.simulation, self._belief
-        hits = camera.measure(simulation.model, simulation.data, self.graph.robot, self._rng)
-        if belief.add_hits(hits, simulation.model, simulation.data):
+        model, data = simulation.model, simulation.data
+        hits = camera.measure(model, data, self.graph.robot, self._rng, pixels)
+        if belief.add_hits(hits, model, data):
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
     def _watch(self) -> PathWatch | None:
         """Return what looks ahead during a step: the cameras, or nothing."""
-        camera = self._camera
+        camera, fields = self._camera, cycle(FIELDS)
         if camera is None:
             return None
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
-            self._sense(camera)
+            self._sense(camera, next(fields))
             return self._belief.is_blocked(trajectory, sample)
 
         return PathWatch(camera.period, is_blocked)
 
     def _plan(self, state: State) -> Plan | None:
-        """Plan the remainder of the walk; end the walk if there is no plan."""
+        """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
         began = time.perf_counter()
+        self._belief.update_graph()
         result = self._plan_from(state)
         computing_time = time.perf_counter() - began
         if result.plan is None:

@@ -88,27 +88,29 @@ class BoxGrid(NamedTuple):
 def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     """Sort boxes into the cells of a grid."""
     rows = GridBox.rows(len(boxes))
-    for row, box in zip(rows, boxes, strict=True):
-        row["centre"][:], row["half"][:], row["rotation"][:] = box.centre, box.half, box.rotation
-        row["is_rotated"] = bool(np.abs(row["rotation"] - np.eye(3)).max() > 1e-12)
-        row["cause"] = CAUSES.get(box.kind, CABIN)
+    if boxes:
+        rows["centre"], rows["half"] = [box.centre for box in boxes], [box.half for box in boxes]
+        rows["rotation"] = [box.rotation for box in boxes]
+        rows["is_rotated"] = np.abs(rows["rotation"] - np.eye(3)).max(axis=(1, 2)) > 1e-12
+        rows["cause"] = [CAUSES.get(box.kind, CABIN) for box in boxes]
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
     rows["bounds"]["low"], rows["bounds"]["high"] = low, high
     frames = _grid_frames(low, high)
     frame = frames[0]
-    cells, owners = [], []
-    for b in range(len(boxes)):
-        ends = (low[b] - frame["origin"], high[b] - frame["origin"])
-        first, last = (
-            np.clip((end / frame["edge"]).astype(np.int64), 0, frame["cells"] - 1) for end in ends
-        )
-        i, j, k = np.ix_(*(np.arange(a, z + 1) for a, z in zip(first, last, strict=True)))
-        here = ((i * frame["cells"][1] + j) * frame["cells"][2] + k).ravel()
-        cells.append(here)
-        owners.append(np.full(len(here), b, dtype=np.int64))
-    nothing = np.zeros(0, dtype=np.int64)
-    cell, owner = np.concatenate([nothing, *cells]), np.concatenate([nothing, *owners])
+    first, last = (
+        np.clip(((end - frame["origin"]) / frame["edge"]).astype(np.int64), 0, frame["cells"] - 1)
+        for end in (low, high)
+    )
+    counts = last - first + 1
+    total = counts.prod(axis=1)
+    owner = np.repeat(np.arange(len(boxes)), total)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(total) - total, total)
+    _, side, top = counts[owner].T
+    offsets = np.stack([number // (side * top), number // top % side, number % top])
+    offsets = np.stack([number // (side * top), number // top % side, number % top])
+    i, j, k = first[owner].T + offsets
+    cell = (i * frame["cells"][1] + j) * frame["cells"][2] + k
     order = np.argsort(cell, kind="stable")
     start = np.searchsorted(cell[order], np.arange(int(frame["cells"].prod()) + 1))
     return BoxGrid(frames, rows, start, owner[order], _fill_bounds(low, high, cell, owner, frame))

@@ -19,6 +19,7 @@ from mlivr_gym.stances.workers import Progress
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 SAME = 1e-9
@@ -127,7 +128,7 @@ class ImplicitGraph(StanceGraph):
             branch_sets[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).branch_sets
         return branch_sets
 
-    def _obstacles_changed(self) -> None:
+    def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         self._releases = {}
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:

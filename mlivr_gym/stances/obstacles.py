@@ -19,6 +19,9 @@ from mlivr_gym.transitions.step_check import StepChecks
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
+GROUP_EDGE = 0.3
+"""Edge of the cubes of space whose obstacles are compared with positions as one box [m]."""
+
 
 class ChangingWorld(ABC):
     """A robot on a map whose obstacles and occupied points change."""
@@ -117,26 +120,43 @@ class ChangingWorld(ABC):
         """Set the obstacles and occupied points, and forget what depended on them."""
         if boxes != self.obstacles:
             self.obstacle_grid = box_grid(boxes) if boxes else None
+        before = len(self.obstacles)
+        is_more = boxes[:before] == self.obstacles and self.occupied <= occupied
         self.obstacles, self.occupied = boxes, frozenset(occupied)
         self.version += 1
-        self._obstacles_changed()
+        self._obstacles_changed(boxes[before:] if is_more else None)
 
     @abstractmethod
-    def _obstacles_changed(self) -> None:
-        """Forget results that are no longer valid."""
+    def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
+        """Forget results that are no longer valid.
 
-    def close_to_obstacles(self, positions: Array, reach: float) -> BoolArray:
-        """Return which positions, shape (n, 3), lie within `reach` [m] of an obstacle."""
-        others = np.arange(len(positions))
-        for box in self.obstacles:
-            low, high = box.bounds
+        `added` are the new obstacles, or None if an obstacle was removed or a point vacated.
+        """
+
+    def close_to_obstacles(
+        self, positions: Array, reach: float, boxes: Sequence[Box] | None = None
+    ) -> BoolArray:
+        """Return which positions, shape (n, 3), may lie within `reach` [m] of obstacles, or of all.
+
+        Boxes whose centres are close to each other count as one box that contains them.
+        """
+        others, groups = np.arange(len(positions)), dict[tuple[float, ...], list[Array]]()
+        for box in self.obstacles if boxes is None else boxes:
+            key = tuple(coordinate // GROUP_EDGE for coordinate in box.centre)
+            groups.setdefault(key, []).append(box.bounds)
+        for bounds in groups.values():
+            low, high = np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]
             others = np.delete(others, rows_close(positions[others], low, high, reach))
         close = np.ones(len(positions), dtype=np.bool_)
         close[others] = False
         return close
 
     def remove_branches_at_obstacles(
-        self, chosen: IntArray, points: IntArray, postures: Postures
+        self,
+        chosen: IntArray,
+        points: IntArray,
+        postures: Postures,
+        grid: BoxGrid | None = None,
     ) -> None:
         """Remove the branches that touch an obstacle from the branch sets of some stances.
 
@@ -148,8 +168,10 @@ class ChangingWorld(ABC):
             Point indices of all stances, shape (k, N).
         postures
             Their postures; the branch sets are changed in place.
+        grid
+            The obstacles to check, by default all.
         """
-        grid = self.obstacle_grid
+        grid = grid or self.obstacle_grid
         if grid is None:
             return
         self.solver.remove_touching(chosen, points, postures, grid, others=True)

@@ -23,6 +23,8 @@ class TwoLimbEdges:
         The stances, with their releases.
     table
         The steps.
+    close
+        Stances that may touch an obstacle on a step from or to them, shape (n,).
     """
 
     is_complete: bool
@@ -53,6 +55,7 @@ class TwoLimbEdges:
         """
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
+        self.close = np.zeros(len(base), dtype=np.bool_)
         self._world = checks.world(None)
         count = int((rows.degree**2).sum()) if settings.transitions else 1
         self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)

@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
@@ -37,6 +38,7 @@ from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLi
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
 from mlivr_gym.transitions.state import State, Successors, moving_limb
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
@@ -178,30 +180,32 @@ class TwoLimbGraph(StanceGraph):
         i, j = np.tril_indices(len(row), -1)
         return np.stack([row[i], row[j]])
 
-    def _obstacles_changed(self) -> None:
-        """Start from what is known without obstacles."""
-        self._known, self.branch_sets = self._free, self._free.table.branch_sets
+    def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
+        """Start from the stances as they were before obstacles were added, or without obstacles."""
+        if added is None:
+            added = self.obstacles
+            self._known, self.branch_sets = self._free, self._free.table.branch_sets
         if not (self.obstacles or self.occupied):
             return
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
-        close = self.close_to_obstacles(self.base_position, around + 0.8 * self.max_displacement)
-        taken = np.zeros(len(self.grasp_map), dtype=np.bool_)
-        taken[list(self.occupied)] = True
-        gone = taken[self.points[:, 0]] | taken[self.points[:, 1]]
+        reach = around + 0.8 * self.max_displacement
+        close = self.close_to_obstacles(self.base_position, reach, added)
+        gone = np.asarray(np.isin(self.points, list(self.occupied)).any(axis=1))
         self.branch_sets = self.branch_sets.copy()
         self.branch_sets[gone] = 0
         if close.any():
-            chosen = np.flatnonzero(close)
-            chosen = chosen[self.close_to_obstacles(self.base_position[chosen], around)]
-            self.remove_branches_at_obstacles(chosen, self.points, self.node_postures(slice(None)))
+            chosen = np.flatnonzero(close & self.branch_sets.all(axis=1))
+            chosen = chosen[self.close_to_obstacles(self.base_position[chosen], around, added)]
+            stances = chosen, self.points, self.node_postures(slice(None))
+            self.remove_branches_at_obstacles(*stances, box_grid(added))
+        close |= self._known.close
         self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
 
     @property
     def releasable(self) -> IntArray:
         """Branches on which limbs can be released, for the releases known so far, shape (n, 2)."""
-        known: IntArray = self.steps.releases["branches"]
-        return known
+        return np.asarray(self.steps.releases["branches"])
 
     def __len__(self) -> int:
         """Return the number of stances."""
@@ -332,8 +336,7 @@ class TwoLimbGraph(StanceGraph):
     def row(self, support: int, s: int) -> IntArray:
         """Return the other stances in which limb `support` holds the same point as at `s`."""
         row = self.stances_with(support, self.points[s, support])
-        others: IntArray = row[row != s]
-        return others
+        return np.asarray(row[row != s])
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
@@ -363,8 +366,7 @@ class TwoLimbGraph(StanceGraph):
             return np.full(len(after), ALL, dtype=np.int64)
         steps = [np.array(one) for one in np.broadcast_arrays(support, before, after)]
         self.check_steps(*steps)
-        kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
-        return kept
+        return np.asarray(self.steps.edges["kept"][self._known.index(*steps)], dtype=np.int64)
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
@@ -373,9 +375,7 @@ class TwoLimbGraph(StanceGraph):
             return super().successors(state)
         s = self.find(state.stance)
         if s < 0:
-            return Successors(
-                NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)
-            )
+            return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), np.int64))
         size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
         limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
         branch_sets = np.empty((size, 2), dtype=np.int64)

@@ -168,21 +168,25 @@ def _touches(corners: Array, centres: Array) -> BoolArray:
     return hit
 
 
-def merged_cells(touched: BoolArray) -> list[tuple[IntArray, IntArray]]:
-    """Return boxes of whole cells that cover the marked cells and no other, each cell once.
+def merged_cells(
+    touched: BoolArray, allowed: BoolArray | None = None
+) -> list[tuple[IntArray, IntArray]]:
+    """Return boxes of whole cells that cover the marked cells, and others only if allowed.
 
-    Each box begins at the first cell that is not covered yet and grows along z, then y, then x.
+    Each box begins at the first marked cell that is not covered yet and grows along z, then y, then
+    x. Without `allowed` each marked cell is covered once.
     """
     waiting, boxes = touched.copy(), []
+    free = waiting if allowed is None else allowed
     for x, y, z in np.argwhere(touched).tolist():
         if not waiting[x, y, z]:
             continue
         top, side, end = z + 1, y + 1, x + 1
-        while top < touched.shape[2] and waiting[x, y, top]:
+        while top < touched.shape[2] and free[x, y, top]:
             top += 1
-        while side < touched.shape[1] and waiting[x, side, z:top].all():
+        while side < touched.shape[1] and free[x, side, z:top].all():
             side += 1
-        while end < touched.shape[0] and waiting[end, y:side, z:top].all():
+        while end < touched.shape[0] and free[end, y:side, z:top].all():
             end += 1
         waiting[x:end, y:side, z:top] = False
         boxes.append((np.array([x, y, z]), np.array([end, side, top])))

@@ -20,6 +20,7 @@ def seen(jem, plan):
     motion, points = plan.motion, [jem.index(point) for point in plan.stances[0]]
 
     def look(*unknown, times=3):
+        graph.remove_obstacles()
         simulation = Setup().simulation(jem, graph.robot, unknown)
         simulation.reset(
             motion.base_positions[0], motion.base_quaternions[0], motion.joint_positions[0], points

@@ -76,8 +76,8 @@ def test_the_same_seed_gives_the_same_walk(graph):
 class LateCamera(DepthCamera):
     """Cameras that see nothing before the first step has begun."""
 
-    def measure(self, model, data, robot, rng):
-        hits = super().measure(model, data, robot, rng)
+    def measure(self, model, data, robot, rng, pixels):
+        hits = super().measure(model, data, robot, rng, pixels)
         return hits if data.time > 0.0 else hits[:0]
 
 

@@ -82,6 +82,31 @@ def test_boxes_replace_others_in_one_change(checked_graph):
     checked_graph.remove_obstacles()
 
 
+def test_boxes_added_one_by_one_leave_what_all_leave(checked_graph):
+    """Also the steps from stances close to the first box, which the last call does not mention."""
+    rng = np.random.default_rng(3)
+    corners = rng.uniform((2.5, -0.9, -0.9), (5.5, 0.7, 0.7), (6, 3))
+    boxes = [Box.between(f"box{k}", "obstacle", low, low + 0.25) for k, low in enumerate(corners)]
+    states, node, branch_sets, leaving = [], [], [], []
+    for parts in ([boxes], [[box] for box in boxes], [boxes[4:], boxes[:4]]):
+        for part in parts:
+            checked_graph.add_obstacles(part)
+            checked_graph.successors(checked_graph.state(START))  # steps that are then known
+        node.append(checked_graph.branch_sets.all(axis=1))
+        branch_sets.append(checked_graph.branch_sets[node[-1]])
+        chosen = np.random.default_rng(4).choice(np.flatnonzero(node[-1]), 40, replace=False)
+        states = [checked_graph.state(checked_graph.points[s].tolist()) for s in chosen]
+        leaving.append([checked_graph.successors(state) for state in states])
+        checked_graph.remove_obstacles()
+    assert 0 < node[0].sum() < 0.95 * len(node[0])
+    for k in (1, 2):
+        np.testing.assert_array_equal(node[k], node[0])
+        np.testing.assert_array_equal(branch_sets[k], branch_sets[0])
+        for ours, theirs in zip(leaving[k], leaving[0], strict=True):
+            for one, other in zip(ours, theirs, strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
 def test_occupied_points_are_not_grasped(jem, checked_graph, robot):
     graph = checked_graph if robot == "mlivr2" else stance_graph(jem, robot)

@@ -1,0 +1,81 @@
+"""Boxes that a robot knows, and which measured surface points they explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.world.boxes import Box
+
+EXPLAINED_DEVIATIONS = 5.0
+"""Distance from a known box within which a hit belongs to it, in standard deviations."""
+
+ROUNDING = 1e-4
+"""Distance added to this for the rounding of numbers [m]."""
+
+
+class KnownBoxes:
+    """Boxes sorted by the cubes of a grid, so that a hit is compared with those at its cube."""
+
+    def __init__(
+        self, boxes: Sequence[Box], noise: float, grid: tuple[Array, float, tuple[int, ...]]
+    ) -> None:
+        """Sort boxes into the cubes that they explain in part.
+
+        Parameters
+        ----------
+        boxes
+            The boxes.
+        noise
+            Standard deviation of a measured distance [m].
+        grid
+            Lower corner of the grid [m], edge of a cube [m] and number of cubes along each axis.
+        """
+        self._origin, self._edge, self._shape = grid
+        self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
+        ordered = sorted(boxes, key=lambda box: -float(np.prod(box.half)))  # large ones hide most
+        self._centre = np.array([box.centre for box in ordered]).reshape(-1, 3)
+        self._half = np.array([box.half for box in ordered]).reshape(-1, 3)
+        self._rotation = np.array([box.rotation for box in ordered]).reshape(-1, 3, 3)
+        numbers, entries = np.arange(np.prod(self._shape)).reshape(self._shape), [np.zeros((0, 2))]
+        for k, box in enumerate(ordered):
+            low, high = (
+                np.floor((bound - self._origin) / self._edge).astype(int).clip(0, self._shape)
+                for bound in box.bounds + self._tolerance * np.array([[-1.0], [1.0]])
+            )
+            cubes = numbers[tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))].ravel()
+            entries.append(np.stack([cubes, np.full(len(cubes), k)], axis=1))
+        cube, self._box = np.concatenate(entries).astype(np.int64).T
+        order = np.argsort(cube, kind="stable")
+        self._box = self._box[order]
+        self._start = np.searchsorted(cube[order], np.arange(numbers.size + 1))
+
+    def unexplained(self, hits: Array) -> tuple[Array, IntArray]:
+        """Return the hits in the grid that lie neither on nor in a box, and their cubes.
+
+        Parameters
+        ----------
+        hits
+            Measured positions of surfaces in the module frame [m], shape (k, 3).
+
+        Returns
+        -------
+        tuple[Array, IntArray]
+            The hits and the indices of their cubes along each axis, shape (r, 3) each.
+        """
+        cells = np.floor((hits - self._origin) / self._edge).astype(np.int64)
+        inside = ((cells >= 0) & (cells < self._shape)).all(axis=1)
+        hits, cells = hits[inside], cells[inside]
+        cube = np.ravel_multi_index(tuple(cells.T), self._shape)
+        following, end = self._start[cube], self._start[cube + 1]
+        rest = np.arange(len(hits))
+        explained = np.zeros(len(hits), dtype=np.bool_)
+        while len(rest := rest[~explained[rest] & (following[rest] < end[rest])]):
+            box = self._box[following[rest]]
+            local = np.einsum("ki,kij->kj", hits[rest] - self._centre[box], self._rotation[box])
+            excess = np.maximum(np.abs(local) - self._half[box], 0.0)
+            explained[rest] = np.einsum("ij,ij->i", excess, excess) <= self._tolerance**2
+            following[rest] += 1
+        return hits[~explained], cells[~explained]
