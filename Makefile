@@ -63,6 +63,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py
 	$(BIN)/python experiments/closed_loop.py
+	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/failed_joints.py
 	$(BIN)/python experiments/robots.py
 	$(BIN)/python experiments/time_cost.py

@@ -33,6 +33,7 @@ import reference_curves
 import robots
 import simulation_figures
 import start_up
+import station_load
 import station_places
 import table1_statistics
 import thresholds
@@ -241,6 +242,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "dynamic_simulation": dynamic_report.markdown,
     "disturbances": disturbances.markdown,
     "time_cost": time_cost.markdown,
+    "station_load": station_load.markdown,
     "connectivity": connectivity.markdown,
     "many_limbs": many_limbs.markdown,
     "ablation": ablation.markdown,

@@ -61,6 +61,12 @@ FILES = (
 )
 """Files that the command writes in addition to the film."""
 
+LOAD_FILES = ("station.png", "station.svg")
+"""Files that it writes if the mass of a station is given."""
+
+MASSES = OrNone(Tuples((), 1.0, 1e9, "kg"))
+"""Valid masses of a station."""
+
 RATES = Tuples((), 0.5, 2000.0, "Hz")
 """Valid sampling rates of the trajectory files."""
 
@@ -103,6 +109,8 @@ def add_command(add: Add) -> None:
     )
     option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
     option(parser, "--seed N", "seed of the disturbances", 1)
+    text = "mass of a station; draw what it feels of the walk, and compare it with the limits"
+    option(parser, "--station-mass KG", text, type=float)
     option(parser, "--out FOLDER", "folder of the results", "walk")
     option(parser, "--rate HZ", "sampling rate of the trajectory files [Hz]", 10.0)
     option(parser, "--film NAME", "file name of the film, .gif or .mp4", "walk.gif")
@@ -127,7 +135,9 @@ def run(args: argparse.Namespace) -> int:
         refuse_ignored(args, "plan", ("map",))
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
+    MASSES.read(args.station_mass, FieldPath("--station-mass", SettingError))
     files = [*FILES, *([] if args.no_film else [args.film])]
+    files += [] if args.station_mass is None else LOAD_FILES
     inputs = input_files(args)
     if _keeps_plan_file(args):  # it stays as it is
         files.remove("plan.json")
@@ -170,6 +180,8 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
     save_ros(trajectory, out / "trajectory.yaml")
     _save(execution, out)
     args.result |= execution.summary() | {"folder": out, "files": FILES}
+    if args.station_mass is not None:
+        _show_load(args, execution, out)
     if not args.no_film:
         _film(args, graph, execution, out / args.film)
     return SUCCESS if execution.failure is None else FAILED
@@ -248,6 +260,23 @@ def _save(execution: Execution, out: Path) -> None:
     simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
     print(f"measurements: {archive.with_suffix('.json')}, {archive}")
     print(f"plot: {plot}, {plot.with_suffix('.svg')}")
+
+
+def _show_load(args: argparse.Namespace, execution: Execution, out: Path) -> None:
+    """Print and draw what the station feels of the walk."""
+    from mlivr_gym.pictures.load_figure import load_figure
+    from mlivr_gym.simulation.station_load import station_load
+
+    load, mass = station_load(execution.recording, args.station_mass), args.station_mass
+    print(
+        f"a station of {mass:,.0f} kg feels at most {load.peak_forces.max():.1f} N and an impulse "
+        f"of {load.impulses.max():.1f} N s; its acceleration is at most {load.largest_ratio:.2f} "
+        "times the limit of a one-third octave band"
+    )
+    load_figure(load, out / LOAD_FILES[0], f"{len(execution.plan.steps)} steps, {mass:,.0f} kg")
+    print(f"load on the station: {out / LOAD_FILES[0]}, {out / LOAD_FILES[1]}")
+    args.result |= {"station_load": load.to_dict()}
+    args.result["files"] += LOAD_FILES
 
 
 def _film(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.motion.trajectory import Trajectory
@@ -53,6 +54,7 @@ class Instruments:
             np.array([[self._sensor(f"limb{i}/{name}") for name in names] for i in range(limbs)])
             for names in (JOINT_NAMES, [f"grasp/{axis}" for axis in AXES])
         )
+        self._anchors = [model.body(f"limb{i}/anchor").id for i in range(limbs)]
         self._contact, self._velocity, self._momentum = (
             self._sensor(name) for name in ("contact", "velocity", "angular_momentum")
         )
@@ -101,6 +103,7 @@ class Instruments:
         base = qpos[:, :7]
         cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[samples]).sum(axis=1))
         cosine /= np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
+        forces, torques = np.split(sensors[:, self._wrenches], [3], axis=2)
         recording = Recording(
             times=times,
             step=np.full(count, step),
@@ -111,13 +114,23 @@ class Instruments:
             base_quaternions=base[:, 3:],
             base_errors=np.linalg.norm(base[:, :3] - trajectory.base_positions[samples], axis=1),
             base_angle_errors=2.0 * np.arccos(np.minimum(cosine, 1.0)),
-            grasp_forces=sensors[:, self._wrenches[:, :3]],
-            grasp_torques=sensors[:, self._wrenches[:, 3:]],
+            grasp_forces=forces,
+            grasp_torques=torques,
+            **self._on_module(forces, torques),
             momenta=self.mass * sensors[:, self._velocity : self._velocity + 3],
             angular_momenta=sensors[:, self._momentum : self._momentum + 3],
             contacts=sensors[:, self._contact].astype(np.int64),
         )
         return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
+
+    def _on_module(self, forces: Array, torques: Array) -> dict[str, Array]:
+        """Return force and torque on the module of grasp forces and torques, shape (n, N, 3)."""
+        turn = Rotation.from_quat(self.model.body_quat[self._anchors], scalar_first=True)
+        forces, torques = (
+            np.einsum("iab,nib->nia", turn.as_matrix(), one) for one in (forces, torques)
+        )
+        about_origin = torques + np.cross(self.model.body_pos[self._anchors], forces)
+        return {"module_forces": -forces.sum(axis=1), "module_torques": -about_origin.sum(axis=1)}
 
     def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
         """Return samples and peaks of the first `ended` time steps.

@@ -124,6 +124,11 @@ class Recording:
         [N]; 0 while the limb holds nothing.
     grasp_torques
         Torque of each grasp on its gripper, in the same axes, shape (k, N, 3) [N m].
+    module_forces
+        Force of all grasps together on the module, in the world, shape (k, 3) [N].
+    module_torques
+        Torque of all grasps together on the module about the origin of the world, shape (k, 3)
+        [N m].
     momenta
         Linear momentum of the robot, shape (k, 3) [kg m/s].
     angular_momenta
@@ -143,6 +148,8 @@ class Recording:
     base_angle_errors: Array
     grasp_forces: Array
     grasp_torques: Array
+    module_forces: Array
+    module_torques: Array
     momenta: Array
     angular_momenta: Array
     contacts: IntArray

@@ -8,7 +8,8 @@ from mlivr_gym.simulation.recording import Recording
 
 SHAPES = {
     "times": (), "base_errors": (), "base_angle_errors": (), "base_positions": (3,),
-    "base_quaternions": (4,), "momenta": (3,), "angular_momenta": (3,),
+    "base_quaternions": (4,), "module_forces": (3,), "module_torques": (3,),
+    "momenta": (3,), "angular_momenta": (3,),
 }  # fmt: skip
 
 

@@ -1,0 +1,118 @@
+"""Compare plans of random tasks by steps, translation, time, and what the station feels of them.
+
+    python experiments/station_load.py [--out results] [--tasks 10]
+
+Each plan is optimal for one cost and is carried out in MuJoCo at each pace. Writes
+`station_load.json`, `station_load.md`, and a picture of one walk, `station_load.png` and `.svg`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from reports import case_3, command_line, publish, table
+from tqdm import tqdm
+
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.pictures.load_figure import load_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.limits import PACES
+from mlivr_gym.simulation.station_load import STATION_MASS, station_load
+from mlivr_gym.stances.build import stance_graph
+
+SEED = 20270211
+"""Seed of the random tasks."""
+
+FEWEST_STEPS = 4
+"""Tasks that need fewer steps are left out."""
+
+COSTS = {"base": None, "0.1 m a regrasp": 0.1, "steps": None}
+"""Costs of the plans, with the price of a regrasp [m]."""
+
+PACE_NAMES = ("fast", "gentle")
+"""Paces, see `simulation.limits`."""
+
+
+def measured(tasks: int) -> dict[str, Any]:
+    """Return steps, translation [m], time [s], peak force [N], impulse [N s] and ratio of plans.
+
+    The impulse is the largest of any step, the ratio that of the acceleration to its limit.
+    """
+    graph = stance_graph()
+    planner, rng, rows = Planner(graph), np.random.default_rng(SEED), list[dict[str, Any]]()
+    for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
+        steps = 0
+        while steps < FEWEST_STEPS:
+            start, goal = sample_task(graph, rng, 0.2)
+            steps = len(planner.plan(start.stance, goal, "steps").unwrap().steps)
+        for name, price in COSTS.items():
+            cost = name if price is None else "weighted"
+            plan = planner.plan(start.stance, goal, cost, regrasp_price=price).unwrap()
+            for pace in PACE_NAMES:
+                walked = execute(graph, plan, PACES[pace])
+                load = station_load(walked.recording)
+                rows.append(
+                    {
+                        "cost": name, "pace": pace, "failed": walked.failure is not None,
+                        "values": [
+                            len(plan.steps), plan.base_translation, walked.simulated_time,
+                            float(load.peak_forces.max()), float(load.impulses.max()),
+                            load.largest_ratio,
+                        ],
+                    }
+                )  # fmt: skip
+    return {"tasks": tasks, "walks": rows}
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page with the table of means."""
+    walks, cells = data["walks"], []
+    for pace in PACE_NAMES:
+        for cost in COSTS:
+            some = [w["values"] for w in walks if (w["cost"], w["pace"]) == (cost, pace)]
+            means = np.mean(some, axis=0)
+            cells.append(
+                [
+                    pace, cost, f"{means[0]:.1f}", f"{means[1]:.2f}", f"{means[2]:.0f}",
+                    f"{means[3]:.1f}", f"{means[4]:.1f}", f"{means[5]:.2f}",
+                ]
+            )  # fmt: skip
+    failed, largest = sum(w["failed"] for w in walks), max(w["values"][5] for w in walks)
+    head = (
+        "pace | optimal for | steps | base translation [m] | time [s] | peak force [N] | "
+        "impulse [N s] | acceleration over limit"
+    )
+    return f"""# What the station feels of a walk
+
+Made by `experiments/station_load.py`: {data["tasks"]} random tasks of two limbs in the JEM \
+of at least {FEWEST_STEPS} steps, carried out in MuJoCo without disturbances;
+{failed} of {len(walks)} walks failed. Values are means over the tasks. *Impulse* is the largest \
+that the module receives within a step; from
+rest to rest a step leaves none. *Acceleration over limit* is the largest ratio, over all \
+one-third octave bands from 0.01 to 20 Hz, of
+the station's acceleration (root mean square over 100 s, a rigid body of {STATION_MASS:,.0f} kg) \
+to the limit of the
+[microgravity control plan](../docs/how-to/simulate.md#what-the-station-feels); the largest of \
+all walks is {largest:.2f}.
+
+{table(head, cells)}
+![Force of the walk of Case 3 on the module, and the spectrum](station_load.png)
+"""
+
+
+def main() -> None:
+    """Measure and write the results, the page and the picture."""
+    parser = command_line(__doc__)
+    parser.add_argument("--tasks", type=int, default=10)
+    args = parser.parse_args()
+    publish(args.out, "station_load", measured(args.tasks), markdown)
+    graph, plan = case_3()
+    load = station_load(execute(graph, plan).recording)
+    title = f"Case 3 as fast as the limits allow, station of {STATION_MASS:,.0f} kg"
+    load_figure(load, args.out / "station_load.png", title)
+
+
+if __name__ == "__main__":
+    main()

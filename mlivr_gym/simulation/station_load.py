@@ -1,0 +1,171 @@
+"""What a station feels of a walk: force, impulse, and the spectrum of its acceleration.
+
+The station is taken for a rigid body that the force of all grasps accelerates; its elastic modes,
+which amplify some frequencies, and its rotation are left out. MuJoCo conserves momentum up to an
+error in proportion to the time step, so that impulses are as exact; forces are exact.
+
+Limits of vibration for the International Space Station hold for the root mean square in each
+one-third octave band over 100 s. `limits` has those of its microgravity control plan as NASA's
+analysis of the station's accelerometers draws them (`otorunhist/main.py` of
+github.com/baluneboy/pims by the Principal Investigator Microgravity Services): 1.8 micro-g up to
+0.1 Hz, in proportion to the frequency up to 100 Hz, and 1800 micro-g from there on. The control
+plan itself was not at hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.arrays import Array
+from mlivr_gym.schema import Tuples
+from mlivr_gym.simulation.disturbances import STANDARD_GRAVITY
+from mlivr_gym.simulation.recording import Recording
+
+STATION_MASS = 420_000.0
+"""Mass of the International Space Station [kg], rounded; NASA states 419,725 kg."""
+
+WINDOW = 100.0
+"""Time over which the root mean square is taken [s]."""
+
+LOWEST_FREQUENCY = 0.01
+"""Frequency below which no limit for vibration holds [Hz]."""
+
+MASS = Tuples((), 1.0, 1e9, "kg")
+"""Valid masses of a station."""
+
+
+def limits(frequencies: Array) -> Array:
+    """Return the limit at the middles of one-third octave bands [Hz], as root mean square [g]."""
+    allowed: Array = 18e-6 * np.clip(frequencies, 0.1, 100.0)
+    return allowed
+
+
+@dataclass(frozen=True)
+class StationLoad:
+    """The load of a walk on a station.
+
+    Attributes
+    ----------
+    times
+        Times, shape (k,) [s].
+    forces
+        Force on the module in the world, shape (k, 3) [N].
+    torques
+        Torque on the module about the origin of the world, shape (k, 3) [N m].
+    peak_forces
+        Largest force during each step, shape (s,) [N].
+    peak_torques
+        Largest torque about the origin of the world during each step, shape (s,) [N m].
+    impulses
+        Largest impulse since the begin of each step, shape (s,) [N s]. Over a whole step, from rest
+        to rest, it is close to 0.
+    frequencies
+        Middles of the one-third octave bands, shape (b,) [Hz].
+    accelerations
+        Root mean square of the acceleration in each band, of all axes together, shape (b,) [g];
+        the largest over windows of `WINDOW`. In shorter walks the station is at rest for the
+        remainder of the window.
+    """
+
+    times: Array
+    forces: Array
+    torques: Array
+    peak_forces: Array
+    peak_torques: Array
+    impulses: Array
+    frequencies: Array
+    accelerations: Array
+
+    @property
+    def largest_ratio(self) -> float:
+        """Largest ratio of the acceleration in a band to its limit."""
+        return float((self.accelerations / limits(self.frequencies)).max())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the load without its course in time as plain data for JSON."""
+        return {
+            "peak_forces_N": self.peak_forces.tolist(),
+            "peak_torques_N_m": self.peak_torques.tolist(),
+            "impulses_N_s": self.impulses.tolist(),
+            "frequencies_Hz": self.frequencies.tolist(),
+            "accelerations_g": self.accelerations.tolist(),
+            "largest_ratio_to_limit": self.largest_ratio,
+        }
+
+
+@checked({"recording": InstanceOf(Recording), "mass": MASS})
+def station_load(recording: Recording, mass: float = STATION_MASS) -> StationLoad:
+    """Return the load of a simulated walk on the station in which it takes place.
+
+    Parameters
+    ----------
+    recording
+        The measurements of the simulation.
+    mass
+        Mass of the station [kg].
+
+    Returns
+    -------
+    StationLoad
+        The load.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> from mlivr_gym.simulation.execution import execute
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (3.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> load = station_load(execute(graph, plan).recording)
+    >>> len(load.impulses) == len(plan.steps)
+    True
+    """
+    times, forces, torques = recording.times, recording.module_forces, recording.module_torques
+    parts = [np.flatnonzero(recording.step == step).tolist() for step in np.unique(recording.step)]
+    impulses = [np.linalg.norm(_integral(times[p], forces[p]), axis=1).max() for p in parts]
+    period = float(np.diff(times).mean()) if len(times) > 1 else WINDOW
+    frequencies, accelerations = third_octaves(forces / (mass * STANDARD_GRAVITY), period)
+    return StationLoad(
+        times, forces, torques,
+        np.array([np.linalg.norm(forces[p], axis=1).max() for p in parts]),
+        np.array([np.linalg.norm(torques[p], axis=1).max() for p in parts]),
+        np.array(impulses), frequencies, accelerations,
+    )  # fmt: skip
+
+
+def third_octaves(signal: Array, period: float) -> tuple[Array, Array]:
+    """Return the middles of one-third octave bands [Hz] and the root mean square in each.
+
+    Bands from `LOWEST_FREQUENCY` up to the highest frequency that the samples resolve are at ratios
+    of the tenth root of 10 (IEC 61260-1).
+
+    Parameters
+    ----------
+    signal
+        Samples, shape (k, 3).
+    period
+        Time between samples [s].
+    """
+    count = max(round(WINDOW / period), 2)
+    starts = range(0, max(len(signal) - count, 0) + count // 2, max(count // 2, 1))
+    frequencies = np.fft.rfftfreq(count, period)
+    edges = 10.0 ** (0.1 * (np.arange(-20, 30) - 0.5))
+    edges = edges[edges <= frequencies[-1]]
+    band = np.searchsorted(edges, frequencies) - 1
+    inside = (band >= 0) & (band < len(edges) - 1)
+    squares: list[Any] = [np.zeros(len(edges) - 1)]
+    for start in starts:
+        amplitudes = np.abs(np.fft.rfft(signal[start : start + count], count, axis=0)) / count
+        power = 2.0 * (amplitudes**2).sum(axis=1)  # mean square of each frequency
+        squares.append(np.bincount(band[inside], power[inside], len(edges) - 1))
+    return np.sqrt(edges[1:] * edges[:-1]), np.sqrt(np.max(squares, axis=0))
+
+
+def _integral(times: Array, values: Array) -> Array:
+    """Return the integral of samples (k, 3) over time from the first one, by trapezoids, (k, 3)."""
+    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])

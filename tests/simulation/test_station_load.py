@@ -1,0 +1,100 @@
+"""What a station feels of a walk agrees with the momentum of the robot and with known signals."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.simulation.controller import FEEDFORWARD
+from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.station_load import limits, station_load, third_octaves
+
+
+@pytest.fixture(scope="module")
+def simulation(jem, plan):
+    """With a time step at which MuJoCo conserves momentum to 3 %; the error grows with it."""
+    return Simulation(jem, plan.world.robot, Physics(timestep=0.0005), controller=FEEDFORWARD)
+
+
+@pytest.fixture(scope="module")
+def walked(checked_graph, plan, simulation):
+    return execute(checked_graph, plan, Limits(step_duration=20.0), simulation=simulation)
+
+
+def integral(times, values):
+    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])
+
+
+def test_the_station_gains_the_momentum_that_the_robot_loses(walked):
+    """Free of gravity and contacts, nothing else exchanges momentum with the robot."""
+    recording = walked.recording
+    gained = integral(recording.times, recording.module_forces)
+    lost = recording.momenta[0] - recording.momenta
+    assert np.abs(lost).max() > 0.1
+    assert np.abs(gained - lost).max() < 0.03 * np.abs(lost).max()
+    load = station_load(recording)
+    assert load.impulses[0] == pytest.approx(np.linalg.norm(lost, axis=1).max(), rel=0.03)
+    assert load.peak_forces[0] == pytest.approx(np.linalg.norm(load.forces, axis=1).max())
+
+
+def test_the_station_gains_the_angular_momentum_that_the_robot_loses(walked, simulation):
+    recording, model = walked.recording, simulation.model
+    data, robot = mujoco.MjData(model), model.body("base").id
+    angular = []
+    for position, quaternion, joints, momentum, about_centre in zip(
+        recording.base_positions, recording.base_quaternions, recording.joint_positions,
+        recording.momenta, recording.angular_momenta, strict=True,
+    ):  # fmt: skip
+        data.qpos[:] = [*position, *quaternion, *joints.ravel()]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        angular.append(about_centre + np.cross(data.subtree_com[robot], momentum))
+    lost = angular[0] - np.array(angular)
+    gained = integral(recording.times, recording.module_torques)
+    assert np.abs(lost).max() > 0.1
+    assert np.abs(gained - lost).max() < 0.03 * np.abs(lost).max()
+
+
+@pytest.mark.parametrize("duration", [100.0, 250.0])
+def test_a_sine_has_its_root_mean_square_in_one_band(duration):
+    times = np.arange(0.0, duration, 0.02)
+    signal = np.outer(np.sin(2.0 * np.pi * 2.0 * times), (3.0, 0.0, 4.0))
+    frequencies, squares = third_octaves(signal, 0.02)
+    at = np.argmin(np.abs(frequencies - 2.0))
+    assert frequencies[at] == pytest.approx(1.995, abs=1e-3)  # IEC 61260-1
+    assert squares[at] == pytest.approx(5.0 / np.sqrt(2.0), rel=1e-3)
+    assert np.delete(squares, at).max() < 1e-3
+
+
+def test_the_bands_together_have_the_mean_square_of_the_signal():
+    """Parseval's theorem, for a signal of half the window."""
+    times = np.arange(0.0, 50.0, 0.02)
+    rng, signal = np.random.default_rng(1), np.zeros((len(times), 3))
+    for frequency in rng.uniform(0.05, 15.0, 200):
+        phases = rng.uniform(0.0, 2.0 * np.pi, 3)
+        signal += np.sin(2.0 * np.pi * frequency * times[:, None] + phases)
+    _, values = third_octaves(signal, 0.02)
+    expected = 0.5 * (signal**2).sum(axis=1).mean()
+    assert (values**2).sum() == pytest.approx(expected, rel=0.02)
+
+
+def test_the_limits_are_the_published_ones():
+    """Rows of the curve in the source that `station_load` names: middle of the band and limit."""
+    published = [(0.0098, 1.8e-6), (0.1, 1.8e-6), (0.5, 9e-6), (10.0, 1.8e-4), (128.0, 1.8e-3)]
+    frequencies, allowed = np.array(published).T
+    assert limits(frequencies) == pytest.approx(allowed, rel=1e-12)
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, "heavy"])
+def test_a_wrong_mass_is_named(walked, mass):
+    with pytest.raises(MlivrError, match="mass"):
+        station_load(walked.recording, mass)
+
+
+def test_a_heavier_station_shakes_less(walked):
+    light, heavy = (station_load(walked.recording, mass) for mass in (1e5, 4e5))
+    assert light.largest_ratio == pytest.approx(4.0 * heavy.largest_ratio)
