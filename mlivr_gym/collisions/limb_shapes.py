@@ -13,6 +13,7 @@ from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.limb import BACK
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
@@ -175,7 +176,7 @@ class LimbShapes:
         kinematics = spec.every_limb[i]
         moving = [capsule for capsule in _sorted_capsules(spec, i) if capsule.link != "base"]
         names = tuple(capsule.link for capsule in moving)
-        on_axis = [c.link in LINKS[6:] or _on_flange_axis(c) for c in moving]
+        on_axis = [c.link in LINKS[6:] or _on_flange_axis(kinematics, c) for c in moving]
         pairs = [
             (a, b)
             for a in range(len(moving))
@@ -336,8 +337,10 @@ def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -
     return gap < first.radius + second.radius
 
 
-def _on_flange_axis(capsule: Capsule) -> bool:
-    """Return whether a capsule lies on the flange axis, the y axis of wrist 2."""
+def _on_flange_axis(limb: AnyLimb, capsule: Capsule) -> bool:
+    """Return whether a capsule lies on the flange axis, which is the y axis of wrist 2 or none."""
+    if limb.link_offsets[5][1] != BACK:
+        return False
     across = [abs(end[k]) for end in (capsule.start, capsule.end) for k in (0, 2)]
     return capsule.link == "wrist_2" and max(across) < 1e-9
 

@@ -23,15 +23,16 @@ Postures are rounded, and a joint often lies exactly on a half turn.
 """
 
 
-UR, SPHERICAL_WRIST = 0, 1
-"""Families of arms: three parallel axes, see `ur`; a spherical wrist, see `spherical_wrist`."""
+UR, SPHERICAL_WRIST, SPHERICAL_SHOULDER = 0, 1, 2
+"""Families of arms: three parallel axes, see `ur`; a spherical wrist, see `spherical_wrist`; a
+spherical shoulder, see `spherical_shoulder`."""
 
 
 class Arm(Record):
     """The lengths of an arm and the windows of its joints."""
 
     family: int
-    """`UR` or `SPHERICAL_WRIST`."""
+    """`UR`, `SPHERICAL_WRIST` or `SPHERICAL_SHOULDER`."""
     d1: float
     """Length of the form of its family [m], as are the next ones; 0 if the form has none such."""
     a1: float
@@ -41,7 +42,7 @@ class Arm(Record):
     d4: float
     d5: float
     d6: float
-    """Distance of the flange from the wrist point [m], in either family."""
+    """Distance of the flange from the wrist point [m], in every family."""
     links: float
     """Product of the lengths of upper arm and forearm [m^2]: `|det J|` divided by the sines of
     elbow and wrist and by the distance `u` of the wrist from joint 1's axis."""
@@ -128,7 +129,7 @@ def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     windows
         Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
     family
-        `UR` or `SPHERICAL_WRIST`.
+        `UR`, `SPHERICAL_WRIST` or `SPHERICAL_SHOULDER`.
     """
     arm["family"] = family
     if family == UR:

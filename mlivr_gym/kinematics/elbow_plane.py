@@ -23,5 +23,5 @@ def in_elbow_plane(arm: Arm, cosine: float, sine: float) -> tuple[float, float]:
 @kernel
 def along_axis_2(arm: Arm, cosine: float, sine: float) -> float:
     """Return how far W lies along axis 2 [m], by cosine and sine of the elbow angle."""
-    along: float = arm.d2 - arm.s_held * in_elbow_plane(arm, cosine, sine)[0]
+    along: float = arm.c_held * arm.d2 - arm.s_held * in_elbow_plane(arm, cosine, sine)[0]
     return along

@@ -3,13 +3,14 @@
 They say which branches reach a flange pose and how far they are from singular, which joint angles
 they have, where their joints and links are, and how far these move at most. There are two closed
 forms, that of the UR arms (`ur`), which arms of space stations share once their first joint is
-locked, and that of arms with a spherical wrist (`spherical_wrist`). Each kernel calls one or the
-other by the field `family` of `Arm`.
+locked, and that of arms with a spherical wrist (`spherical_wrist`), which seen from the flange
+serves arms with a spherical shoulder (`spherical_shoulder`). Each kernel calls one of them by the
+field `family` of `Arm`.
 
 All of them take the `Arm`; `flange` is position and axis of its flange in the limb base frame,
 `branch` the number of a branch.
 
-A third closed form is a module with these functions, a value of `family`, and a case in each
+A further closed form is a module with these functions, a value of `family`, and a case in each
 kernel here.
 """
 
@@ -20,8 +21,15 @@ from typing import TYPE_CHECKING, Any
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
-from mlivr_gym.kinematics import spherical_wrist, spherical_wrist_bounds, ur, ur_bounds
-from mlivr_gym.kinematics.arm import UR, Arm
+from mlivr_gym.kinematics import (
+    spherical_shoulder,
+    spherical_shoulder_bounds,
+    spherical_wrist,
+    spherical_wrist_bounds,
+    ur,
+    ur_bounds,
+)
+from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR, Arm
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR
 from mlivr_gym.kinematics.ur import SINGULAR_TOO as SINGULAR_TOO
@@ -40,6 +48,8 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
     """
     if arm.family == UR:
         ur.branch_terms(arm, flange, out)
+    elif arm.family == SPHERICAL_SHOULDER:
+        spherical_shoulder.branch_terms(arm, flange, out)
     else:
         spherical_wrist.branch_terms(arm, flange, out)
 
@@ -60,6 +70,8 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
     """
     if arm.family == UR:
         return ur.joint_axes(arm, flange, branch, out)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder.joint_axes(arm, flange, branch, out)
     return spherical_wrist.joint_axes(arm, flange, branch, out)
 
 
@@ -85,6 +97,8 @@ def branch_angles(
     """
     if arm.family == UR:
         return ur.branch_angles(arm, flange, x, branch, slack, q)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder.branch_angles(arm, flange, x, branch, slack, q)
     return spherical_wrist.branch_angles(arm, flange, x, branch, slack, q)
 
 
@@ -97,6 +111,8 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """
     if arm.family == UR:
         ur.link_frames(arm, q, frames)
+    elif arm.family == SPHERICAL_SHOULDER:
+        spherical_shoulder.link_frames(arm, q, frames)
     else:
         spherical_wrist.link_frames(arm, q, frames)
 
@@ -119,6 +135,8 @@ def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: 
     """
     if arm.family == UR:
         return ur.branch_frames(arm, flange, branch, axes, frames)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder.branch_frames(arm, flange, branch, frames)
     return spherical_wrist.branch_frames(arm, flange, branch, frames)
 
 
@@ -141,6 +159,8 @@ def stays_above(
     """
     if arm.family == UR:
         return ur_bounds.stays_above(arm, terms, choice, change, square_floor)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder_bounds.stays_above(arm, terms, choice, change, square_floor)
     return spherical_wrist_bounds.stays_above(arm, terms, choice, change, square_floor)
 
 
@@ -164,6 +184,8 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     """
     if arm.family == UR:
         return ur_bounds.held_turns(arm, q, flange, turns)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder_bounds.held_turns(arm, q, flange, turns)
     return spherical_wrist_bounds.held_turns(arm, q, flange, turns)
 
 
@@ -176,6 +198,8 @@ def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
     """
     if arm.family == UR:
         ur_bounds.link_motion(arm, turns, shift, spin)
+    elif arm.family == SPHERICAL_SHOULDER:
+        spherical_shoulder_bounds.link_motion(arm, turns, shift, spin)
     else:
         spherical_wrist_bounds.link_motion(arm, turns, shift, spin)
 
@@ -185,6 +209,8 @@ def grasp_motion(arm: Arm, turns: Turns) -> GraspMotion:
     """Bound how far the links of a limb that holds move in the world, followed from its grasp."""
     if arm.family == UR:
         return ur_bounds.grasp_motion(arm, turns)
+    if arm.family == SPHERICAL_SHOULDER:
+        return spherical_shoulder_bounds.grasp_motion(arm, turns)
     return spherical_wrist_bounds.grasp_motion(arm, turns)
 
 
@@ -196,4 +222,6 @@ def forward_kinematics(q: Array, lengths: Array, family: int = UR) -> Array:
     """
     if family == UR:
         return ur.forward_kinematics(q, lengths)
+    if family == SPHERICAL_SHOULDER:
+        return spherical_shoulder.forward_kinematics(q, lengths)
     return spherical_wrist.forward_kinematics(q, lengths)

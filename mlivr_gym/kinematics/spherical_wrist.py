@@ -10,17 +10,18 @@ arm; `t` is a right angle if another one is, and `r` the held angle of the secon
 Frames: z of each link is its joint axis, y of the links 2, 3 and 5 points along the arm. At zero
 angles the arm stands upright along z of the limb base. The link frames follow from each other by
 
-    Rz(q1), z by d1 | x by a1, Rx(r), Rz(q2) | (0, a2, d2), Ry(t), x by b2, Rz(q3) | (a3, d4, 0),
+    Rz(q1), z by d1 | x by a1, Rx(r), Rz(q2) | y by a2, Ry(t), (b2, 0, d2), Rz(q3) | (a3, d4, 0),
     Rx(-90), Rz(q4) | Rx(90), Rz(q5) | y by d6, Rx(-90), Rz(q6)
 
 With `U^2 = a2^2 + b2^2`, `L^2 = a3^2 + d4^2`, the angles `p = atan2(b2, a2)` and
 `g = q3 - atan2(a3, d4)` and W seen from the height of the shoulder at `(x, y, h)`, the distance of
 W from the shoulder gives the cosine of the elbow angle `f = g + p`, as in a triangle of sides U and
-L. Along axis 2 the point W lies at `k = d2 - sin(t) (b2 - L sin g)`, across axis 1 towards axis 2
-therefore at `o = (k - cos(r) h) / sin(r)`; at right angles to both axes it lies off axis 1 by `u`,
-with `u^2 + o^2 = x^2 + y^2`. The offsets `a1` and `d2` must be zero if `t` is not: then the
-shoulder is one point, and the elbow follows before `u`. Otherwise `r` is a right angle, `k = d2`,
-and `u` comes first. The eight solutions are numbered by
+L, at right angles to the offset `d2` along axis 3. Along axis 2 the point W lies at
+`k = cos(t) d2 - sin(t) (b2 - L sin g)`, across axis 1 towards axis 2 therefore at
+`o = (k - cos(r) h) / sin(r)`; at right angles to both axes it lies off axis 1 by `u`, with
+`u^2 + o^2 = x^2 + y^2`. The offset `a1` must be zero if `t` is not: then the shoulder is one point,
+and the elbow follows before `u`. Otherwise `r` is a right angle, `k = d2`, and `u` comes first. The
+eight solutions are numbered by
 
     branch = 4 * shoulder + 2 * elbow + wrist
 
@@ -101,6 +102,8 @@ def elbow_at(arm: Arm, wrist: Triple, choice: int) -> Elbow:
         if choice & 2:
             u = -u
         square = (u - arm.a1) * (u - arm.a1)
+    if arm.s_held != 0.0:
+        k2 += arm.d2 * arm.d2
     cosine = (square + h * h - k2) / (2.0 * arm.upper * arm.forearm)
     sine = np.sqrt(max(1.0 - cosine * cosine, 0.0))
     if choice & 1:
@@ -130,7 +133,7 @@ def _arm_at(arm: Arm, wrist: Triple, elbow: Elbow) -> Bend:
     c1, s1 = _unit(elbow.u * x - elbow.offset * y, elbow.u * y + elbow.offset * x)
     # W in the plane across axis 2, seen from there: before joint 2 turns, and after.
     before_x, before_y = in_elbow_plane(arm, elbow.cosine, elbow.sine)
-    before_x = arm.c_held * before_x
+    before_x = arm.c_held * before_x + arm.s_held * arm.d2
     after_x, after_y = elbow.u - arm.a1, arm.s_twist * h - arm.c_twist * elbow.offset
     c2, s2 = _unit(after_x * before_x + after_y * before_y, after_y * before_x - after_x * before_y)
     cosine, sine = _unit(elbow.cosine, elbow.sine)
@@ -151,7 +154,7 @@ def seen_from_forearm(arm: Arm, bend: Bend, v: Triple) -> Triple:
 
 
 @kernel
-def _bend_at(arm: Arm, flange: FlangeAxis, branch: int) -> tuple[Elbow, Bend]:
+def bend_at(arm: Arm, flange: FlangeAxis, branch: int) -> tuple[Elbow, Bend]:
     """Return a branch at a flange position and axis; joint 4 is 0 where the wrist is singular."""
     wrist = wrist_seen(arm, flange)
     elbow = elbow_at(arm, wrist, class_of(branch))
@@ -186,7 +189,7 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
     """Find the joint axes of one branch, without forming joint angles."""
-    elbow, bend = _bend_at(arm, flange, branch)
+    elbow, bend = bend_at(arm, flange, branch)
     if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
         return False
     c1, s1, axis, point = bend.c1, bend.s1, out.axis, out.point
@@ -204,7 +207,7 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
         axis[4, k] = bend.s4 * x3 + bend.c4 * axis[2, k]
         axis[5, k] = flange.z[k]
         point[1, k] = arm.a1 * x1[k] + (arm.d1 if k == 2 else 0.0)
-        point[2, k] = point[1, k] + arm.a2 * y2 + arm.d2 * z2[k] + arm.b2 * rolled
+        point[2, k] = point[1, k] + arm.a2 * y2 + arm.d2 * axis[2, k] + arm.b2 * rolled
         point[3, k] = point[4, k] = point[5, k] = flange.p[k] - arm.d6 * flange.z[k]
     axis[0, 2] = 1.0
     return True
@@ -219,7 +222,7 @@ def branch_angles(
     At the wrist singularity (joints 4 and 6 in line) joint 4 is 0; where W lies on joint 1's axis
     joint 1 is 0.
     """
-    elbow, bend = _bend_at(arm, flange, branch)
+    elbow, bend = bend_at(arm, flange, branch)
     if elbow.u2 < -SINGULAR or elbow.cosine * elbow.cosine > 1.0 + slack:
         return False
     if slack == 0.0 and (elbow.u2 <= 0.0 or bend.s5 * bend.s5 < SINGULAR):
@@ -241,21 +244,21 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     c1, c2, c3, c4, c5 = np.cos(q[0]), np.cos(q[1]), np.cos(q[2]), np.cos(q[3]), np.cos(q[4])
     s1, s2, s3, s4, s5 = np.sin(q[0]), np.sin(q[1]), np.sin(q[2]), np.sin(q[3]), np.sin(q[4])
     bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
-    _set_frames(arm, bend, frames)
+    set_frames(arm, bend, frames)
 
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, frames: Array) -> bool:
     """Compute the frames of the links of one branch, without forming joint angles."""
-    elbow, bend = _bend_at(arm, flange, branch)
+    elbow, bend = bend_at(arm, flange, branch)
     if elbow.u2 < 0.0 or elbow.sine == 0.0 or bend.s5 * bend.s5 < SINGULAR:
         return False
-    _set_frames(arm, bend, frames)
+    set_frames(arm, bend, frames)
     return True
 
 
 @kernel
-def _set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
+def set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
     """Compute the frames of the links by cosines and sines of joints 1 to 5."""
     c1, s1, c2, s2, c3, s3, c4, s4, c5, s5 = bend
     for row in range(4):
@@ -272,7 +275,7 @@ def _set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
         frames[2, 1, k], frames[2, 2, k], frames[2, 3, k] = x2, y2, z2
         rolled, z3 = arm.c_held * x2 - arm.s_held * z2, arm.s_held * x2 + arm.c_held * z2
         x3, y3 = c3 * rolled + s3 * y2, c3 * y2 - s3 * rolled
-        frames[3, 0, k] = frames[2, 0, k] + arm.a2 * y2 + arm.d2 * z2 + arm.b2 * rolled
+        frames[3, 0, k] = frames[2, 0, k] + arm.a2 * y2 + arm.d2 * z3 + arm.b2 * rolled
         frames[3, 1, k], frames[3, 2, k], frames[3, 3, k] = x3, y3, z3
         x4, y4 = c4 * x3 - s4 * z3, -s4 * x3 - c4 * z3
         frames[4, 0, k] = frames[5, 0, k] = frames[3, 0, k] + arm.a3 * x3 + arm.d4 * y3
@@ -306,7 +309,7 @@ def forward_kinematics(q: Array, lengths: Array) -> Array:
     forth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     offsets = np.zeros((6, 3))
     offsets[0, 2], offsets[1, 0], offsets[3, :2], offsets[5, 1] = d1, a1, (a3, d4), d6
-    offsets[2] = (0.0, a2, d2) + roll[:, 0] * b2
+    offsets[2] = (0.0, a2, 0.0) + roll @ (b2, 0.0, d2)
     turns = np.eye(3), lean, roll, forth.T, forth, forth.T
     frames = np.tile(np.eye(4), (7, 1, 1))
     for k, (offset, turn) in enumerate(zip(offsets, turns, strict=True)):

@@ -38,7 +38,7 @@ it as above; link 4 by q4 more across it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,9 @@ from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.arm import Arm
 from mlivr_gym.kinematics.elbow_plane import along_axis_2, in_elbow_plane
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 
 class ArmMotion(NamedTuple):
@@ -107,6 +110,10 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
     held, upper, fore = abs(arm.s_held), arm.upper, arm.forearm
     none = ArmMotion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     k2, links = upper * upper + fore * fore, upper * fore
+    # Whether the shoulder lies beside the plane of the triangle.
+    beside = held != 0.0 and arm.d2 != 0.0
+    if beside:
+        k2 += arm.d2 * arm.d2
     rho = np.sqrt(u2 + offset * offset) - d
     if rho <= 0.0 or (arm.c_twist != 0.0 and u2 <= d * d):
         return none
@@ -124,7 +131,11 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
         return none
     sine = np.sqrt(1.0 - most * most)
     in_upper, plane = e / (upper * sine), e / (fore * sine)
-    q3 = min(in_upper * farthest / fore, in_upper + plane)
+    q3, left = in_upper * farthest / fore, in_upper * farthest
+    if beside:
+        left = e + fore * q3
+    else:
+        q3 = min(q3, in_upper + plane)
     least = 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
     widest = np.sqrt(1.0 - least * least)
     k_change = held * fore * (abs(arm.c_fold) * most + abs(arm.s_fold) * widest) * q3
@@ -132,7 +143,8 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
     if held != 0.0:
         folded = max(abs(upper + fore * low), abs(upper + fore * high))
         k_most = abs(arm.c_fold) * fore * widest + abs(arm.s_fold) * folded
-        k_most, o_most = held * k_most, held * k_most
+        k_most = held * k_most + abs(arm.c_held * arm.d2)
+        o_most = k_most
         if arm.c_twist != 0.0:
             o_most = offset + (k_change + abs(arm.c_twist) * d) / abs(arm.s_twist)
         u2_min = rho * rho - o_most * o_most
@@ -142,11 +154,13 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
     q1 = (d + k_change) / (abs(arm.s_twist) * u)
     q2 = in_upper
     if held != 0.0:
-        q1 = min(q1, in_upper * farthest / (abs(arm.s_twist) * u))
+        q1 = min(q1, left / (abs(arm.s_twist) * u))
         across = max(u2_min, closest * closest - k_most * k_most)
-        q2 = (in_upper * farthest + abs(arm.s_twist) * q1 * k_most) / np.sqrt(across)
+        q2 = (left + abs(arm.s_twist) * q1 * k_most) / np.sqrt(across)
         q2 += abs(arm.c_twist) * q1
-        if arm.c_held != 0.0:
+        if beside:
+            plane = q3 + abs(arm.c_held) * q2 + _lean(arm) * q1
+        elif arm.c_held != 0.0:
             q2 = min(q2, (in_upper + _lean(arm) * q1) / abs(arm.c_held))
     return ArmMotion(True, u, sine, q1, q2, q3, plane, np.hypot(plane, _across(arm, q1, q2)))
 
@@ -163,7 +177,7 @@ def stays_above(
     offset = abs(k)
     if arm.c_twist != 0.0:
         square = arm.upper * arm.upper + arm.forearm * arm.forearm
-        square += 2.0 * arm.upper * arm.forearm * cosine - u2 - k * k
+        square += arm.d2 * arm.d2 + 2.0 * arm.upper * arm.forearm * cosine - u2 - k * k
         offset = abs(arm.s_twist * k) + abs(arm.c_twist) * np.sqrt(max(square, 0.0))
     moved = _arm_motion(arm, u2, offset, cosine, d)
     s5 = np.sqrt(terms[choice, 1]) - (a + moved.spin)
@@ -174,15 +188,23 @@ def stays_above(
 @kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
     """Bound how far joints turn on their path from the middle of an interval to its ends."""
+    return bent_turns(arm, (q[1], q[2], q[4]), flange, turns)
+
+
+@kernel
+def bent_turns(arm: Arm, angles: Triple, flange: FlangeMotion, turns: Turns) -> bool:
+    """Bound the turns of joints by the angles of joints 2, 3 and 5, see `held_turns`."""
+    q2, q3, q5 = angles
     d, a, w = flange
-    c3, s3 = np.cos(q[2]), np.sin(q[2])
+    c3, s3 = np.cos(q3), np.sin(q3)
     cosine, sine = c3 * arm.c_bend + s3 * arm.s_bend, s3 * arm.c_bend - c3 * arm.s_bend
     x, y = in_elbow_plane(arm, cosine, sine)
-    c2, s2, k = np.cos(q[1]), np.sin(q[1]), arm.d2 - arm.s_held * x
-    u = arm.a1 + c2 * arm.c_held * x - s2 * y
-    offset = arm.s_twist * k - arm.c_twist * (s2 * arm.c_held * x + c2 * y)
+    c2, s2, k = np.cos(q2), np.sin(q2), arm.c_held * arm.d2 - arm.s_held * x
+    x = arm.c_held * x + arm.s_held * arm.d2
+    u = arm.a1 + c2 * x - s2 * y
+    offset = arm.s_twist * k - arm.c_twist * (s2 * x + c2 * y)
     moved = _arm_motion(arm, u * u, abs(offset), cosine, d)
-    s5 = abs(np.sin(q[4])) - (a + moved.spin)
+    s5 = abs(np.sin(q5)) - (a + moved.spin)
     if not moved.proved or s5 <= 0.0:
         return False
     turns.q1, turns.q2, turns.q3 = moved.q1, moved.q2, moved.q3

@@ -11,6 +11,7 @@ from mlivr_gym.robot.joint_chain import (
     ALIGNED,
     EXACT,
     MEETING,
+    HeldJoint,
     JointChain,
     RecognisedArm,
     crossing_fault,
@@ -21,7 +22,7 @@ from mlivr_gym.robot.joint_chain import (
     sign_of,
     tool_x,
 )
-from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SphericalWristLimb
+from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SHIFTS, SphericalWristLimb
 
 
 class Points(NamedTuple):
@@ -31,6 +32,8 @@ class Points(NamedTuple):
     """Of axis 1, nearest to axis 2."""
     shoulder: Array
     """Of axis 2, nearest to axis 1."""
+    beside: Array
+    """Of axis 2, where axis 3 of seven joints crosses it; the shoulder of six joints."""
     elbow: Array
     """Of the elbow axis, nearest to the wrist point."""
     wrist: Array
@@ -40,17 +43,20 @@ class Points(NamedTuple):
 def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     """Return a chain as an arm with a spherical wrist, or why it is none.
 
-    The last three axes meet in a point, successive ones at right angles, and axis 2 is at right
-    angles to axis 1. Of six joints axis 3 is parallel to axis 2, or axes 1 and 2 cross, as where
-    the roll of the upper arm of a seven-joint arm is fixed; of seven joints axes 1 to 3 meet. Signs
-    are chosen so that `a1`, `a2`, `d4` and `d6` are positive and zero angles near those of the
-    file; a file whose zero angles are those of the family keeps its signs.
+    The last three axes meet in a point, successive ones at right angles. Of six joints axis 2 is at
+    right angles to axis 1 and axis 3 parallel to axis 2; any other six are those that move of an
+    arm of seven of which one is held, see `_with_held_joint`. Of seven joints axes 1 to 4 are at
+    right angles, axes 1 to 3 meet, but for an offset that the held joint leaves free, and joint 1,
+    2 or 3 is held. Signs are chosen so that `a1`, `a2`, `d4` and `d6` are positive and zero angles
+    near those of the file; a file whose zero angles are those of the family keeps its signs.
     """
+    if len(chain.names) == 6:
+        chain = _with_held_joint(chain)
     elbow = len(chain.names) - 4
     if chain.held is not None and chain.held.joint >= HELD_JOINT:
         names = ", ".join(repr(name) for name in chain.names[:HELD_JOINT])
         return f"joint {chain.names[chain.held.joint]!r} is held, which is none of {names}"
-    reason = _wrist_fault(chain, elbow) or _shoulder_fault(chain, elbow)
+    reason = _wrist_fault(chain, elbow) or _shoulder_fault(chain)
     if reason:
         return reason
     points = _points(chain, elbow)
@@ -60,9 +66,87 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     plus = np.ones(len(chain.names))
     literal = _seen_in_family(chain, points, plus)
     lengths = literal.lengths
-    if literal.zeros(chain, plus).any() or min(lengths[name] for name in ("a2", "d4", "d6")) < 0.0:
+    zeros = literal.zeros(chain, plus)
+    if chain.held is not None:
+        # What this package wrote has the zero angles of the form of the joints that move.
+        k = chain.held.joint
+        written = np.insert(np.delete(zeros, k) + SHIFTS[k + 1], k, zeros[k])
+        zeros = zeros if np.abs(written).max() > EXACT else np.zeros(7)
+    if zeros.any() or min(lengths[name] for name in ("a2", "d4", "d6")) < 0.0:
         return _in_family(chain, points, _signs(chain, points, elbow))
     return _in_family(chain, points, plus)
+
+
+def spherical_shoulder(chain: JointChain) -> RecognisedArm | str:
+    """Return a chain as an arm with a spherical shoulder, or why it is none.
+
+    Its joints in opposite order are those of an arm with a spherical wrist. Of seven joints, joint
+    5 or 6 is held; where joint 6 is, axis 7 may lie beside axis 6.
+    """
+    fault = flange_fault(chain, chain.anchors[-1])
+    if fault:
+        return fault
+    back = np.diag([1.0, -1.0, -1.0, 1.0])
+    held = chain.held
+    if held is not None:
+        held = held._replace(joint=len(chain.names) - 1 - held.joint)
+    foot_of_base = chain.base @ back
+    away = foot_of_base[:3, 3] - chain.anchors[0]
+    foot_of_base[:3, 3] = chain.anchors[0] + (away @ chain.axes[0]) * chain.axes[0]
+    opposite = JointChain(
+        chain.names[::-1], -chain.axes[::-1], chain.anchors[::-1], chain.flange @ back,
+        foot_of_base, held,
+    )  # fmt: skip
+    found = spherical_wrist(opposite)
+    if isinstance(found, str):
+        return f"seen from the flange, {found}"
+    arm = dict.fromkeys(("a1", "d2", "b2", "d3"), 0.0) | found.fields
+    if arm["held_joint"] is None and not arm["a1"]:
+        arm |= {"held_joint": HELD_JOINT, "held_angle": 0.0, "d3": arm["d2"], "d2": 0.0}
+    if arm["held_joint"] not in (2, 3) or arm["d2"]:
+        return "seen from the flange, neither its joint 2 nor its joint 3 is the one that is held"
+    fields = {
+        "d1": arm["d6"], "a2": arm["d4"], "b2": -arm["a3"] + 0.0, "a3": -arm["b2"] + 0.0,
+        "d3": arm["d3"], "d4": arm["a2"], "d6": arm["d1"], "a6": -arm["a1"] + 0.0,
+        "held_joint": 8 - arm["held_joint"], "held_angle": arm["held_angle"],
+    }  # fmt: skip
+    out, offsets = found.signs[0] * opposite.axes[0], found.offsets[::-1].copy()
+    tool, first = tool_x(chain.flange, out), found.mount[:3, 0]
+    offsets[-1] -= np.arctan2(np.cross(first, tool) @ out, first @ tool)
+    offsets[np.abs(offsets) < EXACT] = 0.0
+    mount, up = np.eye(4), -found.signs[-1] * opposite.axes[-1]
+    ahead = tool_x(foot_of_base, up)
+    mount[:3, :3] = np.stack([ahead, np.cross(up, ahead), up], axis=1)
+    mount[:3, 3] = foot_of_base[:3, 3]
+    limits = found.held_limits or (-np.pi, np.pi)
+    return RecognisedArm(SphericalWristLimb, fields, found.signs[::-1], offsets, mount, limits)
+
+
+def _with_held_joint(chain: JointChain) -> JointChain:
+    """Return six joints as seven of which one is held, if they are no other form.
+
+    It is joint 3 where axes 1 and 2 cross and axis 3 is not parallel to axis 2, the roll of an
+    upper arm that no joint moves, and joint 2 where axes 1 and 2 meet at another angle.
+    """
+    first, second, lean = chain.axes[:3]
+    if not right_angle_fault(chain, 0, 1):
+        if not _is_tilted(chain) or crossing_fault(chain, 0, 1):
+            return chain
+        joint, anchor, axis = 2, foot(chain, 1, 0), np.cross(second, lean)
+        before, after, ahead = second, lean, chain.anchors[2] - anchor
+    else:
+        joint, anchor, axis = 1, foot(chain, 1, 0), np.cross(first, second)
+        before, after, ahead = first, second, chain.base[:3, 0]
+        if np.linalg.norm(axis) <= ALIGNED or right_angle_fault(chain, 1, 2):
+            return chain
+    axis = _unit(axis) * (-1.0 if ahead @ axis < -EXACT else 1.0)
+    angle = float(np.arctan2(np.cross(before, after) @ axis, before @ after))
+    return JointChain(
+        (*chain.names[:joint], "held", *chain.names[joint:]),
+        np.insert(chain.axes, joint, axis, axis=0),
+        np.insert(chain.anchors, joint, anchor, axis=0),
+        chain.base, chain.flange, HeldJoint(joint, angle, (-np.pi, np.pi)),
+    )  # fmt: skip
 
 
 def _wrist_fault(chain: JointChain, elbow: int) -> str:
@@ -82,20 +166,20 @@ def _wrist_fault(chain: JointChain, elbow: int) -> str:
     return right_angle_fault(chain, elbow, elbow + 1)
 
 
-def _shoulder_fault(chain: JointChain, elbow: int) -> str:
+def _shoulder_fault(chain: JointChain) -> str:
     """Return why the first axes are not those of the form, empty if they are."""
     fault = right_angle_fault(chain, 0, 1)
-    if fault:
-        return fault
-    if elbow == 2:
-        return crossing_fault(chain, 0, 1) if _is_tilted(chain) else ""
-    fault = crossing_fault(chain, 0, 1) or crossing_fault(chain, 1, 2)
+    if fault or chain.held is None:
+        return fault or (crossing_fault(chain, 0, 1) if _is_tilted(chain) else "")
+    # Only a held joint 2 may leave axis 1 beside axis 2, only another axis 3 beside axis 1.
+    second = chain.held.joint == 1
+    fault = ("" if second else crossing_fault(chain, 0, 1)) or crossing_fault(chain, 1, 2)
     apart = foot(chain, 1, 0) - foot(chain, 1, 2)
-    if not fault and np.linalg.norm(apart) > MEETING:
+    if not fault and second and np.linalg.norm(apart) > MEETING:
         names = ", ".join(repr(name) for name in chain.names[:3])
         fault = (
-            f"the axes of joints {names} do not meet in a point, while a shoulder of seven joints "
-            f"is spherical; they pass each other at {np.linalg.norm(apart):.3g} m"
+            f"the axes of joints {names} do not meet in a point, while joint {chain.names[1]!r} is "
+            f"held; they pass each other at {np.linalg.norm(apart):.3g} m"
         )
     return fault or right_angle_fault(chain, 2, 3)
 
@@ -105,7 +189,9 @@ def _points(chain: JointChain, elbow: int) -> Points:
     wrist = foot(chain, elbow + 2, elbow + 3)
     along, anchor = chain.axes[elbow], chain.anchors[elbow]
     at_elbow = anchor + ((wrist - anchor) @ along) * along
-    return Points(foot(chain, 0, 1), foot(chain, 1, 0), at_elbow, wrist)
+    shoulder = foot(chain, 1, 0)
+    beside = shoulder if elbow == 2 else foot(chain, 1, 2)
+    return Points(foot(chain, 0, 1), shoulder, beside, at_elbow, wrist)
 
 
 def _elbow_fault(chain: JointChain, points: Points, elbow: int) -> str:
@@ -113,18 +199,9 @@ def _elbow_fault(chain: JointChain, points: Points, elbow: int) -> str:
     name, axis = chain.names[elbow], chain.axes[elbow]
     if np.linalg.norm(points.wrist - points.elbow) <= MEETING:
         return f"the wrist point lies on the axis of joint {name!r}"
-    upper = points.elbow - points.shoulder
-    if elbow == 2 and not _is_tilted(chain):
-        if np.linalg.norm(np.cross(upper, axis)) <= MEETING:
+    if np.linalg.norm(np.cross(points.elbow - points.beside, axis)) <= MEETING:
+        if elbow == 2:
             return f"the axes of joints {chain.names[1]!r} and {name!r} are one line"
-        return ""
-    off = abs(float(upper @ axis))
-    if off > MEETING:
-        return (
-            f"the shoulder lies {off:.3g} m beside the plane in which the wrist point turns about "
-            f"joint {name!r}"
-        )
-    if np.linalg.norm(upper) <= MEETING:
         return f"the axis of joint {name!r} passes through the shoulder"
     return ""
 
@@ -132,7 +209,7 @@ def _elbow_fault(chain: JointChain, points: Points, elbow: int) -> str:
 def _signs(chain: JointChain, points: Points, elbow: int) -> Array:
     """Return the sign of each axis."""
     axes, names = chain.axes, chain.names
-    upper = points.elbow - points.shoulder
+    upper = points.elbow - points.beside
     signs = np.ones(len(names))
     signs[0] = sign_of(
         float((points.shoulder - chain.base[:3, 3]) @ axes[0]),
@@ -162,8 +239,6 @@ class ArmInFamily(NamedTuple):
 
     angles: Array
     """Angles of all joints [rad], shape (n,)."""
-    held: float
-    """Angle from axis 2 to the elbow axis about the upper arm [rad]."""
     lengths: dict[str, float]
     """Lengths by the fields of the limb [m]."""
     mount: Array
@@ -183,17 +258,10 @@ def _seen_in_family(chain: JointChain, points: Points, signs: Array) -> ArmInFam
     up, second, lean = axes[0], axes[1], axes[len(axes) - 4]
     wrist_1, wrist_2, out = axes[-3:]
     first = _unit(np.cross(up, second))
-    upper, fore = points.elbow - points.shoulder, points.wrist - points.elbow
-    tilted = seven or _is_tilted(chain)
-    if seven:
-        along = axes[2]
-    elif tilted:
-        along = _unit(np.cross(second, lean))
-        along = along * (-1.0 if upper @ along < 0.0 else 1.0)
-    else:
-        along = _unit(upper - (upper @ second) * second)
+    upper, fore = points.elbow - points.beside, points.wrist - points.elbow
+    along = axes[2] if seven else _unit(upper - (upper @ second) * second)
     x2, x3, x4 = np.cross(along, second), np.cross(wrist_1, lean), np.cross(wrist_1, wrist_2)
-    held = float(np.arctan2(lean @ x2, lean @ second)) if tilted else 0.0
+    held = float(np.arctan2(lean @ x2, lean @ second)) if seven else 0.0
     rolled, x5, tool = np.cross(along, lean), np.cross(out, wrist_2), tool_x(chain.flange, out)
     angles = [
         0.0,
@@ -212,10 +280,16 @@ def _seen_in_family(chain: JointChain, points: Points, signs: Array) -> ArmInFam
         "d1": (points.shoulder - mount[:3, 3]) @ up, "a2": upper @ along, "a3": fore @ x3,
         "d4": fore @ wrist_1, "d6": (chain.flange[:3, 3] - points.wrist) @ out,
     }  # fmt: skip
-    if tilted:
-        lengths["b2"] = upper @ rolled
+    # Offsets that a held joint does not leave free are rounding errors.
+    free = None if chain.held is None else chain.held.joint
+    if free in (None, 1):
+        lengths["a1"] = (points.shoulder - points.foot) @ first
+    if free in (0, 2):
+        lengths["d2"] = (points.beside - points.shoulder) @ second
+    if seven:
+        lengths |= {"b2": upper @ rolled, "d3": upper @ lean}
     else:
-        lengths |= {"a1": (points.shoulder - points.foot) @ first, "d2": upper @ second}
+        lengths["d2"] = upper @ second
     if chain.held is not None and chain.held.joint == 0:
         # The axes of the mount are those where joint 1 is at 0.
         angles[0] = signs[0] * chain.held.angle
@@ -223,7 +297,8 @@ def _seen_in_family(chain: JointChain, points: Points, signs: Array) -> ArmInFam
         mount[:3, :3] = mount[:3, :3] @ [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
     rounded_off = np.array(angles)
     rounded_off[np.abs(rounded_off) < EXACT] = 0.0
-    return ArmInFamily(rounded_off, held, {k: rounded(v) for k, v in lengths.items()}, mount)
+    exact = {k: rounded(v) if abs(v) > EXACT else 0.0 for k, v in lengths.items()}
+    return ArmInFamily(rounded_off, exact, mount)
 
 
 def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm:
@@ -231,12 +306,7 @@ def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm
     seen = _seen_in_family(chain, points, signs)
     fields: dict[str, Any] = {**seen.lengths, "held_joint": None}
     if chain.held is None:
-        if not _is_tilted(chain):
-            return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount)
-        # The roll of an upper arm that no joint of the file moves may be held anywhere.
-        fields |= {"held_joint": HELD_JOINT, "held_angle": rounded(seen.held)}
-        limits = (-np.pi, np.pi)
-        return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount, limits)
+        return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount)
     k = chain.held.joint
     zero = seen.zeros(chain, signs)[k]
     low, high = sorted(float(signs[k] * end + zero) for end in chain.held.limits)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.joint_chain import JointChain, RecognisedArm, axis_text
 from mlivr_gym.robot.recognised_ur import three_parallel
-from mlivr_gym.robot.recognised_wrist import spherical_wrist
+from mlivr_gym.robot.recognised_wrist import spherical_shoulder, spherical_wrist
 
 
 class ArmFamily(NamedTuple):
@@ -58,6 +58,8 @@ def recognised(chain: JointChain) -> RecognisedArm:
 FAMILIES: tuple[ArmFamily, ...] = (
     ArmFamily("three parallel axes, as a UR arm", 6, three_parallel),
     ArmFamily("spherical shoulder and wrist, as an iiwa", 7, spherical_wrist),
+    ArmFamily("spherical shoulder, as a Franka", 7, spherical_shoulder),
     ArmFamily("spherical wrist", 6, spherical_wrist),
+    ArmFamily("spherical shoulder of six joints", 6, spherical_shoulder),
 )
 """Families of arms, in the order in which a chain is compared with them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,15 +27,30 @@ from mlivr_gym.values import MIN_SIZE, Triple
 HELD_JOINT = 3
 """The joint of a seven-joint arm that is held by default: the roll of the upper arm."""
 
+HELD_JOINTS = (1, 2, 3, 5, 6)
+"""Joints of a seven-joint arm of which one can be held."""
+
+NOT_HELD = {
+    4: "joint 4, the elbow, changes the distance of the wrist from the shoulder and no other does",
+    7: "joint 7 turns the tool about its axis, by which a grasp may be half a turn further",
+}
+"""Why the others cannot."""
+
+OFFSETS: dict[str, tuple[int | None, ...]] = {
+    "a1": (None, 2), "d2": (None, 1, 3), "b2": HELD_JOINTS, "d3": HELD_JOINTS, "a6": (6,),
+}  # fmt: skip
+"""With which held joints an offset may be other than 0."""
+
 QUARTER = 0.5 * np.pi
 """A quarter turn [rad]."""
 
 SHIFTS = {None: (0.0,) * 6, 1: (0.0, QUARTER, QUARTER, 0.0, 0.0, 0.0),
-          2: (-QUARTER, 0.0, QUARTER, 0.0, 0.0, 0.0), 3: (0.0,) * 6}  # fmt: skip
+          2: (-QUARTER, 0.0, QUARTER, 0.0, 0.0, 0.0), 3: (0.0,) * 6, 5: (0.0,) * 6,
+          6: (0.0, 0.0, 0.0, QUARTER, 0.0, -QUARTER)}  # fmt: skip
 """By how much angles of the joints that move exceed those of the arm, by the held joint [rad].
 
-Without joint 1, 2 or 3 the six other joints have a closed form, see `kinematics.spherical_wrist`,
-whose zero angles these are.
+Without one joint the six others have a closed form, see `kinematics.spherical_wrist` and
+`kinematics.spherical_shoulder`, whose zero angles these are.
 """
 
 DEGREES = (170.0, 120.0, 170.0, 120.0, 170.0, 120.0, 175.0)
@@ -66,10 +81,12 @@ class SphericalWristLimb(LimbBase):
     lengths and limits of a KUKA LBR iiwa 14 R820, whose joint 3 is held; its joints 2 and 6 turn in
     the other sense there.
 
-    One of joints 1, 2 and 3 can be held. Angles of the six others are those of the arm plus
-    `SHIFTS`. A joint that is held does not move while the limb holds or swings. Manipulability is
-    that of the six joints that move, a lower bound of that of all seven: `det(J J^T)` is the sum of
-    the squares of the determinants of all choices of six columns (Cauchy-Binet).
+    One of `HELD_JOINTS` can be held. Angles of the six others are those of the arm plus `SHIFTS`.
+    If it is joint 5 or 6, the shoulder must be spherical; with joint 6 held the wrist need not be,
+    as that of a Franka is not. A joint that is held does not move while the limb holds or swings.
+    Manipulability is that of the six joints that move, a lower bound of that of all seven:
+    `det(J J^T)` is the sum of the squares of the determinants of all choices of six columns
+    (Cauchy-Binet).
 
     Attributes
     ----------
@@ -78,9 +95,9 @@ class SphericalWristLimb(LimbBase):
     d1
         Height of axis 2 over the base [m].
     a1
-        Distance of axis 2 from axis 1 [m]; 0 of an arm of seven joints.
+        Distance of axis 2 from axis 1 [m]; of seven joints 0 unless joint 2 is held.
     d2
-        Offset of the arm along axis 2 [m]; 0 of an arm of seven joints.
+        Offset of the arm along axis 2 [m]; of seven joints 0 unless joint 1 or 3 is held.
     a2
         Upper arm, from axis 2 to the elbow axis [m].
     b2
@@ -92,7 +109,7 @@ class SphericalWristLimb(LimbBase):
     d6
         From the wrist point to the flange [m].
     held_joint
-        Number of the joint of a seven-joint arm that is held, 1, 2 or 3; None of six joints.
+        Number of the joint of a seven-joint arm that is held, one of `HELD_JOINTS`; None of six.
     held_angle
         Angle at which it is held [rad].
     joint_limits
@@ -100,6 +117,10 @@ class SphericalWristLimb(LimbBase):
     window_starts
         Where the turn begins in which each of the six joints stays while the limb holds [rad], see
         `windows`.
+    d3
+        Offset of the arm along the elbow axis [m]; 0 of an arm of six joints.
+    a6
+        Distance of axis 7 from axis 6 [m]; 0 unless joint 6 is held.
 
     Examples
     --------
@@ -120,11 +141,17 @@ class SphericalWristLimb(LimbBase):
     joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
     window_starts: tuple[float, ...] = WINDOW_STARTS
     b2: float = 0.0
+    d3: float = 0.0
+    a6: float = 0.0
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
         place = FieldPath("limb", RobotError)
         SPHERICAL_WRIST_LIMB.check(self, place)
+        if self.held_joint not in (None, *HELD_JOINTS):
+            raise place.field("held_joint").fault(
+                f"is {self.held_joint}; it must be 1, 2, 3, 5 or 6: {NOT_HELD[self.held_joint]}"
+            )
         if self.a2 < 0.0 or np.hypot(self.a2, self.b2) < MIN_SIZE:
             raise place.field("a2").fault(f"is {self.a2:g}; the upper arm must have a length")
         if np.hypot(self.a3, self.d4) < MIN_SIZE:
@@ -134,32 +161,55 @@ class SphericalWristLimb(LimbBase):
             raise place.field("held_angle").fault(
                 f"is {self.held_angle:g}, but no joint is held; set held_joint to {HELD_JOINT}"
             )
-        for name in ("b2",) if self.held_joint is None else ("a1", "d2"):
-            if getattr(self, name) != 0.0:
+        for name, joints in OFFSETS.items():
+            if getattr(self, name) != 0.0 and self.held_joint not in joints:
                 of = "of an arm of six joints"
                 if self.held_joint is not None:
-                    of = (
-                        f"where joint {self.held_joint} is held, the shoulder of a seven-joint arm "
-                        "being spherical"
-                    )
+                    of = f"where joint {self.held_joint} is held"
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must be 0 {of}")
-        if self.held_joint == 2 and abs(np.sin(self.held_angle)) < MIN_SIZE:
+        if self.held_joint in (2, 6) and abs(np.sin(self.held_angle)) < MIN_SIZE:
             raise place.field("held_angle").fault(
-                f"is {self.held_angle:g} rad; with joint 2 held there joints 1 and 3 are in line"
+                f"is {self.held_angle:g} rad; with joint {self.held_joint} held there joints "
+                f"{self.held_joint - 1} and {self.held_joint + 1} are in line"
             )
+
+    @property
+    def seen_from_flange(self) -> SphericalWristLimb | None:
+        """The arm whose joints are these in opposite order, None unless joint 5 or 6 is held."""
+        if self.held_joint not in (5, 6):
+            return None
+        return replace(
+            self, d1=self.d6, a1=-self.a6, a2=self.d4, b2=-self.a3, a3=-self.b2, d4=self.a2,
+            d6=self.d1, a6=0.0, held_joint=8 - self.held_joint,
+            joint_limits=self.joint_limits[::-1],
+        )  # fmt: skip
 
     @property
     def lengths(self) -> Array:
         """Lengths d1, a1, d2, a2, b2, a3, d4, d6 [m] and two angles [rad], shape (10,).
 
-        They are those of the form of the six joints that move, see `kinematics.spherical_wrist`.
+        They are those of the form of the six joints that move, see `kinematics.spherical_wrist` and
+        `kinematics.spherical_shoulder`.
         """
-        shoulder = (self.d1, self.a1, self.d2, self.a2, self.b2)
-        twist, held = QUARTER, self.held_angle
-        if self.held_joint in (1, 2):
-            shoulder = (0.0 if self.held_joint == 1 else self.d1, 0.0, 0.0, self.b2, -self.a2)
-            twist, held = (QUARTER if self.held_joint == 1 else self.held_angle), QUARTER
-        return np.array((*shoulder, self.a3, self.d4, self.d6, twist, held), dtype=np.float64)
+        opposite = self.seen_from_flange
+        if opposite is not None:
+            form = opposite.lengths
+            form[[0, 7]] = form[[7, 0]]
+            return form
+        d1, twist, held, angle = self.d1, QUARTER, QUARTER, self.held_angle
+        if self.held_joint == 1:
+            arm = (self.d2, 0.0, self.d3, self.b2, -self.a2)
+        elif self.held_joint == 2:
+            # Axes 1 and 3 meet in a point, from which the form begins.
+            along, twist = (self.a1 / np.sin(angle), angle) if self.a1 else (0.0, angle)
+            arm = (d1 + along * np.cos(angle), 0.0, self.d3, self.b2, along - self.a2)
+        elif self.held_joint == 3:
+            c, s = (np.cos(angle), np.sin(angle)) if self.d2 else (0.0, 0.0)
+            arm = (d1, 0.0, self.d3 + self.d2 * c, self.a2, self.b2 - self.d2 * s)
+            held = angle
+        else:
+            arm, held = (d1, self.a1, self.d2, self.a2, self.b2), 0.0
+        return np.array((*arm, self.a3, self.d4, self.d6, twist, held), dtype=np.float64)
 
     @property
     def base_in_mount(self) -> tuple[Array, Array] | None:
@@ -192,7 +242,7 @@ class SphericalWristLimb(LimbBase):
     @property
     def family_code(self) -> int:
         """Number of the family, see `kinematics.arm`."""
-        return FAMILIES.index(self.family)
+        return FAMILIES.index(self.family) + (self.held_joint in (5, 6))
 
     @property
     def default_folds(self) -> tuple[tuple[float, ...], ...]:
@@ -208,45 +258,51 @@ class SphericalWristLimb(LimbBase):
 
         Joints turn about the z axes; the last frame is the flange's.
         """
-        d1, twist, held = self.lengths[[0, 8, 9]].tolist()
-        lean = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)), 0.0, 0.0)
+        d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.lengths.tolist()
+        c, s = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)))
+        lean, back = ((c, s, 0.0, 0.0), (c, -s, 0.0, 0.0)) if twist != QUARTER else (FORTH, BACK)
         rolled = (float(np.cos(0.5 * held)), 0.0, float(np.sin(0.5 * held)), 0.0)
+        here, first = (0.0, 0.0, 0.0), ((0.0, 0.0, d1), STRAIGHT)
+        if self.seen_from_flange is not None:
+            # The steps of the form taken backwards, with y and z reversed.
+            tip = (0.0, float(d6 * np.sin(twist)), float(d6 * np.cos(twist)))
+            tip = (0.0, d6, 0.0) if twist == QUARTER else tip
+            elbow, point = (-a3, 0.0, d4), (-b2, a2, d2)
+            return (first, (here, FORTH), (here, BACK), (elbow, FORTH), (point, rolled),
+                    (tip, back))  # fmt: skip
+        c, s = (float(np.cos(held)), float(np.sin(held))) if held else (1.0, 0.0)
+        elbow = (b2 * c + d2 * s if b2 or d2 else 0.0, a2, d2 * c - b2 * s)
         return (
-            ((0.0, 0.0, d1), STRAIGHT),
-            ((self.a1, 0.0, 0.0), FORTH if twist == QUARTER else lean),
-            (self._elbow, rolled),
-            ((self.a3, self.d4, 0.0), BACK),
-            ((0.0, 0.0, 0.0), FORTH),
-            ((0.0, self.d6, 0.0), BACK),
-        )
-
-    @property
-    def _elbow(self) -> Triple:
-        """Origin of link 3 in link 2 [m]."""
-        _, _, d2, a2, b2, _, _, _, _, held = self.lengths.tolist()
-        c, s = (np.cos(held), np.sin(held)) if b2 else (1.0, 0.0)
-        return float(b2 * c), a2, float(d2 - b2 * s)
+            first, ((a1, 0.0, 0.0), lean), (elbow, rolled), ((a3, d4, 0.0), BACK), (here, FORTH),
+            ((0.0, d6, 0.0), BACK),
+        )  # fmt: skip
 
     @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
-        d1, elbow = abs(self.d1), float(np.linalg.norm(self._elbow))
-        shoulder = d1 + abs(self.a1)
-        wrist = shoulder + elbow + float(np.hypot(self.a3, self.d4))
-        base, flange = d1 if self.held_joint == 1 else 0.0, wrist + abs(self.d6)
-        return base, d1, shoulder, shoulder + elbow, wrist, wrist, flange
+        base = abs(self.d1) if self.held_joint == 1 else 0.0
+        steps = [float(np.linalg.norm(place)) for place, _ in self.link_offsets]
+        return (base, *(base + np.cumsum(steps)).tolist())
 
     @property
     def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
-        """Anchors from which the motion of points of each link, 1 to 6, can be bounded."""
-        here = (0.0, 0.0, 0.0)
+        """Anchors from which the motion of points of each link, 1 to 6, can be bounded.
+
+        If joint 5 or 6 is held these are the shoulder, the elbow on links 3 (anchor 1) and 4 (2),
+        and where axes 5 and 6 meet.
+        """
+        here, places = (0.0, 0.0, 0.0), [place for place, _ in self.link_offsets]
+        tip: tuple[AnchorPlace, ...] = ((3, (0.0, 0.0, -float(self.lengths[7]))),)
+        if self.seen_from_flange is not None:
+            upper, fore = ((0, here), (1, places[3])), ((2, here), (3, places[4]))
+            return {1: ((0, here),), 2: ((0, here),), 3: upper, 4: fore, 5: ((3, here),), 6: tip}
         return {
             1: ((0, here),),
-            2: ((0, here), (1, self._elbow)),
-            3: ((1, here), (3, (self.a3, self.d4, 0.0))),
+            2: ((0, here), (1, places[2])),
+            3: ((1, here), (3, places[3])),
             4: ((3, here),),
             5: ((3, here),),
-            6: ((3, (0.0, 0.0, -self.d6)),),
+            6: tip,
         }
 
     @property
@@ -257,10 +313,10 @@ class SphericalWristLimb(LimbBase):
     @property
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper."""
-        d4, d6 = self.d4, self.d6
-        radius = THICKNESS * self.arm_length
+        places = [place for place, _ in self.link_offsets]
+        form = self.lengths.tolist()
+        d6, radius, here = form[7], THICKNESS * self.arm_length, (0.0, 0.0, 0.0)
         flange = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
-        here, tip = (0.0, 0.0, 0.0), -float(np.copysign(flange, d6))
         stands = (
             Capsule("base", here, (0.0, 0.0, 0.25 * self.d1), radius),
             Capsule("shoulder", (0.0, 0.0, -0.45 * self.d1), here, radius),
@@ -271,43 +327,60 @@ class SphericalWristLimb(LimbBase):
                 Capsule("base", (0.0, self.d1, 0.0), (0.0, 2.5 * radius, 0.0), radius),
                 Capsule("shoulder", here, here, radius),
             )
+        tip = Capsule("wrist_3", (0.0, 0.0, -0.5 * d6),
+                      (0.0, 0.0, -float(np.copysign(flange, d6))), flange)  # fmt: skip
+        if self.seen_from_flange is not None:
+            return (
+                *stands,
+                Capsule("forearm", (0.0, 0.0, 0.5 * places[3][2]), places[3], radius),
+                Capsule("wrist_1", here, _share(0.65, places[4]), radius),
+                Capsule("wrist_2", here, _share(0.25, places[5]), radius),
+                tip,
+            )
+        d4 = form[6]
         return (
             *stands,
-            Capsule("upper_arm", (0.0, 0.0, self.d2), self._elbow, radius),
-            Capsule("forearm", here, (self.a3, 0.35 * d4, 0.0), radius),
+            Capsule("upper_arm", (0.0, 0.0, 0.0 if form[9] else form[2]), places[2], radius),
+            Capsule("forearm", here, (form[5], 0.35 * d4, 0.0), radius),
             Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, -0.35 * d4), radius),
             Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
-            Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, tip), flange),
+            tip,
         )
 
     def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
         """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
 
         `w_m` asks for `|sin f u| >= w_m l_c^3 / (U L |sin r|)`, and `|u| <= |a1| + D` with `D` the
-        distance of the wrist point from axis 2. The largest bound is taken over cells of the elbow
-        angle, in each with the best ends.
+        distance of the wrist point from the shoulder, or from axis 2 if that is parallel to axis 3.
+        The largest bound is taken over cells of the elbow angle, in each with the best ends.
         """
-        upper, fore = float(np.hypot(self.a2, self.b2)), float(np.hypot(self.a3, self.d4))
+        d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.lengths.tolist()
+        upper, fore = float(np.hypot(a2, b2)), float(np.hypot(a3, d4))
         angle = np.linspace(0.0, np.pi, CELLS + 1)
         square = upper**2 + fore**2 + 2.0 * upper * fore * np.cos(angle[:-1])
         distance = np.sqrt(np.maximum(square, 0.0))
         middle = (angle[:-1] <= 0.5 * np.pi) & (angle[1:] >= 0.5 * np.pi)
         sine = np.where(middle, 1.0, np.maximum(np.sin(angle[:-1]), np.sin(angle[1:])))
-        upper_fore = upper * fore * abs(float(np.sin(self.lengths[8])))
-        needed = w_m * characteristic_length**3 / (upper_fore * sine)
-        possible = needed <= abs(self.a1) + distance
+        needed = w_m * characteristic_length**3 / (upper * fore * abs(np.sin(twist)) * sine)
+        possible = needed <= abs(a1) + (np.hypot(distance, d2) if held else distance)
         if not possible.any():
             return 0.0
-        wrist = abs(self.a1) + float(np.hypot(distance[possible].max(), self.d2))
-        return abs(self.d1) + wrist + abs(self.d6)
+        wrist = abs(a1) + float(np.hypot(distance[possible].max(), d2))
+        return float(self.link_distances[0] + abs(d1) + wrist + abs(d6))
+
+
+def _share(share: float, place: Triple) -> Triple:
+    """Return a part of the way to a place."""
+    x, y, z = place
+    return share * x, share * y, share * z
 
 
 SPHERICAL_WRIST_LIMB = Struct(
     SphericalWristLimb,
     {
         "family": Choice(FAMILIES[1:]),
-        **dict.fromkeys(("d1", "a1", "d2", "a2", "b2", "a3", "d4", "d6"), LENGTH),
-        "held_joint": OrNone(Integer(1, HELD_JOINT)),
+        **dict.fromkeys(("d1", "a1", "d2", "a2", "b2", "a3", "d3", "d4", "d6", "a6"), LENGTH),
+        "held_joint": OrNone(Integer(1, 7)),
         "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
         "joint_limits": Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
         "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),

@@ -18,7 +18,7 @@ from held_paths import EVERY_BRANCH, FLANGE, FLOOR, mounted, path_between, rando
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlivr_gym.kinematics.arm import UR
+from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import branch_terms, stays_above
@@ -118,7 +118,7 @@ def test_no_pose_within_the_bounds_is_below_what_they_prove(limb):
     The planted fault: what half the change proves is broken by some pose.
     """
     rng, losses, faults = np.random.default_rng(0), [], 0
-    for k in range(150):
+    for k in range(300 if limb.family_code == SPHERICAL_SHOULDER else 150):
         q = random_posture(limb, rng, k)
         size = 10.0 ** rng.uniform(-3.0, -1.0)
         change = [(size, 0.0), (0.0, size), (size, size * rng.uniform(0.3, 2.0))][rng.integers(3)]
@@ -131,5 +131,6 @@ def test_no_pose_within_the_bounds_is_below_what_they_prove(limb):
         faults += half is not None and least < half
     assert len(losses) > 50
     assert min(losses) >= 1.0
-    assert np.median(losses) < (2.5 if limb.family_code == UR else 3.5)
+    # Those of a spherical shoulder are proved in two steps, the first of them to the flange.
+    assert np.median(losses) < {UR: 2.5, SPHERICAL_SHOULDER: 6.0}.get(limb.family_code, 3.5)
     assert faults > 20

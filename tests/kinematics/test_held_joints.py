@@ -1,13 +1,14 @@
-"""Arms of seven joints of which joint 1, 2 or 3 is held, against Pinocchio and EAIK."""
+"""Arms of seven joints of which one joint is held, against Pinocchio and EAIK."""
 
 import numpy as np
 import pytest
 from branches import arm_of, solutions
-from wrist_arms import LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
+from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym.kinematics.families import forward_kinematics
 
-HELD = {name: limb for name, limb in (LIMBS | OTHERS).items() if limb.held_joint is not None}
+EVERY = LIMBS | OTHERS | FURTHER
+HELD = {name: limb for name, limb in EVERY.items() if limb.held_joint is not None}
 
 
 def turned(a, b):
@@ -38,8 +39,9 @@ def test_eaik_finds_the_same_solutions(name):
     model = pinocchio_wrist_arm(limb)
     axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]] * 3 + [[0.0, 0.0, 1.0]])
     between = np.zeros((8, 3))
-    between[[1, 7], 2] = limb.d1, limb.d6
-    between[3], between[4] = (limb.b2, 0.0, limb.a2), (limb.a3, 0.0, limb.d4)
+    between[1], between[2] = (limb.a1, 0.0, limb.d1), (0.0, -limb.d2, 0.0)
+    between[3], between[4] = (limb.b2, 0.0, limb.a2), (limb.a3, -limb.d3, limb.d4)
+    between[6, 0], between[7, 2] = limb.a6, limb.d6
     arm = hp.HPRobot(axes, between, [(limb.held_joint - 1, limb.held_angle)])
     to_base = np.eye(4)
     if limb.base_in_mount is not None:

@@ -3,7 +3,17 @@
 import mujoco
 import numpy as np
 import pytest
-from robot_texts import IIWA14, KR16, PUMA560, UR10E, frames_along, frames_of, one_arm
+from robot_texts import (
+    FRANKA,
+    GEN3,
+    IIWA14,
+    KR16,
+    PUMA560,
+    UR10E,
+    frames_along,
+    frames_of,
+    one_arm,
+)
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
@@ -14,15 +24,22 @@ from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 ARMS = {
     "ur10e": frames_of(UR10E),
-    "iiwa": IIWA14, "iiwa-first": IIWA14, "iiwa-second": IIWA14, "kr16": KR16, "puma": PUMA560,
+    "iiwa": IIWA14, "iiwa-first": IIWA14, "iiwa-second": IIWA14, "iiwa-fifth": IIWA14,
+    "iiwa-sixth": IIWA14, "franka": FRANKA, "gen3": GEN3, "gen3-first": GEN3, "kr16": KR16,
+    "puma": PUMA560,
 }  # fmt: skip
-HELD = {"iiwa": "joint3", "iiwa-first": "joint1", "iiwa-second": "joint2"}
+HELD = {
+    "iiwa": "joint3", "iiwa-first": "joint1", "iiwa-second": "joint2", "iiwa-fifth": "joint5",
+    "iiwa-sixth": "joint6", "franka": "joint6", "gen3": "joint3", "gen3-first": "joint1",
+}  # fmt: skip
 """The joint that is held by the names of the arms of seven joints."""
 LENGTHS = {
     "ur10e": np.abs(UR10E[1:]),
     "iiwa": (0.0, 0.0, 0.42, 0.0, 0.4, 0.126),
     "kr16": (0.26, 0.0, 0.68, 0.035, 0.67, 0.158),
     "puma": (0.0, 0.14909, 0.4318, 0.0203, 0.43307, 0.05625),
+    "franka": (0.0, 0.0, 0.316, 0.0825, 0.384, 0.107),
+    "gen3": (0.0, 0.01175, 0.42076, 0.0, 0.31436, 0.167455),
 }
 """a2, a3, d4, d5, d6 of the first; a1, d2, a2, a3, d4, d6 of the others, which may point either way
 [m]."""
@@ -115,20 +132,33 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
 
 
 @pytest.mark.parametrize("kind", ["urdf", "xml"])
-@pytest.mark.parametrize("angle", [0.0, 0.8])
-def test_a_robot_written_and_read_is_the_same(tmp_path, kind, angle):
-    path = written(tmp_path, one_arm(frames=IIWA14))
-    robot = RobotSpec.from_urdf(path, held_angle=angle, mount_radius=CLEAR, name="iiwa")
+@pytest.mark.parametrize(
+    ("name", "angle"),
+    [("iiwa", 0.0), ("iiwa", 0.8), ("iiwa-first", 0.4), ("iiwa-second", -1.1), ("iiwa-fifth", 0.0),
+     ("iiwa-fifth", 0.8), ("iiwa-sixth", 1.2), ("franka", 1.9), ("gen3", 0.6)],
+)  # fmt: skip
+def test_a_robot_written_and_read_is_the_same(tmp_path, kind, name, angle):
+    """Its limb of six joints is that of seven of which one is held, whatever that is called."""
+    path = written(tmp_path, one_arm(frames=ARMS[name]))
+    held = {"held_joint": HELD[name], "held_angle": angle}
+    robot = RobotSpec.from_urdf(path, **held, mount_radius=CLEAR, name="arm")
     other = str(tmp_path / f"again.{kind}")
     (robot.to_urdf if kind == "urdf" else robot.to_mjcf)(other)
     again = robot_spec(other)
     assert again.limbs == 2
-    np.testing.assert_allclose(again.limb.lengths, robot.limb.lengths, atol=1e-9)
     np.testing.assert_allclose(again.joint_limits, robot.joint_limits, atol=1e-9)
     for figure in ("masses", "centres", "inertias"):
         for i in range(2):
             one, two = (getattr(r.dynamics_of(i), figure) for r in (robot, again))
             np.testing.assert_allclose(two, one, atol=1e-9)
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+        flanges = [
+            forward_kinematics(q, r.limb.lengths, r.limb.family_code)[-1] for r in (robot, again)
+        ]
+        np.testing.assert_allclose(flanges[0], flanges[1], atol=1e-8)
+    np.testing.assert_allclose(again.mount_rotations, robot.mount_rotations, atol=1e-9)
+    np.testing.assert_allclose(again.mount_positions, robot.mount_positions, atol=1e-9)
 
 
 def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
@@ -142,8 +172,8 @@ def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
         ({"held_angle": [float("nan")]}, "held_angle"),
         ({"held_joint": ["joint3", "joint3"]}, "held_joint has 2 entries; the file has 1 limbs"),
         (
-            {"held_joint": "joint5"},
-            "joint 'joint5' is held, which is none of 'joint1', 'joint2', 'joint3'",
+            {"held_joint": "joint4"},
+            "joint 'joint4' is held, which is none of 'joint1', 'joint2', 'joint3'",
         ),
     ):
         with pytest.raises(RobotError, match=words) as caught:

@@ -9,7 +9,7 @@ from held_paths import GRIP, MOUNT, ORIGIN, TOOL, path_between, random_ends
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics import spherical_wrist, ur
-from mlivr_gym.kinematics.arm import UR
+from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
 from mlivr_gym.kinematics.families import forward_kinematics
 
@@ -39,6 +39,10 @@ def frames(limb, q):
 
 def jacobian(limb, q):
     """Jacobian of the closed form to the joints that move."""
+    if limb.family_code == SPHERICAL_SHOULDER:
+        every = frames(limb, q)
+        axes, origins = every[1:, :3, 2], every[1:, :3, 3]
+        return np.vstack([np.cross(axes, every[6, :3, 3] - origins).T, axes.T])
     return (ur if limb.family_code == UR else spherical_wrist).jacobian(q, limb.lengths)
 
 
@@ -61,8 +65,10 @@ def path_near(limb, seed, kind=STRAIGHT):
     for place in ends[::2] if limb.family_code != UR else ():
         place *= 0.5 if limb == ARMS["six"] else 1.0
         place += [-0.1, 0.0, -0.2] if limb == ARMS["six"] else [-0.3, 0.0, 0.05]
+        if limb.family_code == SPHERICAL_SHOULDER:
+            place += [0.45, 0.0, -0.35]
         # The shoulder of some is the base.
-        place += [0.36, 0.0, 0.0] if limb.lengths[0] == 0.0 else [0.0, 0.0, 0.0]
+        place += [0.36, 0.0, 0.0] if abs(limb.lengths[0]) < 0.1 else [0.0, 0.0, 0.0]
     return path_between(ends, kind, GRIP)
 
 
@@ -77,11 +83,11 @@ def random_posture(limb, rng, k):
     """Joint angles, often near a stretched or folded elbow."""
     q = rng.uniform(-np.pi, np.pi, 6)
     if k % 3:
-        bend = 0.0
+        bend, elbow = 0.0, 3 if limb.family_code == SPHERICAL_SHOULDER else 2
         if limb.family_code != UR:
             _, _, _, a2, b2, a3, d4, *_ = limb.lengths
             bend = np.arctan2(a3, d4) - np.arctan2(b2, a2)
-        q[2] = bend + np.pi * (k % 3 - 1) + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6)
+        q[elbow] = bend + np.pi * (k % 3 - 1) + rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.6)
     return q
 
 

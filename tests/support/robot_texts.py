@@ -72,6 +72,23 @@ IIWA14_FIGURES = tuple(
 """Limit [rad], largest torque [N m] and mass of the link [kg] of each joint: limits and torques by
 the data sheet, masses by `kuka_iiwa_14/iiwa14.xml` of MuJoCo Menagerie (BSD-3-Clause)."""
 
+FRANKA = frames_along((
+    ((0.0, 0.0, 0.333), "x", 0.0), ((0.0, 0.0, 0.0), "x", -90.0), ((0.0, -0.316, 0.0), "x", 90.0),
+    ((0.0825, 0.0, 0.0), "x", 90.0), ((-0.0825, 0.384, 0.0), "x", -90.0),
+    ((0.0, 0.0, 0.0), "x", 90.0), ((0.088, 0.0, 0.0), "x", 90.0), ((0.0, 0.0, 0.107), "x", 0.0),
+))  # fmt: skip
+"""Joints and flange of a Franka Research 3 by the maker's table of modified DH parameters, and by
+`robots/fr3/kinematics.yaml` of franka_description (Apache-2.0)."""
+
+GEN3 = frames_along((
+    ((0.0, 0.0, 0.15643), "x", 180.0), ((0.0, 0.005375, -0.12838), "x", 90.0),
+    ((0.0, -0.21038, -0.006375), "x", -90.0), ((0.0, 0.006375, -0.21038), "x", 90.0),
+    ((0.0, -0.20843, -0.006375), "x", -90.0), ((0.0, 0.0, -0.10593), "x", 90.0),
+    ((0.0, -0.10593, 0.0), "x", -90.0), ((0.0, 0.0, -0.061525), "x", 180.0),
+))  # fmt: skip
+"""Joints and flange of a Kinova Gen3 of seven joints by `kortex_description` of ros2_kortex
+(BSD-3-Clause), but for 0.18 mm by which axis 5 lies beside axes 6 and 7."""
+
 KR16 = frames_along((
     ((0.0, 0.0, 0.0), "x", 180.0), ((0.26, 0.0, -0.675), "x", -90.0), ((0.68, 0.0, 0.0), "x", 0.0),
     ((0.0, -0.035, 0.0), "y", -90.0), ((0.0, 0.0, -0.67), "y", 90.0), ((0.0, 0.0, 0.0), "y", -90.0),

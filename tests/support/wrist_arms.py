@@ -31,20 +31,39 @@ WAM = SphericalWristLimb(
                   (-2.2, 2.2)),
 )  # fmt: skip
 """Lengths of a Barrett WAM, whose elbow axis lies beside upper arm and forearm."""
+FRANKA = SphericalWristLimb(
+    d1=0.333, a2=0.316, b2=0.0825, a3=-0.0825, d4=0.384, a6=0.088, d6=0.107, held_joint=6,
+    held_angle=-1.3, joint_limits=((-2.9, 2.9),) * 7,
+)  # fmt: skip
+"""Lengths of a Franka Research 3 by the maker's DH parameters; its shoulder alone is spherical."""
+GEN3 = SphericalWristLimb(
+    d1=0.2848, d2=-0.0118, a2=0.4208, d3=-0.0128, d4=0.3143, d6=0.1674, held_angle=0.6,
+    joint_limits=((-6.2, 6.2),) * 7,
+)  # fmt: skip
+"""Lengths of a Kinova Gen3 in the maker's DH parameters: axis 3 lies beside axis 1."""
 LIMBS = {
     "iiwa": IIWA,
     "iiwa-rolled": replace(IIWA, held_angle=0.7),
     "iiwa-across": replace(IIWA, held_angle=-0.5 * np.pi),
     "six": SIX,
     "puma": PUMA,
+    "gen3": GEN3,
+    "franka": FRANKA,
 }
-"""Limbs by name; of three joint 3 is held."""
+"""Limbs by name."""
 OTHERS = {
     "iiwa-first": replace(IIWA, held_joint=1, held_angle=0.6),
     "iiwa-second": replace(IIWA, held_joint=2, held_angle=-1.7),
     "wam": replace(WAM, held_angle=0.5),
+    "iiwa-fifth": replace(IIWA, held_joint=5, held_angle=0.6),
 }
 """Limbs that hold another joint than the third, or whose elbow lies beside the upper arm."""
+FURTHER = {
+    "iiwa-sixth": replace(IIWA, held_joint=6, held_angle=-1.7),
+    "wam-fifth": replace(WAM, held_joint=5),
+    "gen3-first": replace(GEN3, held_joint=1),
+}
+"""Further limbs that hold another joint."""
 
 
 def moved_by(limb, q):
@@ -61,14 +80,15 @@ def columns(limb):
 
 def pinocchio_wrist_arm(limb):
     """Model of one arm; frame "flange" has the axes of the base at zero angles."""
-    shoulder, elbow = np.array([limb.a1, 0, limb.d1]), np.array([limb.a1, -limb.d2, limb.d1])
-    elbow += [limb.b2, 0.0, limb.a2]
-    wrist = elbow + np.array([limb.a3, 0.0, limb.d4])
-    up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
+    shoulder, up, across = np.array([limb.a1, 0, limb.d1]), np.eye(3)[2], -np.eye(3)[1]
+    beside = shoulder + limb.d2 * across
+    elbow = beside + np.array([limb.b2, 0.0, limb.a2])
+    wrist = elbow + np.array([limb.a3, -limb.d3, limb.d4])
+    last = wrist + np.array([limb.a6, 0.0, 0.0])
     joints = [(np.zeros(3), up), (shoulder, across), (elbow, across), (wrist, up)]
-    joints += [(wrist, across), (wrist, up)]
+    joints += [(wrist, across), (last, up)]
     if limb.held_joint is not None:
-        joints.insert(2, (shoulder, up))
+        joints.insert(2, (beside, up))
     model, parent, last = pin.Model(), 0, np.zeros(3)
     for k, (place, axis) in enumerate(joints):
         joint = pin.JointModelRevoluteUnaligned(axis)
