@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm
     from mlivr_gym.values import Triple
 
+FLANGE = 6
+"""Number of the last link."""
+
 
 class SeenBase(NamedTuple):
     """The limb base as the form sees it, which begins at the flange."""
@@ -104,12 +107,12 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
         m = 5 - k
         first = _in_base(base, -axis[k, 0], -axis[k, 1], -axis[k, 2])
         last = _in_base(base, -axis[m, 0], -axis[m, 1], -axis[m, 2])
-        near = _in_base(base, point[k, 0] - o[0], point[k, 1] - o[1], point[k, 2] - o[2])
-        far = _in_base(base, point[m, 0] - o[0], point[m, 1] - o[1], point[m, 2] - o[2])
+        here = _in_base(base, point[k, 0] - o[0], point[k, 1] - o[1], point[k, 2] - o[2])
+        there = _in_base(base, point[m, 0] - o[0], point[m, 1] - o[1], point[m, 2] - o[2])
         axis[k, 0], axis[k, 1], axis[k, 2] = last
         axis[m, 0], axis[m, 1], axis[m, 2] = first
-        point[k, 0], point[k, 1], point[k, 2] = far
-        point[m, 0], point[m, 1], point[m, 2] = near
+        point[k, 0], point[k, 1], point[k, 2] = there
+        point[m, 0], point[m, 1], point[m, 2] = here
     return True
 
 
@@ -139,7 +142,7 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     s1, s2, s3, s4, s5 = np.sin(q[5]), np.sin(q[4]), np.sin(q[3]), np.sin(q[2]), np.sin(q[1])
     bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
     set_frames(arm, bend, frames)
-    c, s, last, shift = np.cos(q[0]), np.sin(q[0]), frames[6], arm.d1 - arm.d6
+    c, s, last, shift = np.cos(q[0]), np.sin(q[0]), frames[FLANGE], arm.d1 - arm.d6
     x = (
         c * last[1, 0] + s * last[2, 0],
         c * last[1, 1] + s * last[2, 1],
@@ -171,7 +174,7 @@ def _set_reversed(arm: Arm, bend: Bend, base: SeenBase, frames: Array) -> None:
     _turn_back(base, c3, s3, frames[3])
     _turn_back(base, c4, s4, frames[4])
     _turn_back(base, c5, s5, frames[5])
-    _turn_back(base, 1.0, 0.0, frames[6])
+    _turn_back(base, 1.0, 0.0, frames[FLANGE])
     for link in range(1, 4):
         for row in range(4):
             for k in range(3):
@@ -180,7 +183,7 @@ def _set_reversed(arm: Arm, bend: Bend, base: SeenBase, frames: Array) -> None:
                 frames[link, row, k] = other
     for k in range(3):
         frames[1, 0, k] = arm.d1 if k == 2 else 0.0
-        frames[6, 0, k] += arm.d6 * frames[6, 3, k]
+        frames[FLANGE, 0, k] += arm.d6 * frames[FLANGE, 3, k]
 
 
 @kernel

@@ -131,9 +131,9 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
         return none
     sine = np.sqrt(1.0 - most * most)
     in_upper, plane = e / (upper * sine), e / (fore * sine)
-    q3, left = in_upper * farthest / fore, in_upper * farthest
+    q3, rest = in_upper * farthest / fore, in_upper * farthest
     if beside:
-        left = e + fore * q3
+        rest = e + fore * q3
     else:
         q3 = min(q3, in_upper + plane)
     least = 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
@@ -154,9 +154,9 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
     q1 = (d + k_change) / (abs(arm.s_twist) * u)
     q2 = in_upper
     if held != 0.0:
-        q1 = min(q1, left / (abs(arm.s_twist) * u))
+        q1 = min(q1, rest / (abs(arm.s_twist) * u))
         across = max(u2_min, closest * closest - k_most * k_most)
-        q2 = (left + abs(arm.s_twist) * q1 * k_most) / np.sqrt(across)
+        q2 = (rest + abs(arm.s_twist) * q1 * k_most) / np.sqrt(across)
         q2 += abs(arm.c_twist) * q1
         if beside:
             plane = q3 + abs(arm.c_held) * q2 + _lean(arm) * q1
