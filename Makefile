@@ -78,6 +78,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/random_layouts.py
+	$(BIN)/python experiments/places.py
 	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py
 

@@ -34,7 +34,7 @@ from mlivr_gym.schema import (
 )
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
-from mlivr_gym.world.map_entries import MODULE, REMARKS
+from mlivr_gym.world.map_entries import MODULE, PART, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 
 LIMBS, STANCES = 13, 17
@@ -58,6 +58,11 @@ MEANINGS = {
     "boxes": "Boxes that must not be touched, see *Obstacles*.",
     "mesh": "Mesh whose surface must not be touched: its file, relative to that of the map, the "
     "edge of the cubes that cover it (`resolution` [m], 0.05), and metres per unit (`scale`, 1).",
+    "parts": "Maps placed in this one, see below; their points, segments and boxes are added to "
+    "its own, with `id/` before their ids.",
+    "map": "Name of a map that ships, file (relative to that of this map), or the map itself.",
+    "translation": "Where the origin of the part lies in this map.",
+    "rotation": "Rows of the rotation from the frame of the part to that of this map.",
     "occupied": "Ids of points that no limb may hold.",
     "id": "Unique name.",
     "face": "Name of the face on which it lies.",
@@ -193,6 +198,7 @@ def tables() -> dict[str, str]:
                 fields(point, title="A point:"),
                 fields(SEGMENT, title="A segment:"),
                 fields(HANDRAIL, title="A handrail:"),
+                fields(PART, title="A part:"),
             )
         ),
         "fields_obstacles": fields(OBSTACLES),

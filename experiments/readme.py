@@ -27,6 +27,7 @@ import dynamic_report
 import format_tables
 import limb_starts
 import many_limbs
+import places
 import planning_report
 import random_layouts
 import reference_curves
@@ -210,6 +211,7 @@ def parts(results: Path) -> dict[str, str]:
         "robots": robots.markdown(data("robots")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),
+        "place_sizes": places.markdown(data("places")),
         **format_tables.tables(),
     }
 

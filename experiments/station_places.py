@@ -304,6 +304,9 @@ SOURCES = {
     "jem": "NASA's mesh of the JEM, measured",
     "truss": "NASA's dimensions of S0, S1 and P1",
     "uslab": "handrail poses of Chunting/r2_planning (BSD)",
+    "columbus": "ESA's dimensions; racks as measured in the JEM",
+    "hatch": "as `columbus`; NASA's dimensions of Node 2",
+    "station": "as `hatch` and `jem`; NASA's dimensions of Destiny",
 }
 """Where the figures of each map come from, in short; its file has the whole."""
 

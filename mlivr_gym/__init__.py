@@ -1,7 +1,8 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR-Random-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0` and `MLIVR-Truss-v0`.
+`MLIVR-Random-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`,
+`MLIVR-Station-v0` and `MLIVR-Truss-v0`.
 """
 
 from importlib import import_module
@@ -80,13 +81,14 @@ for _limbs in (3, 4):
         max_episode_steps=100,
         kwargs={"robot": f"mlivr{_limbs}"},
     )
-register(
-    id="MLIVR-USLab-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
-    max_episode_steps=100,
-    kwargs={"map": "uslab"},
-)
+for _name in ("USLab", "Columbus", "Station"):
+    register(
+        id=f"MLIVR-{_name}-v0",
+        entry_point="mlivr_gym.envs.env:MlivrEnv",
+        vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+        max_episode_steps=100,
+        kwargs={"map": _name.lower()},
+    )
 register(
     id="MLIVR-Truss-v0",
     entry_point="mlivr_gym.envs.env:MlivrEnv",

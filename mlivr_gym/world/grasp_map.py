@@ -32,6 +32,7 @@ from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples, are_rot
 from mlivr_gym.values import check_unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
+from mlivr_gym.world.joining import joined_fields, placed_maps
 from mlivr_gym.world.map_entries import (
     POINT,
     POINTS,
@@ -262,7 +263,7 @@ class GraspMap:
             return cls.from_csv(file)
 
         def build(data: dict[str, Any]) -> GraspMap:
-            return cls(**map_fields(data, given, file.stem, file.parent))
+            return cls._made(map_fields(data, given, file.stem, file.parent), file.parent)
 
         return load(path, "map", MapError, build)
 
@@ -336,7 +337,13 @@ class GraspMap:
         """
         given = overrides(spacing, clearance)
         place = FieldPath("", MapError)
-        return place.build(lambda: cls(**map_fields(data, given, name, Path())))
+        return place.build(lambda: cls._made(map_fields(data, given, name, Path()), Path()))
+
+    @classmethod
+    def _made(cls, fields: dict[str, Any], folder: Path) -> GraspMap:
+        """Return the map of some fields; files that its parts name lie in `folder`."""
+        parts = placed_maps(fields.pop("parts", ()), folder, PLACES, as_map)
+        return cls(**(joined_fields(fields, parts) if parts else fields))
 
 
 _PLACE = FieldPath("map", MapError)
@@ -352,7 +359,7 @@ def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
     return GraspMap.load(asset_path("jem.json"), spacing, clearance)
 
 
-PLACES = ("jem", "truss", "uslab")
+PLACES = ("jem", "truss", "uslab", "columbus", "hatch", "station")
 """Names of the maps that ship."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, SettingError
-from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, ListOf, Numbers, Tuples
+from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, ListOf, Numbers, Rotation, Tuples
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE
 from mlivr_gym.world.boxes import CORNER, Box, Boxes
 from mlivr_gym.world.mesh_boxes import mesh_boxes
@@ -41,6 +41,9 @@ MESH = Fields(
 )
 """A mesh whose surface the robot must not touch; its file is relative to that of the map."""
 
+PART = Fields({"id": NAME, "map": Anything()}, {"translation": CORNER, "rotation": Rotation()})
+"""A map that is placed in another one by a rigid transform."""
+
 REMARKS = ("description", "frame", "sources", "provenance")
 """Fields of a map file for its readers."""
 
@@ -57,6 +60,7 @@ MODULE = Fields(
         "cabin": Fields({"min": CORNER, "max": CORNER}),
         "boxes": Boxes("panel"),
         "mesh": MESH,
+        "parts": ListOf(PART),
     },
 )
 """A map file."""
@@ -157,7 +161,10 @@ def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
 
 
 def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> dict[str, Any]:
-    """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`."""
+    """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`.
+
+    With parts, they are `joining.joined_fields`' own fields, of which `cabin` may be missing.
+    """
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
         return POINTS.read(data, root)
@@ -171,17 +178,21 @@ def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> d
         place = root.field("segments").entry(i)
         rows.extend(discretise(segment, read.get("spacing", 0.2), MAX_POINTS - len(rows), place))
     rows = clear_of_handrails(rows, handrails, read.get("clearance", 0.03))
-    if not rows:
-        raise MapError("the map has no graspable point; give 'points' or 'segments'")
-    ids, faces, positions, rotations, _ = zip(*rows, strict=True)
-    around = {"min": np.min(positions, axis=0) - MARGIN, "max": np.max(positions, axis=0) + MARGIN}
-    cabin = read.get("cabin", around)
+    parts = read.get("parts", ())
+    if not (rows or parts):
+        raise MapError("the map has no graspable point; give 'points', 'segments' or 'parts'")
+    positions = np.array([row[2] for row in rows]).reshape(-1, 3)
+    cabin = read.get("cabin")
+    if cabin is None and not parts:
+        around = positions.min(axis=0) - MARGIN, positions.max(axis=0) + MARGIN
+        cabin = dict(zip(("min", "max"), around, strict=True))
     return {
-        "ids": ids,
-        "positions": np.array(positions),
-        "rotations": np.array(rotations),
-        "faces": faces,
-        "cabin": np.array([cabin["min"], cabin["max"]]),
+        **({"parts": parts} if parts else {}),
+        "ids": tuple(row[0] for row in rows),
+        "positions": positions,
+        "rotations": np.array([row[3] for row in rows]).reshape(-1, 3, 3),
+        "faces": tuple(row[1] for row in rows),
+        **({} if cabin is None else {"cabin": np.array([cabin["min"], cabin["max"]])}),
         "name": read.get("name", name),
         "segments": segments,
         "handrails": handrails,

@@ -27,9 +27,14 @@ def test_a_name_is_a_map_and_the_jem_is_one_of_them():
 
 @pytest.mark.parametrize("name", ["kibo", "Truss", "trus"])
 def test_a_wrong_name_is_refused_with_the_names(name):
-    with pytest.raises(MapError, match=f"unknown map '{name}'; valid names are jem, truss, uslab"):
+    with pytest.raises(
+        MapError,
+        match=f"unknown map '{name}'; valid names are jem, truss, uslab, columbus, hatch, station",
+    ):
         stance_graph(name)
-    with pytest.raises(MapError, match="valid names are jem, truss, uslab"):
+    with pytest.raises(
+        MapError, match="valid names are jem, truss, uslab, columbus, hatch, station"
+    ):
         gymnasium.make("mlivr_gym:MLIVR-JEM-v0", map=name)
 
 
