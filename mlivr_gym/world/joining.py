@@ -16,7 +16,6 @@ from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import as_triple, check_unique
 from mlivr_gym.world.boxes import UNIT, Box
 
-
 _FILES: ContextVar[tuple[Any, ...]] = ContextVar("_FILES", default=())
 """Files whose parts are being read."""
 
