@@ -24,7 +24,7 @@ from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.world.boxes import Box
 
 if TYPE_CHECKING:
-    from mlivr_gym.closed_loop.loop import Event
+    from mlivr_gym.closed_loop.record import Event
 
 
 COSTS = ("steps", "base")
@@ -53,6 +53,8 @@ def add_command(add: Add) -> None:
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
     option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
+    text = "line on which a crew member crosses the cabin at 0.5 m/s [m]; may be repeated"
+    option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
     text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
@@ -66,8 +68,10 @@ def add_command(add: Add) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Walk, describe the walk and write the requested files."""
+    from mlivr_gym.closed_loop.crew import CrewMember
     from mlivr_gym.closed_loop.depth_camera import DepthCamera
-    from mlivr_gym.closed_loop.loop import ARRIVED, STOPPED, run_closed_loop
+    from mlivr_gym.closed_loop.loop import run_closed_loop
+    from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
     from mlivr_gym.simulation.setup import Setup
 
     check_counts(args)
@@ -87,6 +91,7 @@ def run(args: argparse.Namespace) -> int:
         goal_tolerance=args.tolerance,
         unknown=unknown,
         refusing=args.refusing,
+        crew=[CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew],
         camera=None if args.blind else DepthCamera(noise=args.noise),
         setup=Setup.of(args.pace, disturbances=args.disturbances),
         seed=args.seed,
@@ -98,6 +103,7 @@ def run(args: argparse.Namespace) -> int:
         f"{record.outcome}: {record.reason}\n{record.steps} steps in {record.duration:.1f} s, "
         f"at most {record.peak_force:.0f} N at a grasp"
         + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
+        + (f"; at least {record.crew_distance:.2f} m from the crew" if args.crew else "")
     )
     if args.out:
         write_whole(args.out, json.dumps(record.to_dict(), indent=1))
@@ -120,6 +126,8 @@ def run(args: argparse.Namespace) -> int:
 LINES = {
     "sensed": "sees {hits} surface points, {boxes} boxes beside the map",
     "planned": "plans {steps} steps",
+    "waits": "waits {duration:.0f} s for a crew member to pass",
+    "holds": "holds all points, since no step leads away from a crew member",
     "step": "limb {limb} takes {point} in {duration:.1f} s",
     "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
     "blocked": "limb {limb} has turned back, its path to {point} is blocked",

@@ -67,6 +67,8 @@ class Belief:
         The stance graph, whose obstacles and occupied points are those believed.
     refused
         Indices of the points that count as occupied after attempts to grasp them.
+    shapes
+        Collision shapes of the robot.
     """
 
     def __init__(self, graph: StanceGraph, noise: float) -> None:
@@ -85,7 +87,7 @@ class Belief:
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
         grid = self._origin, CUBE, tuple(shape.tolist())
         self._known = KnownBoxes((*graph.grasp_map.boxes, *graph.obstacles), noise, grid)
-        self._shapes = LimbShapes(graph.robot)
+        self.shapes = LimbShapes(graph.robot)
         self._row = np.full(shape, -1, dtype=np.int64)  # of each cube, -1 for one without hits
         self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with `MIN_HITS`
         self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
@@ -185,9 +187,13 @@ class Belief:
         """
         fresh = self._cubes["is_fresh"] & self._is_there
         self._mark_known(fresh)
+        return self.path(trajectory).is_blocked(self._boxes_of(fresh, fresh), first)
+
+    def path(self, trajectory: Trajectory) -> PathCheck:
+        """Return the check of a trajectory; that of the last one is kept."""
         if self._path is None or self._path.trajectory is not trajectory:
-            self._path = PathCheck(self.graph, self._shapes, trajectory)
-        return self._path.is_blocked(self._boxes_of(fresh, fresh), first)
+            self._path = PathCheck(self.graph, self.shapes, trajectory)
+        return self._path
 
     def boxes(self) -> tuple[Box, ...]:
         """Return the boxes that were sensed."""

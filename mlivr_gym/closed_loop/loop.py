@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import cycle
 from typing import Any
@@ -24,9 +23,18 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.crew import (
+    KEPT,
+    CrewMember,
+    distance_from_crew,
+    room_after,
+    waiting_time,
+)
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
+from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
+from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan, Planner, PlanningResult
@@ -34,6 +42,7 @@ from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import Integer, ListOf, OrNone
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
 from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -48,106 +57,23 @@ ATTEMPTS = 2
 In each of them the controller may approach several times, see `ControllerParameters.attempts`.
 """
 
+BLIND_PERIOD = 1.0
+"""Time between two looks of a robot without cameras [s], which see nothing."""
+
+MOST_TRIED = 40
+"""Number of steps that are compared to make way for a crew member."""
+
+LEAST_GAIN = 0.05
+"""Distance by which a step that makes way must lead farther away than the one before [m]."""
+
+HOLDING_TIME = 2.0
+"""Time after which a robot that cannot make way looks again for a step [s]."""
+
+EACH = slice(None, None, 2)
+"""Samples of a recording at which the distance from crew members is measured."""
+
 NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path": "blocked"}
 """Failures after which the limb goes back to the point that it left, and their kinds of event."""
-
-ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
-"""Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happened in a closed loop.
-
-    Attributes
-    ----------
-    kind
-        `"sensed"`, `"planned"`, `"step"`, `"refused"`, `"blocked"` or `"end"`.
-    time
-        Simulated time [s].
-    values
-        What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
-        `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all
-        that is seen so far; `"planned"` has `steps` and `computing_time` [s], from what was seen to
-        the plan; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
-        `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.
-    """
-
-    kind: str
-    time: float
-    values: dict[str, Any]
-
-
-@dataclass
-class ClosedLoopRecord:
-    """The record of a closed loop.
-
-    Attributes
-    ----------
-    outcome
-        `ARRIVED`, `STOPPED` or `FAILED`.
-    reason
-        Why the walk ended, in one sentence.
-    events
-        What happened, in order.
-    plans
-        Each plan that led the robot elsewhere than the one before, with the number of its steps
-        that were taken.
-    sensed
-        Boxes that were sensed.
-    refused
-        Ids of the points that count as occupied, since limbs did not get to them or were refused.
-    peak_force
-        Largest force of a grasp [N].
-    duration
-        Simulated time [s].
-    """
-
-    outcome: str = FAILED
-    reason: str = ""
-    events: list[Event] = field(default_factory=list)
-    plans: list[tuple[Plan, int]] = field(default_factory=list)
-    sensed: tuple[Box, ...] = ()
-    refused: tuple[str, ...] = ()
-    peak_force: float = 0.0
-    duration: float = 0.0
-
-    @property
-    def steps(self) -> int:
-        """Number of steps that ended with a grasp."""
-        return sum(event.kind == "step" for event in self.events)
-
-    @property
-    def replanning_times(self) -> Array:
-        """Computing time of each plan after the first [s]."""
-        planned = [
-            event.values["computing_time"] for event in self.events if event.kind == "planned"
-        ]
-        return np.array(planned[1:])
-
-    def add_step(self, plan: Plan) -> None:
-        """Record that the first step of a plan was taken; it may continue the plan before it."""
-        if self.plans:
-            last, taken = self.plans[-1]
-            if last.actions[taken:] == plan.actions:
-                self.plans[-1] = last, taken + 1
-                return
-        self.plans.append((plan, 1))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the record as plain data for JSON."""
-        return {
-            "outcome": self.outcome,
-            "reason": self.reason,
-            "steps": self.steps,
-            "duration": self.duration,
-            "peak_force": self.peak_force,
-            "sensed": [box.to_dict() for box in self.sensed],
-            "refused": list(self.refused),
-            "events": [
-                {"kind": event.kind, "time": event.time} | event.values for event in self.events
-            ],
-        }
 
 
 @checked(
@@ -155,6 +81,7 @@ class ClosedLoopRecord:
         **QUERY,
         "unknown": ListOf(InstanceOf(Box), 0, MAX_PARTS),
         "refusing": STANCE,
+        "crew": ListOf(InstanceOf(CrewMember), 0, 100),
         "camera": OrNone(InstanceOf(DepthCamera)),
         "setup": OrNone(InstanceOf(Setup)),
         "seed": SEED,
@@ -171,6 +98,7 @@ def run_closed_loop(
     goal_tolerance: float = GOAL_TOLERANCE,
     unknown: Sequence[Box] = (),
     refusing: Sequence[str | int] = (),
+    crew: Sequence[CrewMember] = (),
     camera: DepthCamera | None = None,
     setup: Setup | None = None,
     seed: int = 0,
@@ -196,6 +124,8 @@ def run_closed_loop(
         Boxes that the robot does not know.
     refusing
         Points, by id or index, that refuse a grasp, which the robot does not know.
+    crew
+        Crew members who cross the cabin. The robot is told where they are and how they move.
     camera
         The depth cameras, by default none: the robot is then blind.
     setup
@@ -234,7 +164,7 @@ def run_closed_loop(
     executor = StepExecutor(graph, setup or Setup(), (*graph.obstacles, *unknown))
     planner = Planner(graph)
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
-    loop = _Loop(executor, plan, camera, seed, show)
+    loop = _Loop(executor, plan, (camera, tuple(crew)), seed, show)
     try:
         loop.run(start, refusing_points, max_steps)
     finally:
@@ -252,16 +182,18 @@ class _Loop:
         self,
         executor: StepExecutor,
         plan_from: Callable[..., PlanningResult],
-        camera: DepthCamera | None,
+        around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
         self.graph, self.record = executor.graph, ClosedLoopRecord()
         self._executor, self._plan_from, self._show = executor, plan_from, show
-        self._camera, self._seed = camera, seed
+        (self._camera, self._crew), self._seed = around, seed
+        camera = self._camera
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
         self._attempts = dict[int, int]()
+        self._room = -np.inf  # distance from crew members after the last step that made way
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
@@ -307,17 +239,17 @@ class _Loop:
         if belief.add_hits(hits, model, data):
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
-    def _watch(self) -> PathWatch | None:
-        """Return what looks ahead during a step: the cameras, or nothing."""
+    def _watch(self, wait: Callable[[Trajectory], float | None]) -> PathWatch:
+        """Return what looks ahead: the cameras, and what says when a step may begin."""
         camera, fields = self._camera, cycle(FIELDS)
-        if camera is None:
-            return None
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
+            if camera is None:
+                return False
             self._sense(camera, next(fields))
             return self._belief.is_blocked(trajectory, sample)
 
-        return PathWatch(camera.period, is_blocked)
+        return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked, wait)
 
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
@@ -331,29 +263,98 @@ class _Loop:
         self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)
         return result.plan
 
+    def _wait(self, trajectory: Trajectory) -> float | None:
+        """Return how long to wait for crew members to pass; None if the robot is in their way."""
+        if not self._crew:
+            return 0.0
+        path, now = self._belief.path(trajectory), self._executor.simulation.time
+        duration = waiting_time(path, self._crew, now)
+        if duration:
+            self._note("waits", duration=duration)
+        return duration
+
     def _step(self, plan: Plan) -> None:
-        """Take the first step of a plan, or go back if its point cannot be grasped."""
-        executor, record, (limb, name) = self._executor, self.record, plan.actions[0]
-        point = self.graph.grasp_map.index(name)
+        """Take the first step of a plan; if a crew member is in the way, make way for it."""
+        executor, (limb, name) = self._executor, plan.actions[0]
         executor.follow(plan)
         moves = self.graph.successors(executor.state)
-        branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
-        _, executed = executor.step(limb, point, branch_sets, self._watch())
-        if isinstance(executed, Failure):
-            self._end(STOPPED, executed.message)
-            return
+        row = moves.find(limb, self.graph.grasp_map.index(name))
+        failure = self._move(limb, name, moves.branch_sets[row], self._wait)
+        if failure is None:
+            self._room = -np.inf
+            self.record.add_step(plan)
+        elif failure.kind == "no clear time":
+            self._evade()
+        elif failure.kind == "no swing":
+            self._end(STOPPED, failure.message)
+
+    def _evade(self) -> None:
+        """Take the step after which crew members are farthest; hold if none leads away."""
+        executor, now = self._executor, self._executor.simulation.time
+        times, moves = now + np.arange(0.0, 20.0), self.graph.successors(executor.state)
+        middles = np.concatenate([member.middles(times) for member in self._crew])
+        away = np.linalg.norm(moves.base_position[:, None] - middles, axis=2).min(axis=1)
+        rooms, rows = list[float](), np.argsort(-away)[:MOST_TRIED].tolist()
+
+        def note_room(trajectory: Trajectory) -> None:
+            rooms.append(room_after(self._belief.path(trajectory), self._crew, now))
+
+        def take(row: int, wait: Callable[[Trajectory], float | None]) -> None:
+            limb, name = int(moves.limb[row]), self.graph.grasp_map.ids[moves.point[row]]
+            self._move(limb, name, moves.branch_sets[row], wait)
+
+        best, most = -1, self._room
+        for row in rows:
+            rooms.clear()
+            take(row, note_room)
+            if rooms and rooms[0] > most + LEAST_GAIN:
+                best, most = row, rooms[0]
+            if most >= KEPT:
+                break
+        if best >= 0:
+            self._room = most
+            take(best, lambda _: 0.0)
+        else:
+            self._note("holds", duration=HOLDING_TIME)
+            self._measure(executor.hold(HOLDING_TIME))
+
+    def _measure(self, executed: SimulatedInterval) -> None:
+        """Record the largest force, and the smallest distance from crew members."""
+        record, recording, graph = self.record, executed.recording.part(EACH), self.graph
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
+        if self._crew:
+            shapes, each = self._belief.shapes, zip(
+                recording.base_positions, recording.base_quaternions, recording.joint_positions,
+                strict=True,
+            )  # fmt: skip
+            axes = np.array([robot_axes(graph.robot, shapes, here) for here in each])
+            gaps = distance_from_crew(axes, robot_radii(shapes), self._crew, recording.times)
+            before = np.inf if record.crew_distance is None else record.crew_distance
+            record.crew_distance = min(before, float(gaps.min()))
+
+    def _move(
+        self,
+        limb: int,
+        name: str,
+        branch_sets: IntArray,
+        wait: Callable[[Trajectory], float | None],
+    ) -> Failure | None:
+        """Move a limb to a point, and back if it cannot be grasped; return the failure, if any."""
+        executor, point = self._executor, self.graph.grasp_map.index(name)
+        _, executed = executor.step(limb, point, tuple(branch_sets.tolist()), self._watch(wait))
+        if isinstance(executed, Failure):
+            return executed
+        self._measure(executed)
         failure = executed.failure
         if failure is None:
             self._note("step", limb=limb, point=name, duration=executor.measures["step_time"])
-            record.add_step(plan)
         elif failure.kind in NOTICED:
             self._note(NOTICED[failure.kind], limb=limb, point=name, failure=failure.kind)
             self._attempts[point] = self._attempts.get(point, 0) + 1
             while_returning = None
             if failure.kind != "blocked path":  # from that it has turned back
                 back = executor.retreat()
-                record.peak_force = max(record.peak_force, float(back.peaks.grasp_force.max()))
+                self._measure(back)
                 while_returning = back.failure
             if while_returning is not None:
                 kind, message = while_returning.kind, while_returning.message
@@ -362,6 +363,7 @@ class _Loop:
                 self._belief.refuse(point)
         else:
             self._end(FAILED, f"{failure.kind}: {failure.message}")
+        return failure
 
     def _note(self, kind: str, **values: Any) -> None:
         """Record an event."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mlivr_gym.collisions.contacts import box_distances, capsule_ends
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration, box_distances, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 
@@ -23,6 +27,12 @@ class PathCheck:
     ----------
     trajectory
         The trajectory.
+    times
+        Times of the configurations, from 0, shape (n,) [s].
+    axes
+        Ends of the axes of the robot's capsules in each of them, see `robot_axes`.
+    radii
+        Their radii, see `robot_radii`.
     """
 
     def __init__(self, graph: StanceGraph, shapes: LimbShapes, trajectory: Trajectory) -> None:
@@ -43,21 +53,11 @@ class PathCheck:
         at = trajectory.at(self._samples)
         rows = zip(at.base_positions, at.base_quaternions, at.joint_positions, strict=True)
         self._configurations = list(rows)
-        body = np.linalg.norm(shapes.robot["half"])
-        mounts = np.linalg.norm(shapes.mounts["ends"], axis=2) + shapes.mounts["radius"][:, None]
-        radii = [shape.radii for shape in shapes.each]
-        radii.append(np.array([max(body, mounts.max(initial=0.0))]))
-        reach = np.concatenate(radii)[:, None] + graph.settings.clearance
-        low, high = [], []
-        for configuration in self._configurations:
-            ends = capsule_ends(graph.robot, shapes, configuration)
-            parts = [
-                limb[: len(shape.radii)] for limb, shape in zip(ends, shapes.each, strict=True)
-            ]
-            axes = np.concatenate([*parts, np.tile(configuration[0], (1, 2, 1))])
-            low.append(axes.min(axis=1) - reach)
-            high.append(axes.max(axis=1) + reach)
-        self._low, self._high = np.array(low), np.array(high)
+        self.times = trajectory.period * self._samples
+        self.axes = np.array([robot_axes(graph.robot, shapes, c) for c in self._configurations])
+        self.radii = robot_radii(shapes)
+        reach = self.radii[:, None] + graph.settings.clearance
+        self._low, self._high = self.axes.min(axis=2) - reach, self.axes.max(axis=2) + reach
         points = trajectory.grasps[-1].tolist()
         positions, normals = graph.grasp_map.positions, graph.grasp_map.normals
         self._grasps = [(limb, positions[p], normals[p]) for limb, p in enumerate(points)]
@@ -88,3 +88,26 @@ class PathCheck:
                 self._configurations[begin + k], clearance, self._grasps,
             )
         )  # fmt: skip
+
+
+def robot_axes(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
+    """Return the ends of the axes of capsules that contain a robot, shape (c, 2, 3) [m].
+
+    These are the moving capsules limb by limb, then those fixed to the body and about it.
+    """
+    ends, (position, quaternion, _) = capsule_ends(robot, shapes, configuration), configuration
+    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    parts = [limb[: len(shape.radii)] for limb, shape in zip(ends, shapes.each, strict=True)]
+    return np.concatenate([*parts, position + _base_capsules(shapes)["ends"] @ base.T])
+
+
+def robot_radii(shapes: LimbShapes) -> Array:
+    """Return the radii of the capsules of `robot_axes`, shape (c,) [m]."""
+    return np.concatenate(
+        [*(shape.radii for shape in shapes.each), _base_capsules(shapes)["radius"]]
+    )
+
+
+def _base_capsules(shapes: LimbShapes) -> Any:
+    """Return the capsules that move with the base, records of `BodyCapsule`."""
+    return shapes.robot["base_capsules"][: shapes.robot["base_capsule_count"]]

@@ -12,7 +12,7 @@ from mlivr_gym.arrays import Array, IntArray
 
 FAILURES = (
     "missed grasp", "refused grasp", "blocked path", "saturation", "collision", "lost hold",
-    "joint limit", "divergence", "no swing",
+    "joint limit", "divergence", "no swing", "no clear time",
 )  # fmt: skip
 """Kinds of failure.
 
@@ -26,6 +26,8 @@ FAILURES = (
 * `"divergence"`: the state is no longer finite.
 * `"no swing"`: nothing was simulated, because no swing or no trajectory of the step was found; only
   steps that are chosen one by one, see `step_executor`, fail in this way.
+* `"no clear time"`: nothing was simulated, because a crew member would come too close to the robot
+  where it is, whenever the step begins; only in a closed loop.
 """
 
 

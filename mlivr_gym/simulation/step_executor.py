@@ -24,7 +24,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.recording import Failure, Peaks, Recording
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
@@ -71,6 +71,7 @@ class StepExecutor:
     steps_done: int
     measures: dict[str, Any]
     _executed: Trajectory
+    _at_rest: Trajectory
 
     def __init__(
         self, graph: StanceGraph, setup: Setup, obstacles: Sequence[Box] | None = None
@@ -174,15 +175,27 @@ class StepExecutor:
         after = self.state.stance_after(limb, point)
         result = self._planned(after) or self._committed(State(after, branch_sets))
         if result is None:
-            return self._no_swing(limb, point, "no swing was found")
+            return self._not_begun(limb, point, "no swing", "no swing was found")
         regrasp, reached = result
         try:
             path = RegraspPath(self.graph, regrasp)
             timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
         except (PlanError, TimingError) as error:
-            return self._no_swing(limb, point, str(error))
+            return self._not_begun(limb, point, "no swing", str(error))
+        wait = 0.0 if watch is None else watch.waiting_time(timed)
+        if wait is None:
+            self._at_rest = timed.at(np.zeros(2, dtype=np.int64))
+            return self._not_begun(limb, point, "no clear time", "a crew member is in the way")
         begin, self._executed = self.simulation.time, timed
+        waited = self.hold(wait, timed.at(np.zeros(2, dtype=np.int64))) if wait else None
+        if waited is not None and waited.failure is not None:
+            return self.state, waited
         executed = self.simulation.execute(timed, self.steps_done, watch)
+        if waited is not None:
+            executed = executed._replace(
+                recording=Recording.join([waited.recording, executed.recording]),
+                peaks=Peaks.join([waited.peaks, executed.peaks]),
+            )
         if executed.failure is None:
             self.steps_done += 1
             self.state, self.joints = reached, timed.joint_positions[-1]
@@ -202,11 +215,18 @@ class StepExecutor:
         self._plan = None
         return self.simulation.retreat(self._executed, self.steps_done)
 
-    def _no_swing(self, limb: int, point: int, why: str) -> tuple[State, Failure]:
+    def hold(self, duration: float, at_rest: Trajectory | None = None) -> SimulatedInterval:
+        """Hold all points for some time [s], at the end of a trajectory.
+
+        By default this is where the last step that was not begun would have begun.
+        """
+        return self.simulation.stand_still(at_rest or self._at_rest, duration, self.steps_done)
+
+    def _not_begun(self, limb: int, point: int, kind: str, why: str) -> tuple[State, Failure]:
         """Return the unchanged state, and the failure of a step that could not start."""
         message = f"limb {limb} to {self.graph.grasp_map.ids[point]!r}: {why}"
         time, step = self.simulation.time, self.steps_done
-        failure = Failure("no swing", time, step, "departure", limb, message, {})
+        failure = Failure(kind, time, step, "departure", limb, message, {})
         measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": time}
         self.measures = {"failure": failure.to_dict(), "attempts": 0} | measures
         return self.state, failure

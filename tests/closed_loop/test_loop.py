@@ -5,7 +5,8 @@ import pytest
 
 from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.loop import ARRIVED, ATTEMPTS, FAILED, STOPPED, run_closed_loop
+from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
+from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)

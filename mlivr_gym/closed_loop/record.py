@@ -1,0 +1,115 @@
+"""The record of a closed loop: what happened, and how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.planners import Plan
+from mlivr_gym.world.boxes import Box
+
+ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
+"""Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened in a closed loop.
+
+    Attributes
+    ----------
+    kind
+        `"sensed"`, `"planned"`, `"waits"`, `"holds"`, `"step"`, `"refused"`, `"blocked"` or
+        `"end"`.
+    time
+        Simulated time [s].
+    values
+        What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
+        `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all
+        that is seen so far; `"planned"` has `steps` and `computing_time` [s], from what was seen to
+        the plan; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
+        `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.
+    """
+
+    kind: str
+    time: float
+    values: dict[str, Any]
+
+
+@dataclass
+class ClosedLoopRecord:
+    """The record of a closed loop.
+
+    Attributes
+    ----------
+    outcome
+        `ARRIVED`, `STOPPED` or `FAILED`.
+    reason
+        Why the walk ended, in one sentence.
+    events
+        What happened, in order.
+    plans
+        Each plan that led the robot elsewhere than the one before, with the number of its steps
+        that were taken.
+    sensed
+        Boxes that were sensed.
+    refused
+        Ids of the points that count as occupied, since limbs did not get to them or were refused.
+    peak_force
+        Largest force of a grasp [N].
+    duration
+        Simulated time [s].
+    crew_distance
+        Smallest distance from a crew member [m]; None if there is none.
+    """
+
+    outcome: str = FAILED
+    reason: str = ""
+    events: list[Event] = field(default_factory=list)
+    plans: list[tuple[Plan, int]] = field(default_factory=list)
+    sensed: tuple[Box, ...] = ()
+    refused: tuple[str, ...] = ()
+    peak_force: float = 0.0
+    duration: float = 0.0
+    crew_distance: float | None = None
+
+    @property
+    def steps(self) -> int:
+        """Number of steps that ended with a grasp."""
+        return sum(event.kind == "step" for event in self.events)
+
+    @property
+    def replanning_times(self) -> Array:
+        """Computing time of each plan after the first [s]."""
+        planned = [
+            event.values["computing_time"] for event in self.events if event.kind == "planned"
+        ]
+        return np.array(planned[1:])
+
+    def add_step(self, plan: Plan) -> None:
+        """Record that the first step of a plan was taken; it may continue the plan before it."""
+        if self.plans:
+            last, taken = self.plans[-1]
+            if last.actions[taken:] == plan.actions:
+                self.plans[-1] = last, taken + 1
+                return
+        self.plans.append((plan, 1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the record as plain data for JSON."""
+        return {
+            "outcome": self.outcome,
+            "reason": self.reason,
+            "steps": self.steps,
+            "duration": self.duration,
+            "peak_force": self.peak_force,
+            "crew_distance": self.crew_distance,
+            "sensed": [box.to_dict() for box in self.sensed],
+            "refused": list(self.refused),
+            "events": [
+                {"kind": event.kind, "time": event.time} | event.values for event in self.events
+            ],
+        }

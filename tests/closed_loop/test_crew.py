@@ -1,0 +1,100 @@
+"""The robot keeps its distance from crew members: it waits, or makes way."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import MlivrError, stance_graph
+from mlivr_gym.closed_loop.crew import (
+    LEAST_DISTANCE,
+    CrewMember,
+    distance_from_crew,
+    segment_distances,
+)
+from mlivr_gym.closed_loop.loop import run_closed_loop
+from mlivr_gym.closed_loop.record import ARRIVED
+from mlivr_gym.collisions.distances import segments_distance
+from mlivr_gym.values import as_triple
+
+START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
+ACROSS = CrewMember((3.4, -4.0, 0.2), (3.4, 4.0, 0.2))
+LENGTHWISE = CrewMember((9.0, 0.0, 0.0), (-2.0, 0.0, 0.0))
+
+
+def test_distances_of_segments_agree_with_the_compiled_ones():
+    """Also of parallel segments, and of such without length."""
+    rng = np.random.default_rng(2)
+    first, second = rng.normal(size=(2, 400, 2, 3))
+    second[:100, 1] = second[:100, 0] + 2.0 * (first[:100, 1] - first[:100, 0])
+    first[50:150, 1] = first[50:150, 0]
+    second[120:200, 1] = second[120:200, 0]
+    expected = [
+        segments_distance(*(as_triple(x) for x in (p[0], p[1] - p[0], q[0], q[1] - q[0])))
+        for p, q in zip(first, second, strict=True)
+    ]
+    assert segment_distances(first, second) == pytest.approx(np.array(expected), abs=1e-9)
+
+
+def test_the_distance_is_that_of_the_closest_points():
+    """By points on the surfaces of the capsules."""
+    rng = np.random.default_rng(3)
+    axes, radii, times = rng.normal(size=(5, 3, 2, 3)), np.array([0.1, 0.2, 0.05]), np.arange(5.0)
+    there = distance_from_crew(axes, radii, [ACROSS], times)
+    share = np.linspace(0.0, 1.0, 300)[:, None]
+    ends, thickness = ACROSS.capsules
+    for k, time in enumerate(times):
+        assert ACROSS.middles(times)[k] == pytest.approx([3.4, -4.0 + 0.5 * time, 0.2])
+        gaps = []
+        for axis, radius in zip(axes[k], radii, strict=True):
+            for end, thick in zip(ends + ACROSS.middles(times)[k], thickness, strict=True):
+                mine, other = (one[0] + share * (one[1] - one[0]) for one in (axis, end))
+                apart = np.linalg.norm(mine[:, None] - other, axis=2).min()
+                gaps.append(apart - radius - thick)
+        assert there[k] == pytest.approx(min(gaps), abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    return stance_graph(jem)
+
+
+def test_it_waits_until_who_crosses_its_way_has_passed(graph):
+    alone = run_closed_loop(graph, START, GOAL)
+    record = run_closed_loop(graph, START, GOAL, crew=[ACROSS])
+    waits = [event.values["duration"] for event in record.events if event.kind == "waits"]
+    assert (record.outcome, record.steps) == (ARRIVED, alone.steps)
+    assert record.duration == pytest.approx(alone.duration + sum(waits), abs=0.1)
+    assert sum(waits) > 0.0
+    assert record.crew_distance >= LEAST_DISTANCE
+    assert alone.crew_distance is None
+
+
+def test_it_makes_way_for_who_comes_towards_it(graph):
+    record = run_closed_loop(graph, START, GOAL, crew=[LENGTHWISE])
+    assert record.outcome == ARRIVED
+    assert record.crew_distance >= LEAST_DISTANCE
+    actions = [action for plan, _ in record.plans for action in plan.actions]
+    steps = [(e.values["limb"], e.values["point"]) for e in record.events if e.kind == "step"]
+    assert not set(steps) <= set(actions)  # it took a step that is none of its plans
+
+
+def test_it_holds_if_it_cannot_make_way(graph):
+    """Someone who is as large as the cabin."""
+    giant = CrewMember((9.0, 0.0, 0.0), (-2.0, 0.0, 0.0), radius=0.9, speed=1.0)
+    record = run_closed_loop(graph, START, GOAL, crew=[giant])
+    assert {"holds", "step"} <= {event.kind for event in record.events}
+    assert record.outcome == ARRIVED
+    assert record.crew_distance < 0.0
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [({"speed": 0.0}, "speed"), ({"start": (np.nan, 0, 0)}, "start"), ({"radius": 2.0}, "radius")],
+)
+def test_wrong_crew_members_are_named(given, named):
+    with pytest.raises(MlivrError, match=named):
+        CrewMember(**{"start": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 0.0)} | given)
+
+
+def test_something_else_is_no_crew_member(graph):
+    with pytest.raises(MlivrError, match="crew"):
+        run_closed_loop(graph, START, GOAL, crew=["someone"])
