@@ -82,6 +82,6 @@ def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, e
         assert executed.capture.step == step
         assert set(executed.recording.step.tolist()) == {step}
         assert executor.steps_done == step + 1
-    assert executor._no_swing(0, 0, "no reason")[1].step == 2
+    assert executor._not_begun(0, 0, "no swing", "no reason")[1].step == 2
     executor.start(state)
     assert executor.steps_done == 0
