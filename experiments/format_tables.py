@@ -19,6 +19,7 @@ from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
 from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
 from mlivr_gym.robot.validators import PairOf, SizeOrEdges
+from mlivr_gym.robot.visuals import VISUAL
 from mlivr_gym.schema import (
     Anything,
     Choice,
@@ -212,6 +213,7 @@ def tables() -> dict[str, str]:
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),
+                fields(VISUAL, title="A visual mesh:"),
             )
         ),
         "fields_plan": "\n".join(

@@ -1,12 +1,15 @@
 """Visual meshes of limbs, which pictures show in place of the collision shapes.
 
-They ship for the UR3e and UR5e, see `experiments/visual_meshes.py`. Other arms are drawn by their
-capsules. Meshes take no part in physics or in checks of collisions.
+A robot read from a URDF or MJCF file has those of the file, see `robot.visuals`. Meshes ship for
+the UR3e and UR5e, see `experiments/visual_meshes.py`. Other arms are drawn by their capsules.
+Meshes take no part in physics or in checks of collisions.
 """
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +20,8 @@ from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.model import rgba
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot.visuals import Visual
+from mlivr_gym.values import Triple
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -40,10 +45,12 @@ class LimbMesh(NamedTuple):
     """Vertices in the frame of the link, shape (v, 3) [m]."""
     faces: IntArray
     """Triangles, shape (f, 3)."""
+    tint: tuple[float, float, float, float] | None = None
+    """Colour of a mesh of a file, None for that of the material."""
 
     def colour(self, limb: int) -> tuple[float, float, float, float]:
         """Return its colour on a limb."""
-        return COLOURS.get(self.material, rgba(LIMB_COLOURS[limb]))
+        return self.tint or COLOURS.get(self.material, rgba(LIMB_COLOURS[limb]))
 
 
 @cache
@@ -63,8 +70,55 @@ def _arm_meshes(name: str) -> tuple[LimbMesh, ...]:
     return tuple(meshes)
 
 
+@cache
+def _file_mesh(file: str, scale: Triple) -> tuple[Array, IntArray] | None:
+    """Return vertices and faces of a mesh file as MuJoCo reads it, None if it cannot."""
+    import mujoco
+
+    if not Path(file).is_file():
+        return None
+    spec = mujoco.MjSpec()
+    spec.add_mesh(
+        name="mesh", file=file, scale=scale, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    )
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", mass=0)
+    try:
+        model = spec.compile()
+    except ValueError:
+        return None
+    # MuJoCo moves the vertices to the axes of inertia.
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
+    vertices = model.mesh_vert @ turn.reshape(3, 3).T + model.mesh_pos[0]
+    return vertices.astype(np.float64), model.mesh_face.astype(np.int64)
+
+
+@cache
+def _meshes_of_files(visuals: tuple[Visual, ...]) -> tuple[LimbMesh, ...]:
+    """Return the meshes of files; those that cannot be read are named in one warning."""
+    meshes, missing = [], []
+    for visual in visuals:
+        found = _file_mesh(visual.file, visual.scale)
+        if found is None:
+            missing.append(visual)
+            continue
+        vertices = found[0] @ visual.frame[:3, :3].T + visual.frame[:3, 3]
+        meshes.append(LimbMesh(visual.link, "", vertices, found[1], visual.colour))
+    if missing:
+        warnings.warn(
+            f"{len(missing)} of {len(visuals)} visual meshes are not found or not STL or OBJ, the "
+            f"first is {missing[0].file!r} of link {missing[0].link!r}; links without a mesh are "
+            "drawn by their capsules (folders of package:// names are given with package_dirs)",
+            stacklevel=2,
+        )
+    return tuple(meshes)
+
+
 def limb_meshes(robot: RobotSpec, limb: int) -> tuple[LimbMesh, ...]:
     """Return the meshes of a limb of a robot, none if it is drawn by its capsules."""
+    visuals = robot.mounted[limb].visuals
+    if visuals:
+        return _meshes_of_files(visuals)
     name = arm_of(robot.every_limb[limb])
     return () if name is None else _arm_meshes(name)
 

@@ -13,6 +13,7 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
+from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MIN_SIZE, Triple
 
 
@@ -30,6 +31,7 @@ class DerivedFigures:
     mount_radius: float
     tool_length: float
     capsules: tuple[Capsule, ...] | None
+    visuals: tuple[Visual, ...] | None
     body_size: float | Triple
     dynamics: LimbDynamics | None
     mounts: tuple[Mount, ...] | None
@@ -49,19 +51,21 @@ class DerivedFigures:
                 shapes = stretched_capsules(limb, self.tool_length)
             places = self.mount_radius * turns[:, :, 2]
             return tuple(
-                _on_base(Mount(*place, limb, shapes, self.dynamics), limb)
+                _on_base(Mount(*place, limb, shapes, self.dynamics, self.visuals), limb)
                 for place in zip(places.tolist(), turns.tolist(), strict=True)
             )
         return tuple(map(self._completed, self.mounts))
 
     def _completed(self, mount: Mount) -> Mount:
         """Return a mount with what it does not name itself."""
-        limb, shapes, dynamics = mount.limb, mount.capsules, mount.dynamics
+        limb, shapes, dynamics, seen = mount.limb, mount.capsules, mount.dynamics, mount.visuals
         if limb is None:
             limb, shapes, dynamics = self.limb, shapes or self.capsules, dynamics or self.dynamics
+            seen = seen or self.visuals
         if shapes is None:
             shapes = stretched_capsules(limb, self.tool_length)
-        return _on_base(replace(mount, limb=limb, capsules=shapes, dynamics=dynamics), limb)
+        whole = replace(mount, limb=limb, capsules=shapes, dynamics=dynamics, visuals=seen)
+        return _on_base(whole, limb)
 
     @property
     def is_symmetric(self) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.files import LARGEST_FILE
 from mlivr_gym.robot.limb import FARTHEST_TURN
+from mlivr_gym.robot.visuals import BodyMesh, mesh_file, mjcf_meshes, placed_meshes, urdf_meshes
 
 SPEED_LIMITS = "speed_limits"
 """Name of the `<numeric>` of an MJCF file that holds the largest speed of each joint [rad/s]."""
@@ -30,9 +31,6 @@ that neither format has, as JSON."""
 
 WINDOWS, ROTORS = "window_starts", "rotor_inertias"
 """Entries of `PLANNING` that are no fields of a robot: figures of each limb, N of six."""
-
-MESH_FORMATS = (".stl", ".obj", ".msh")
-"""Endings of mesh files that MuJoCo reads."""
 
 LEAST_MASS = 1e-12
 """Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
@@ -67,6 +65,8 @@ class Description(NamedTuple):
     """Mesh files of collision shapes that were not found or cannot be read."""
     fields: dict[str, Any]
     """Fields of `RobotSpec` that the file names, see `PLANNING`."""
+    visuals: dict[str, tuple[BodyMesh, ...]]
+    """Meshes that show each body, by its name."""
 
 
 def read_description(
@@ -109,15 +109,18 @@ def read_description(
     tree = _parsed(text)
     found: dict[str, float] = {}
     missing: list[str] = []
+    visuals: dict[str, tuple[BodyMesh, ...]] = {}
+    pictures: list[tuple[str, str, BodyMesh]] = []
     try:
         if tree.tag == "robot":
             folders = [*map(Path, package_dirs), *path.resolve().parents]
+            visuals = urdf_meshes(tree, path.parent, folders)
             found, missing, fields = _prepare_urdf(tree, path.parent, folders)
             spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
             spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
         else:
             spec = mujoco.MjSpec.from_file(str(path))
-            missing = _without_pictures(spec)
+            missing, pictures = _without_pictures(spec)
             fields = next((entry.data for entry in spec.texts if entry.name == PLANNING), "")
         _check_joints(spec)
         if tree.tag == "robot":
@@ -135,7 +138,8 @@ def read_description(
     mujoco.mj_kinematics(model, data)
     joints = _joint_data(mujoco, model, found, (speeds, torques))
     name = tree.get("name") or tree.get("model") or path.stem
-    return Description(name, model, data, joints, tuple(missing), _fields(fields))
+    visuals |= placed_meshes(model, pictures)
+    return Description(name, model, data, joints, tuple(missing), _fields(fields), visuals)
 
 
 def _parsed(text: str) -> ElementTree.Element:
@@ -188,7 +192,7 @@ def _prepare_urdf(
             mesh = shape.find("geometry/mesh")
             if mesh is None:
                 continue
-            file = _mesh_file(mesh.get("filename", ""), folder, folders)
+            file = mesh_file(mesh.get("filename", ""), folder, folders)
             if file is None:
                 missing.append(mesh.get("filename", ""))
                 link.remove(shape)
@@ -222,19 +226,8 @@ def _number(text: str, joint: ElementTree.Element) -> float:
         ) from None
 
 
-def _mesh_file(name: str, folder: Path, folders: Sequence[Path]) -> Path | None:
-    """Return the file of a mesh, None if it is not found or MuJoCo cannot read its format."""
-    if name.startswith("package://"):
-        places = [parent / name.removeprefix("package://") for parent in folders]
-    else:
-        places = [folder / name.removeprefix("file://")]
-    if Path(name).suffix.lower() not in MESH_FORMATS:
-        return None
-    return next((place.resolve() for place in places if place.is_file()), None)
-
-
-def _without_pictures(spec: Any) -> list[str]:
-    """Remove what is only seen, and meshes that are not there; return the files of the latter."""
+def _without_pictures(spec: Any) -> tuple[list[str], list[tuple[str, str, BodyMesh]]]:
+    """Remove what is only seen, and meshes that are not there; return the latter and the former."""
     import mujoco
 
     folder = Path(spec.modelfiledir) / (spec.compiler.meshdir or spec.meshdir or "")
@@ -248,9 +241,9 @@ def _without_pictures(spec: Any) -> list[str]:
     def is_massive(geom: Any) -> bool:
         return bool(from_geoms or not geom.parent.explicitinertial)
 
-    missing = []
+    missing, seen = [], []
     for geom in list(spec.geoms):
-        geom.material = ""
+        material, geom.material = geom.material, ""
         file = absent.get(geom.meshname)
         if is_massive(geom) and file:
             raise RobotError(
@@ -258,17 +251,21 @@ def _without_pictures(spec: Any) -> list[str]:
                 "its shape, give the link an inertial or the file the mesh"
             )
         if not (geom.contype or geom.conaffinity) and not is_massive(geom):
-            spec.delete(geom)
+            if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+                seen.append((geom, geom.meshname, material))
+            else:
+                spec.delete(geom)
         elif file:
             missing.append(file)
             spec.delete(geom)
+    pictures = mjcf_meshes(spec, seen)
     used = {geom.meshname for geom in spec.geoms}
     for mesh in list(spec.meshes):
         if (mesh.name or Path(mesh.file).stem) not in used:
             spec.delete(mesh)
     for part in (*spec.skins, *spec.materials, *spec.textures, *spec.hfields):
         spec.delete(part)
-    return missing
+    return missing, pictures
 
 
 def _check_joints(spec: Any) -> None:

@@ -64,6 +64,7 @@ def mounts_with_failed_joint(
             mount,
             capsules=place.capsules or (robot.capsules if shared else None),
             dynamics=place.dynamics or (robot.dynamics if shared else None),
+            visuals=place.visuals or (robot.visuals if shared else None),
         )
     return (*mounts[:limb], mount, *mounts[limb + 1 :])
 

@@ -14,7 +14,7 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
-from mlivr_gym.robot.file_shapes import fitted_capsules, links_apart
+from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
 from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
@@ -22,6 +22,7 @@ from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
+from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 ROTOR_INERTIA = 0.1
@@ -79,6 +80,8 @@ class FileLimb:
     """Largest distance of the flange from that of the file [m]."""
     apart: tuple[tuple[str, str], ...]
     """Links whose shapes never meet, see `RobotSpec.apart`."""
+    visuals: tuple[Visual, ...]
+    """Meshes that show it."""
     notes: tuple[str, ...] = field(default=())
     """What the file does not say, in words."""
 
@@ -105,6 +108,12 @@ class FileLimb:
             low, high = capsule.start[2] - shift, capsule.end[2] - shift
             return replace(capsule, start=(0.0, 0.0, low), end=(0.0, 0.0, high))
 
+        def seen(visual: Visual) -> Visual:
+            x, y, z = visual.position
+            return (
+                replace(visual, position=(x, y, z - shift)) if visual.link in LINKS[6:] else visual
+            )
+
         x, y, z = self.dynamics.centres[5]
         centres = (*self.dynamics.centres[:5], (x, y, z - shift))
         return replace(
@@ -113,6 +122,7 @@ class FileLimb:
             capsules=tuple(map(moved, self.capsules)),
             dynamics=replace(self.dynamics, centres=centres),
             tool_length=length,
+            visuals=tuple(map(seen, self.visuals)),
         )
 
     def turned(self, angle: float) -> FileLimb:
@@ -149,6 +159,7 @@ class FileLimb:
             self,
             limb=replace(self.limb, **fields),
             offsets=offsets, mount=self.mount @ turn, capsules=capsules, dynamics=dynamics,
+            visuals=tuple(v.turned(turn[:3, :3]) if v.link == "base" else v for v in self.visuals),
         )  # fmt: skip
 
 
@@ -224,7 +235,7 @@ def limb_of(
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
         found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
-        error, apart, tuple(notes),
+        error, apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
 
 

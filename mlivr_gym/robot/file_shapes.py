@@ -21,11 +21,14 @@ from mlivr_gym.robot.capsule_fit import (
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import Description
+from mlivr_gym.robot.file_arms import body_frame, body_name
 from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
 from mlivr_gym.robot.limb import Limb
+from mlivr_gym.robot.link_frames import inverse
 from mlivr_gym.robot.mounts import MOST_CAPSULES
 from mlivr_gym.robot.stretched import gripper_capsule
 from mlivr_gym.robot.validators import APART
+from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 
 
 def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Hull]:
@@ -93,6 +96,18 @@ def fitted_capsules(
             "fewer as capsules"
         )
     return tuple(out), excess
+
+
+def limb_visuals(file: Description, members: LimbParts, frames: Array) -> tuple[Visual, ...]:
+    """Return the meshes that show a limb; `frames` of base and links have shape (7, 4, 4)."""
+    parts = [*members.with_frames(frames), (members.gripper, frames[6])]
+    found = tuple(
+        mesh.seen_from(link, inverse(frame) @ body_frame(file.data, body))
+        for link, (part, frame) in zip(LINKS, parts, strict=True)
+        for body in part
+        for mesh in file.visuals.get(body_name(file.model, body), ())
+    )
+    return found[:MOST_VISUALS]
 
 
 def links_apart(

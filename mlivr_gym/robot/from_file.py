@@ -284,7 +284,9 @@ def _mount(limb: FileLimb, alike: bool) -> Mount:
     a, b, c = (tuple(row) for row in limb.mount[:3, :3].tolist())
     if alike:
         return Mount((x, y, z), (a, b, c))
-    return Mount((x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics)
+    return Mount(
+        (x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics, limb.visuals or None
+    )
 
 
 def _fields(
@@ -300,6 +302,7 @@ def _fields(
         "name": file.name,
         "limb": first.limb,
         "capsules": first.capsules,
+        "visuals": first.visuals or None,
         "dynamics": first.dynamics,
         "tool_length": first.tool_length,
         "gripper_mass": first.gripper_mass,

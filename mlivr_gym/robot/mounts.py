@@ -6,7 +6,8 @@ build names one `Mount` for each limb, which may also bring a limb of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_dynamics,
     arm_limb,
 )
+from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import FieldPath, ListOf, OrNone, Rotation, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
@@ -47,6 +49,8 @@ class Mount:
     dynamics
         Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
         is given, for those of the arm that has its lengths.
+    visuals
+        Meshes that show this limb; None for `RobotSpec.visuals`, or none if `limb` is given.
     """
 
     position: Triple
@@ -54,6 +58,7 @@ class Mount:
     limb: AnyLimb | None = None
     capsules: tuple[Capsule, ...] | None = None
     dynamics: LimbDynamics | None = None
+    visuals: tuple[Visual, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -70,9 +75,17 @@ MOUNT = Struct(
         "limb": OrNone(Named(LIMB_OF_FAMILY, arm_limb)),
         "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
         "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
+        "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
     },
 )
 """Fields of a `Mount`."""
+
+
+def plain_without_looks(mount: Mount) -> dict[str, Any]:
+    """Return what plans depend on of a mount, as plain data."""
+    data = asdict(replace(mount, dynamics=None))
+    del data["visuals"]
+    return data
 
 
 def even_rotations(limbs: int) -> Array:

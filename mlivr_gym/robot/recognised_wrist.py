@@ -22,6 +22,7 @@ from mlivr_gym.robot.joint_chain import (
     sign_of,
     tool_x,
 )
+from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SHIFTS, SphericalWristLimb
 
 
@@ -135,10 +136,11 @@ def _with_held_joint(chain: JointChain) -> JointChain:
         joint, anchor, axis = 2, foot(chain, 1, 0), np.cross(second, lean)
         before, after, ahead = second, lean, chain.anchors[2] - anchor
     else:
-        joint, anchor, axis = 1, foot(chain, 1, 0), np.cross(first, second)
-        before, after, ahead = first, second, chain.base[:3, 0]
+        axis = np.cross(first, second)
         if np.linalg.norm(axis) <= ALIGNED or right_angle_fault(chain, 1, 2):
             return chain
+        joint, anchor = 1, foot(chain, 1, 0)
+        before, after, ahead = first, second, chain.base[:3, 0]
     axis = _unit(axis) * (-1.0 if ahead @ axis < -EXACT else 1.0)
     angle = float(np.arctan2(np.cross(before, after) @ axis, before @ after))
     return JointChain(
@@ -313,7 +315,7 @@ def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm
     turns = float(2.0 * np.pi * np.round(0.5 * (low + high) / (2.0 * np.pi)))
     fields |= {"held_joint": k + 1, "held_angle": rounded(seen.angles[k] - turns)}
     moving, angles = np.delete(signs, k), np.delete(seen.angles, k)
-    limits = (low - turns, high - turns)
+    limits = (max(low - turns, -FARTHEST_TURN), min(high - turns, FARTHEST_TURN))
     return RecognisedArm(SphericalWristLimb, fields, moving, angles, seen.mount, limits)
 
 

@@ -38,10 +38,11 @@ from mlivr_gym.robot.limb_dynamics import (
     check_inertia,
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
-from mlivr_gym.robot.mounts import MOUNT, Mount
+from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
 from mlivr_gym.robot.validators import APART, PairOf, SizeOrEdges
+from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -63,7 +64,7 @@ MOST_POSES = 64
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 """Endings of the files that `from_file` reads."""
 
-PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source")
+PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals")
 """Fields of a robot on which no plan depends."""
 
 
@@ -71,8 +72,7 @@ PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source")
 class RobotSpec(DerivedFigures):
     """A body with `limbs` limbs, by default equal ones at equal angles about the body's z axis.
 
-    The first joint axis of each limb is then radial, and limb 0 points along the body's +x axis.
-    `mounts` describes a robot of another build.
+    Their first joint axes are then radial, that of limb 0 along the body's +x axis; see `mounts`.
 
     Attributes
     ----------
@@ -125,10 +125,11 @@ class RobotSpec(DerivedFigures):
     body_centre
         Centre of mass of the body in its frame [m].
     body_inertia
-        Inertia of the body about its centre of mass, xx, yy, zz, xy, xz, yz [kg m^2]; None for that
-        of a homogeneous box.
+        Inertia about that centre, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a box.
     source
         Where the figures come from, for readers.
+    visuals
+        Meshes that show a limb in pictures; None for those that ship, or for its capsules.
 
     Examples
     --------
@@ -159,6 +160,7 @@ class RobotSpec(DerivedFigures):
     body_centre: Triple = (0.0, 0.0, 0.0)
     body_inertia: tuple[float, ...] | None = None
     source: str = ""
+    visuals: tuple[Visual, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -181,13 +183,11 @@ class RobotSpec(DerivedFigures):
     def fingerprint(self) -> str:
         """Hash of what plans depend on: the description without its name and `PHYSICAL` fields."""
         data = {name: value for name, value in self.to_dict().items() if name not in PHYSICAL}
-        if not data["apart"]:
-            del data["apart"]
+        data = {name: value for name, value in data.items() if value or name != "apart"}
         if data.pop("mounts") is not None:
-            data["mounts"] = [asdict(replace(mount, dynamics=None)) for mount in self.mounts or ()]
-        return hashlib.sha256(json.dumps(data | {"name": ""}, sort_keys=True).encode()).hexdigest()[
-            :16
-        ]
+            data["mounts"] = list(map(plain_without_looks, self.mounts or ()))
+        text = json.dumps(data | {"name": ""}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the description as plain data for JSON."""
@@ -335,6 +335,7 @@ ROBOT = Struct(
         "body_centre": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
         "body_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
         "source": Text(0),
+        "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
     },
 )
 """Fields of a `RobotSpec`."""

@@ -337,12 +337,14 @@ class SphericalWristLimb(LimbBase):
                 Capsule("wrist_2", here, _share(0.25, places[5]), radius),
                 tip,
             )
+        # Wrist 1 begins where it is clear of the upper arm of a stretched limb.
         d4 = form[6]
+        start = -d4 * max(0.35, 2.05 * radius / max(abs(d4), MIN_SIZE))
         return (
             *stands,
             Capsule("upper_arm", (0.0, 0.0, 0.0 if form[9] else form[2]), places[2], radius),
             Capsule("forearm", here, (form[5], 0.35 * d4, 0.0), radius),
-            Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, -0.35 * d4), radius),
+            Capsule("wrist_1", (0.0, 0.0, -0.6 * d4), (0.0, 0.0, start), radius),
             Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
             tip,
         )
