@@ -65,6 +65,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/closed_loop.py
 	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/failed_joints.py
+	$(BIN)/python experiments/study.py
 	$(BIN)/python experiments/robots.py
 	$(BIN)/python experiments/time_cost.py
 	$(BIN)/python experiments/connectivity.py
@@ -114,7 +115,7 @@ $(VENV)/.core: $(VENV)/bin/python pyproject.toml constraints.txt
 # PyTorch first and pinned, so that nothing else pulls another build of it.
 $(VENV)/.dev: $(VENV)/.core
 	$(PIP) torch==2.13.0
-	$(PIP) --editable '.[agents,data,dm,dev,viewer]'
+	$(PIP) --editable '.[agents,data,dm,dev,study,viewer]'
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

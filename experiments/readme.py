@@ -36,6 +36,7 @@ import simulation_figures
 import start_up
 import station_load
 import station_places
+import study as factorial_study
 import table1_statistics
 import thresholds
 import time_cost
@@ -252,6 +253,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "benchmark_env": benchmark_env.markdown,
     "benchmark_planning": planning_report.markdown,
     "planner_vs_rl": comparison_report.markdown,
+    "study": factorial_study.markdown,
     "reference_curves": reference_curves.markdown,
     "random_layouts": random_layouts.markdown,
 }

@@ -16,7 +16,7 @@ PACKAGE = ROOT / "mlivr_gym"
 LAYERS = (
     {"experiments", "__main__"},
     {"cli"},
-    {"viewer"},
+    {"viewer", "studies"},
     {"agents"},
     {"envs"},
     {"pictures", "fastest", "closed_loop"},

@@ -28,7 +28,7 @@ MAX_EPISODES = 10**6
 """Maximum number of episodes of one command."""
 
 MAX_THREADS = 1024
-"""Maximum number of threads of PyTorch."""
+"""Maximum number of threads of PyTorch, and of processes of a study."""
 
 MAX_BEAM_WIDTH = 1000
 """Maximum width of a beam search."""
@@ -302,12 +302,13 @@ def _check_world(args: argparse.Namespace) -> None:
 
 
 def check_counts(args: argparse.Namespace) -> None:
-    """Check the ranges of seed, number of episodes, beam width and number of threads."""
+    """Check the ranges of seed, number of episodes, beam width, and threads or processes."""
     for name, minimum, maximum in (
         ("seed", 0, MAX_SEED),
         ("episodes", 1, MAX_EPISODES),
         ("beam", 1, MAX_BEAM_WIDTH),
         ("threads", 1, MAX_THREADS),
+        ("workers", 1, MAX_THREADS),
     ):
         value = getattr(args, name, None)
         if value is not None:

@@ -62,8 +62,8 @@ def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
 def _values() -> dict[str, tuple[str, ...]]:
     """Return the values of options that take a name, by option or by command and option."""
     from mlivr_gym.agents.hyperparameters import METHODS as TRAININGS
+    from mlivr_gym.agents.policy_names import PLANNERS
     from mlivr_gym.agents.test_set import SPLITS
-    from mlivr_gym.cli.evaluate import PLANNERS
     from mlivr_gym.planners.costs import HEURISTICS
     from mlivr_gym.planners.query import METHODS
     from mlivr_gym.robot.specification import ROBOTS

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym.agents.policy_names import PLANNERS, policy_by_name
 from mlivr_gym.cli.arguments import (
     Add,
     check_counts,
@@ -18,18 +17,10 @@ from mlivr_gym.cli.arguments import (
     refuse_without_effect,
 )
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import SettingError, choice, shortened
-from mlivr_gym.extras import require
+from mlivr_gym.errors import choice
 
 if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
-    from mlivr_gym.agents.policies import Policy
-    from mlivr_gym.envs.env import MlivrEnv
-
-PLANNERS = (
-    "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
-)  # fmt: skip
-"""Planners and baselines that can be evaluated in addition to learned policies."""
 
 
 def add_command(add: Add) -> None:
@@ -114,38 +105,3 @@ def _report(name: str, means: dict[str, Any]) -> None:
         )
     first = 1e3 * means["mean_first_action_time"]
     print(f"  first action after {first:.1f} ms on average, environment and policy together")
-
-
-def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
-    """Return the policy of a name: one of `PLANNERS`, `"pretrained"`, or the path of a checkpoint.
-
-    `beam` is the width of a beam search that a learned policy guides; None for no search.
-
-    Raises
-    ------
-    SettingError
-        If the name is unknown and no such checkpoint exists.
-    """
-    from mlivr_gym.agents import policies
-
-    if name in ("local", "two_level", "mcts"):
-        return policies.baseline_policy(name, seed=seed)
-    if name in ("astar", "dijkstra", "greedy"):
-        return policies.planner_policy("steps", name)
-    if name == "astar-base":
-        return policies.planner_policy("base")
-    if name == "expert":
-        return policies.ExpertPolicy()
-    if name == "random":
-        return policies.RandomPolicy(seed)
-    checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
-    if name != "pretrained" and not checkpoint:
-        raise SettingError(
-            f"policy is {shortened(name)}; it must be pretrained, the path of a checkpoint "
-            f"without suffix, or one of {', '.join(PLANNERS)}"
-        )
-    require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
-    from mlivr_gym.agents.learned import beam_policy, load_policy
-
-    policy = load_policy(name, env)
-    return policy if beam is None else beam_policy(policy, beam)

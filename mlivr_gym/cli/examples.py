@@ -36,6 +36,10 @@ EXAMPLES = {
         "mlivr-gym evaluate --policy pretrained --beam 8 --split same",
         "mlivr-gym evaluate --policy my_policy --split occupied --json",
     ),
+    "study": (
+        "mlivr-gym study thresholds.toml",
+        "mlivr-gym study thresholds.toml --engine dask --scheduler tcp://10.0.0.1:8786",
+    ),
     "dataset": ("mlivr-gym dataset --id mlivr/jem/expert-v0 --episodes 200",),
     "warmup": ("mlivr-gym warmup",),
     "build": (

@@ -1,0 +1,137 @@
+"""Run a study of thresholds and layouts with both engines, and estimate a large one from it.
+
+    python experiments/study.py [--out results] [--tasks 100] [--workers 2]
+
+The study varies the threshold of the limb manipulability and the share of occupied points. Each
+threshold but that of the paper gives a stance graph that no shipped table has, as a robot of a user
+does. Writes `study.json`, `study.md` and `study.png`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from matplotlib.figure import Figure
+from reports import command_line, publish, table
+
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.studies import ENGINES, StudyDesign, read_study, run_study
+from mlivr_gym.studies.rows import succeeded
+
+THRESHOLDS, SHARES = (0.05, 0.1, 0.15, 0.2), (0.0, 0.2, 0.4, 0.6)
+PAIRS, MACHINES, TASKS = 10_000, 100, 20
+"""Pairs of a robot and a map, machines with two cores, and tasks of each pair of the estimate."""
+
+
+def design_of(tasks: int) -> StudyDesign:
+    """Return the design of the study."""
+    factors = {"limb_threshold": list(THRESHOLDS), "occupied": list(SHARES)}
+    return StudyDesign.from_data({"kind": "plan", "tasks": tasks, "factors": factors})
+
+
+def measured(tasks: int, workers: int) -> dict[str, Any]:
+    """Run the study with each engine; return the counts of each combination, and the times."""
+    design, found = design_of(tasks), {}
+    for engine in ENGINES:
+        with tempfile.TemporaryDirectory() as folder:
+            began = time.perf_counter()
+            run_study(design, folder, engine, workers=workers)
+            found[engine] = time.perf_counter() - began, read_study(folder)
+    (local, rows), (dask, others) = (found[engine] for engine in ENGINES)
+    cells = []
+    for k, levels in enumerate(design.combinations):
+        some = rows[k * tasks : (k + 1) * tasks]
+        solved = [row["steps"] for row in some if succeeded("plan", row)]
+        cells.append({
+            "limb_threshold": levels["limb_threshold"], "occupied": levels["occupied"],
+            "starts": sum(not row["error"] for row in some), "solved": len(solved),
+            "steps": fmean(solved) if solved else None,
+        })  # fmt: skip
+    return {
+        "tasks": tasks, "workers": workers, "runs": len(rows), "local_s": local, "dask_s": dask,
+        "equal": untimed(rows) == untimed(others), "cells": cells,
+        "pair_s": new_pair(design_of(TASKS)),
+    }  # fmt: skip
+
+
+def untimed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows without the times, which differ from run to run."""
+    return [{name: row[name] for name in row if name != "seconds"} for row in rows]
+
+
+def new_pair(design: StudyDesign) -> float:
+    """Return the time of one process for the tasks of a new robot on a map [s]."""
+    factors = {"limb_threshold": [0.07, 0.08, 0.09]}
+    others = StudyDesign.from_data(design.to_data() | {"factors": factors})
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        run_study(others, folder, workers=1)
+        return (time.perf_counter() - began) / len(factors["limb_threshold"])
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page."""
+    rows = [
+        (
+            f"{cell['limb_threshold']:g}", f"{100 * cell['occupied']:.0f} %",
+            f"{cell['solved']} of {cell['starts']}",
+            "" if cell["steps"] is None else f"{cell['steps']:.2f}",
+        )
+        for cell in data["cells"]
+    ]  # fmt: skip
+    hours = data["pair_s"] * PAIRS / (2 * MACHINES) / 3600.0
+    same = "equal" if data["equal"] else "NOT EQUAL"
+    return f"""# A study with two engines
+
+Made by `experiments/study.py`: {data["runs"]} plans of two limbs on the JEM with the step cost, \
+{data["tasks"]} random tasks for each threshold of the limb manipulability and each share of \
+occupied points. A task counts where its start can be drawn.
+
+{table("threshold of w_m | occupied points | with a plan | mean steps", rows)}
+With {data["workers"]} processes the study took {data["local_s"]:.0f} s with the engine `local` \
+and {data["dask_s"]:.0f} s with `dask`, beside other work; their rows are {same} but for the \
+column `seconds`.
+
+**A large study, on paper.** A robot on a map for which no table ships, with {TASKS} tasks, took \
+one process {data["pair_s"]:.1f} s, the start of the process included. So {PAIRS:,} pairs of a \
+robot and a map on {MACHINES} machines of two cores would take {hours:.1f} hours, if nothing is \
+lost by sharing them out. Two limbs; tables of three and four limbs take far longer.
+"""
+
+
+def picture(data: dict[str, Any], path: Path) -> None:
+    """Draw the share of tasks with a plan over the share of occupied points."""
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.subplots()
+    colours, marks = ("#1f5fd0", "#17a2a2", "#e08a1e", "#d62728"), "os^D"
+    for threshold, colour, mark in zip(THRESHOLDS, colours, marks, strict=True):
+        cells = [cell for cell in data["cells"] if cell["limb_threshold"] == threshold]
+        share = [100.0 * cell["solved"] / max(cell["starts"], 1) for cell in cells]
+        occupied = [100.0 * cell["occupied"] for cell in cells]
+        axes.plot(occupied, share, color=colour, marker=mark, label=f"$w_m \\geq {threshold:g}$")
+    axes.set_xlabel("occupied points [%]")
+    axes.set_ylabel("tasks with a plan [%]")
+    axes.set_ylim(0.0, 103.0)
+    axes.grid(alpha=0.3)
+    axes.legend(title="threshold of the limb manipulability", fontsize=9)
+    save_figure(figure, path)
+
+
+def main() -> None:
+    """Run the studies and write the results."""
+    parser = command_line(__doc__)
+    parser.add_argument("--tasks", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    args = parser.parse_args()
+    data = measured(args.tasks, args.workers)
+    publish(args.out, "study", data, markdown)
+    picture(data, args.out / "study.png")
+    print(markdown(data))
+
+
+if __name__ == "__main__":
+    main()

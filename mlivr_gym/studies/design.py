@@ -1,0 +1,188 @@
+"""Design of a study: which runs it has, by factors and their levels.
+
+A full factorial design: the runs are all combinations of the levels of the factors (Fisher 1935),
+each with the same number of random tasks. The task of a run depends on the seed, its number, and
+the factors of the graph alone, so that costs, paces or policies are compared on equal tasks.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mlivr_gym.errors import MlivrError, SettingError, path_shown
+from mlivr_gym.files import FileError
+from mlivr_gym.motion.plan_parts import COSTS
+from mlivr_gym.schema import (
+    Choice,
+    FieldPath,
+    Fields,
+    Flag,
+    Integer,
+    ListOf,
+    Numbers,
+    Text,
+    Validator,
+)
+from mlivr_gym.simulation.limits import PACES
+from mlivr_gym.values import MAX_PARTS
+
+BLOCK_TASKS = 10
+"""Maximum number of runs of a block, which one process computes and one file stores."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A number that a factor may have.
+
+    Attributes
+    ----------
+    least
+        Minimum.
+    most
+        Maximum.
+    """
+
+    least: float
+    most: float
+
+    def read(self, value: object, place: FieldPath) -> float:
+        """Return the number as a float."""
+        return float(Numbers((), self.least, self.most).read(value, place))
+
+
+GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
+    "robot": (Text(), "mlivr2"),
+    "map": (Text(), "jem"),
+    "limb_threshold": (Level(0.0, 1.0), 0.1),
+    "base_threshold": (Level(0.0, 1.0), None),
+    "clearance": (Level(0.0, 0.5), 0.02),
+    "collisions": (Flag(), True),
+    "occupied": (Level(0.0, 0.9), 0.0),
+}
+"""Validator and default level of the factors that determine the stance graph and its tasks. Each
+task occupies its own random points, the share `occupied` of the map."""
+
+PLAN_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
+    "cost": (Choice(tuple(name for name in COSTS if name != "weighted")), "steps"),
+    "time_limit": (Level(0.01, 86_400.0), 60.0),
+}
+"""Those of plans; the time limit [s] is of effect with more than two limbs."""
+
+FACTORS: dict[str, dict[str, tuple[Validator[Any], Any]]] = {
+    "plan": GRAPH_FACTORS | PLAN_FACTORS,
+    "simulate": GRAPH_FACTORS
+    | PLAN_FACTORS
+    | {
+        "pace": (Choice(tuple(PACES)), "fast"),
+        "disturbances": (Choice(("none", "all")), "none"),
+    },
+    "evaluate": GRAPH_FACTORS | {"policy": (Text(), "expert")},
+    "build": {name: GRAPH_FACTORS[name] for name in list(GRAPH_FACTORS)[:-1]},
+}
+"""The factors of each kind of study."""
+
+
+class RunBlock(NamedTuple):
+    """Runs that are computed together: successive tasks of one combination of levels."""
+
+    number: int
+    """Number of the block."""
+    first_run: int
+    """Number of its first run."""
+    levels: dict[str, Any]
+    """The level of each factor."""
+    tasks: range
+    """Numbers of its tasks."""
+
+
+@dataclass(frozen=True)
+class StudyDesign:
+    """The runs of a study.
+
+    Attributes
+    ----------
+    kind
+        What a run does: `"plan"` a task, `"simulate"` the plan of a task in MuJoCo, `"evaluate"` a
+        policy on an episode, or `"build"` the table of a robot on a map.
+    factors
+        Levels of each factor that the study varies or sets; others have their default level.
+    tasks
+        Number of random tasks for each combination of levels; 1 for `"build"`.
+    seed
+        Seed of the tasks.
+    """
+
+    kind: str
+    factors: Mapping[str, tuple[Any, ...]]
+    tasks: int = 20
+    seed: int = 0
+
+    @classmethod
+    def from_data(cls, data: object, place: FieldPath | None = None) -> StudyDesign:
+        """Return the design that plain data describe, as a TOML file holds them.
+
+        Raises
+        ------
+        MlivrError
+            If a field is faulty; the message names it, its value and what would be valid.
+        """
+        place = place or FieldPath("", SettingError)
+        sizes = {"tasks": Integer(1, 10**6), "seed": Integer(0, 2**31)}
+        kind = {"kind": Choice(tuple(FACTORS))}
+        read = Fields(kind, sizes, others=True).read(data, place)
+        known = FACTORS[read["kind"]]
+        levels = {name: ListOf(one, least=1, most=MAX_PARTS) for name, (one, _) in known.items()}
+        read = Fields(kind, sizes | {"factors": Fields({}, levels)}).read(data, place)
+        for name, given in read.get("factors", {}).items():
+            if len(set(given)) < len(given):
+                raise place.field(f"factors.{name}").refused(list(given), "levels that differ")
+        if read["kind"] == "build" and read.setdefault("tasks", 1) != 1:
+            raise place.field("tasks").refused(read["tasks"], "1: a table is built once")
+        return cls(**({"factors": {}} | read))
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> StudyDesign:
+        """Return the design that a TOML file describes.
+
+        Raises
+        ------
+        MlivrError
+            If the file cannot be read, or a field is faulty.
+        """
+        try:
+            data = tomllib.loads(Path(path).read_text("utf-8"))
+        except (OSError, ValueError) as error:  # ValueError: neither UTF-8 nor TOML
+            reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            raise FileError(f"cannot read study {path_shown(path)}: {reason}") from None
+        try:
+            return cls.from_data(data)
+        except MlivrError as fault:
+            raise SettingError(f"study {str(path)!r}: {fault}") from None
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the design as plain data."""
+        return asdict(self) | {"factors": {name: list(one) for name, one in self.factors.items()}}
+
+    @property
+    def combinations(self) -> list[dict[str, Any]]:
+        """All combinations of levels, the last factor given varying fastest."""
+        defaults = {name: level for name, (_, level) in FACTORS[self.kind].items()}
+        return [
+            defaults | dict(zip(self.factors, levels, strict=True))
+            for levels in product(*self.factors.values())
+        ]
+
+    @property
+    def blocks(self) -> list[RunBlock]:
+        """The blocks of the study, in the order of their runs."""
+        found: list[RunBlock] = []
+        for k, levels in enumerate(self.combinations):
+            for begin in range(0, self.tasks, BLOCK_TASKS):
+                tasks = range(begin, min(begin + BLOCK_TASKS, self.tasks))
+                found.append(RunBlock(len(found), k * self.tasks + begin, levels, tasks))
+        return found

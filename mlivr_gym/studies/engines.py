@@ -1,0 +1,64 @@
+"""Engines of studies: what computes their blocks, as an executor of `concurrent.futures`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+
+from mlivr_gym.errors import SettingError
+from mlivr_gym.extras import require
+
+ENGINES = ("local", "dask")
+"""Processes of this machine, or Dask: a scheduler with workers on any number of machines."""
+
+RETRIES = 3
+"""How often Dask computes a block again whose worker has ended."""
+
+
+@contextmanager
+def executor_of(
+    engine: str, workers: int | None, scheduler: str | None, notify: Callable[[str], None]
+) -> Iterator[Executor]:
+    """Yield an executor that computes blocks.
+
+    Parameters
+    ----------
+    engine
+        One of `ENGINES`.
+    workers
+        Number of processes; by default one for each core.
+    scheduler
+        Address of a running Dask scheduler; by default one is started on this machine.
+    notify
+        Called with the address of Dask's dashboard.
+
+    Raises
+    ------
+    SettingError
+        If Dask is not installed, or its scheduler does not answer.
+    """
+    count = workers or os.cpu_count() or 1
+    if engine == "local":
+        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+            try:
+                yield pool
+            finally:
+                pool.shutdown(cancel_futures=True)
+        return
+    require("dask", "distributed", extra="study")
+    from dask.distributed import Client
+
+    try:
+        client = (
+            Client(scheduler)
+            if scheduler is not None
+            else Client(n_workers=count, threads_per_worker=1, dashboard_address=":0")
+        )
+    except (OSError, ValueError) as error:
+        raise SettingError(f"no Dask scheduler at {scheduler!r}: {error}") from None
+    with client:
+        notify(client.dashboard_link)
+        yield client.get_executor(retries=RETRIES, pure=False)

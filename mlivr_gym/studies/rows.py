@@ -1,0 +1,203 @@
+"""What a run of a study does, and the row of results that it gives."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import MlivrError
+from mlivr_gym.planners.planner import Planner
+from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.studies.design import FACTORS, RunBlock, StudyDesign
+from mlivr_gym.transitions.state import State
+
+if TYPE_CHECKING:  # loads GL
+    from mlivr_gym.envs.env import MlivrEnv
+
+Row = dict[str, Any]
+"""Results of one run by column."""
+
+MIN_DISTANCE = 1.0
+"""Minimum distance of the goal of a task from its start [m]."""
+
+TASK_COLUMNS = {
+    "start": "string", "goal_x": "double", "goal_y": "double", "goal_z": "double",
+}  # fmt: skip
+PLAN_COLUMNS = TASK_COLUMNS | {
+    "reason": "string", "steps": "int64", "base_translation": "double", "bound": "double",
+    "expanded": "int64", "seconds": "double",
+}  # fmt: skip
+
+COLUMNS: dict[str, dict[str, str]] = {
+    "plan": PLAN_COLUMNS,
+    "simulate": PLAN_COLUMNS
+    | {
+        "failure": "string", "done": "int64", "attempts": "int64", "duration": "double",
+        "grasp_force": "double", "base_error": "double",
+    },
+    "evaluate": {
+        "success": "bool", "steps": "int64", "base_translation": "double", "seconds": "double",
+    },
+    "build": {"file": "string", "bytes": "int64", "seconds": "double"},
+}  # fmt: skip
+"""Columns of the results of each kind of study, with their Arrow types. Lengths are in metres,
+times in seconds, forces in newtons; `seconds` is the time that the run took to plan, to choose its
+first action or to build, which no two runs share to the last digit."""
+
+
+def columns_of(kind: str) -> dict[str, str]:
+    """Return all columns of a kind of study with their Arrow types, the factors included."""
+    types = {str: "string", bool: "bool", float: "double", type(None): "double"}
+    levels = {name: types[type(level)] for name, (_, level) in FACTORS[kind].items()}
+    return {"run": "int64", "task": "int64"} | levels | COLUMNS[kind] | {"error": "string"}
+
+
+def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
+    """Compute the runs of a block; an input that cannot be used is the `error` of its rows."""
+    blank: Row = dict.fromkeys(columns_of(design.kind))
+    rows: list[Row] = [
+        blank | block.levels | {"run": block.first_run + k, "task": task, "error": ""}
+        for k, task in enumerate(block.tasks)
+    ]
+    for row in rows:
+        try:
+            row |= RUNS[design.kind](design, block.levels, row["task"])
+        except MlivrError as error:
+            row["error"] = str(error)
+    return rows
+
+
+@lru_cache(maxsize=2)
+def _graph(levels: tuple[tuple[str, Any], ...]) -> TwoLimbGraph | ImplicitGraph:
+    """Return the stance graph of some levels, which the tasks of a process share."""
+    chosen = {name: level for name, level in levels if level is not None}
+    return stance_graph(chosen.pop("map"), chosen.pop("robot"), Settings(**chosen))
+
+
+@lru_cache(maxsize=2)
+def _env(levels: tuple[tuple[str, Any], ...]) -> MlivrEnv:
+    """Return the environment of some levels, which the tasks of a process share."""
+    from mlivr_gym.envs.env import MlivrEnv  # loads GL
+
+    return MlivrEnv(**{name: level for name, level in levels if level is not None})
+
+
+def _key(levels: dict[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """Return the levels that determine a stance graph."""
+    return tuple((name, levels[name]) for name in FACTORS["build"])
+
+
+def _task(
+    graph: StanceGraph, design: StudyDesign, levels: dict[str, Any], task: int
+) -> tuple[State, Array]:
+    """Occupy the points of a task on a graph; return its start and its goal."""
+    rng, count = np.random.default_rng([design.seed, task]), len(graph.grasp_map)
+    graph.vacate()
+    graph.occupy(rng.permutation(count)[: round(levels["occupied"] * count)].tolist())
+    start, goal, *_ = sample_task(graph, rng, MIN_DISTANCE)
+    return start, goal
+
+
+def _planned(
+    design: StudyDesign, levels: dict[str, Any], task: int
+) -> tuple[StanceGraph, PlanningResult, Row]:
+    """Plan a task; return graph, result and the columns of plans."""
+    graph = _graph(_key(levels))
+    start, goal = _task(graph, design, levels, task)
+    limit = None if graph.limbs == 2 else levels["time_limit"]
+    began = time.perf_counter()
+    found = Planner(graph).plan(start, goal, levels["cost"], time_limit=limit)
+    row = {
+        "start": " ".join(graph.ids(start.stance)),
+        **dict(zip(("goal_x", "goal_y", "goal_z"), map(float, goal), strict=True)),
+        "reason": found.reason, "expanded": found.expanded,
+        "seconds": time.perf_counter() - began,
+    }  # fmt: skip
+    if found.plan is not None:
+        row |= {
+            "steps": len(found.plan.steps), "base_translation": found.plan.base_translation,
+            "bound": found.plan.statistics.bound,
+        }  # fmt: skip
+    return graph, found, row
+
+
+def _plan_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+    """Plan a task."""
+    return _planned(design, levels, task)[2]
+
+
+def _simulate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+    """Plan a task, and execute the plan in MuJoCo."""
+    from mlivr_gym.simulation.monte_carlo import execute_many  # these load GL
+    from mlivr_gym.simulation.setup import Setup
+
+    graph, found, row = _planned(design, levels, task)
+    if found.plan is None or not found.plan.steps:
+        return row
+    setup = Setup.of(levels["pace"], disturbances=levels["disturbances"])
+    seed = design.seed * 10**6 + task + 1
+    (outcome,) = execute_many(graph, [found.plan], setup, seed=seed, workers=1)
+    return row | {
+        "failure": outcome.failure or "", "done": outcome.done, "attempts": outcome.attempts,
+        "duration": outcome.time, "grasp_force": outcome.grasp_force,
+        "base_error": outcome.base_error,
+    }  # fmt: skip
+
+
+def _evaluate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+    """Evaluate a policy on the episode of a task."""
+    from mlivr_gym.agents.evaluation import EvaluationTask, evaluate  # these load GL
+    from mlivr_gym.agents.policy_names import policy_by_name
+
+    env = _env(_key(levels))
+    start, goal = _task(env.graph, design, levels, task)
+    points = tuple(env.graph.ids(sorted(env.graph.occupied)))
+    given = EvaluationTask(env.graph.ids(start.stance), tuple(map(float, goal)), points)
+    policy = policy_by_name(levels["policy"], env, design.seed + task)
+    found = evaluate(env, policy, [given], design.seed + task)
+    return {
+        "success": bool(found.success[0]), "steps": int(found.steps[0]),
+        "base_translation": float(found.base_translation[0]),
+        "seconds": float(found.first_decision[0]),
+    }  # fmt: skip
+
+
+def _build_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+    """Build the table of a robot on a map."""
+    began = time.perf_counter()
+    path = build_table(_graph(_key(levels)))
+    if path is None:
+        return {"seconds": time.perf_counter() - began}
+    return {
+        "file": path.name, "bytes": path.stat().st_size, "seconds": time.perf_counter() - began
+    }  # fmt: skip
+
+
+RUNS: dict[str, Callable[[StudyDesign, dict[str, Any], int], Row]] = {
+    "plan": _plan_row,
+    "simulate": _simulate_row,
+    "evaluate": _evaluate_row,
+    "build": _build_row,
+}
+"""What a run of each kind of study does."""
+
+
+def succeeded(kind: str, row: Row) -> bool:
+    """Return whether a run gave a plan, a walk without failure, a reached goal, or a table."""
+    column, wanted = {
+        "plan": ("reason", ""), "simulate": ("failure", ""), "evaluate": ("success", True),
+        "build": ("error", ""),
+    }[kind]  # fmt: skip
+    return bool(row[column] == wanted)

@@ -1,0 +1,162 @@
+"""A study gives each run once, whatever computes it, and goes on where it was interrupted."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import MlivrError, SettingError
+from mlivr_gym.planners import Planner
+from mlivr_gym.studies import StudyDesign, read_study, run_study
+from mlivr_gym.studies.rows import columns_of, rows_of, succeeded
+
+pytest.importorskip("pyarrow")
+
+DESIGN = StudyDesign.from_data(
+    {
+        "kind": "plan",
+        "tasks": 40,
+        "seed": 3,
+        "factors": {"cost": ["steps", "base"], "occupied": [0.0, 0.4]},
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """The rows of the study, computed in this process."""
+    return [row for block in DESIGN.blocks for row in rows_of(DESIGN, block)]
+
+
+def untimed(rows):
+    return [{name: value for name, value in row.items() if name != "seconds"} for row in rows]
+
+
+def test_rows_are_plans_of_equal_tasks(rows):
+    by_run = {row["run"]: row for row in rows}
+    graph, combinations = stance_graph(), len(DESIGN.combinations)
+    assert sorted(by_run) == list(range(combinations * DESIGN.tasks))
+    for task in range(DESIGN.tasks):
+        steps, _, base, _ = (by_run[k * DESIGN.tasks + task] for k in range(combinations))
+        assert (steps["start"], steps["goal_x"]) == (base["start"], base["goal_x"])
+        if not steps["reason"]:
+            goal = [steps["goal_x"], steps["goal_y"], steps["goal_z"]]
+            plan = Planner(graph).plan(steps["start"].split(), goal, "steps").unwrap()
+            assert (len(plan.steps), plan.base_translation) == (
+                steps["steps"],
+                steps["base_translation"],
+            )
+            assert base["base_translation"] <= steps["base_translation"] + 1e-9
+            assert base["steps"] >= steps["steps"]
+
+
+def test_a_share_of_the_points_is_occupied(rows):
+    graph = stance_graph()
+    block = next(block for block in DESIGN.blocks if block.levels["occupied"])
+    rows_of(DESIGN, block)
+    from mlivr_gym.studies.rows import _graph, _key
+
+    taken = _graph(_key(block.levels)).occupied
+    assert len(taken) == round(0.4 * len(graph.grasp_map))
+    for row in rows:
+        if row["run"] == block.first_run + len(block.tasks) - 1:
+            assert not taken & {graph.grasp_map.index(point) for point in row["start"].split()}
+
+
+def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
+    def interrupt(done, total):
+        if done >= 40:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(DESIGN, tmp_path, workers=1, progress=interrupt)
+    stored = {file.name: file.stat().st_mtime_ns for file in (tmp_path / "blocks").iterdir()}
+    assert len(stored) == 4
+    seen = []
+    file = run_study(DESIGN, tmp_path, workers=1, progress=lambda done, total: seen.append(done))
+    assert seen == list(range(40, 161, 10))
+    assert untimed(read_study(tmp_path)) == untimed(rows)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
+    written = file.stat().st_mtime_ns
+    assert run_study(DESIGN, tmp_path, workers=1).stat().st_mtime_ns == written
+
+
+def test_no_run_is_lost_or_repeated_when_a_worker_of_dask_is_killed(rows, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
+    ) as cluster:
+        killed = []
+
+        def kill(done, total):
+            if done and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        run_study(DESIGN, tmp_path, "dask", scheduler=address, progress=kill)
+        assert killed
+    assert untimed(read_study(tmp_path)) == untimed(rows)
+
+
+def test_another_study_in_the_folder_is_refused(tmp_path):
+    run_study(DESIGN_OF_NOTHING, tmp_path, workers=1)
+    other = StudyDesign.from_data(DESIGN_OF_NOTHING.to_data() | {"seed": 1})
+    with pytest.raises(SettingError, match="another design; choose another folder"):
+        run_study(other, tmp_path)
+
+
+DESIGN_OF_NOTHING = StudyDesign.from_data(
+    {"kind": "plan", "tasks": 1, "factors": {"robot": ["no_such_robot"]}}
+)
+
+
+def test_an_input_that_cannot_be_used_is_the_error_of_its_row():
+    (row,) = rows_of(DESIGN_OF_NOTHING, DESIGN_OF_NOTHING.blocks[0])
+    assert "no_such_robot" in row["error"]
+    assert not succeeded("plan", row)
+    assert set(row) == set(columns_of("plan"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "factors", "column"),
+    [
+        ("simulate", {"disturbances": ["none"]}, "grasp_force"),
+        ("evaluate", {"policy": ["expert"]}, "steps"),
+        ("build", {"robot": ["mlivr2"]}, "bytes"),
+    ],
+)
+def test_each_kind_of_run_fills_its_columns(kind, factors, column):
+    design = StudyDesign.from_data({"kind": kind, "tasks": 1, "factors": factors})
+    (row,) = rows_of(design, design.blocks[0])
+    assert succeeded(kind, row)
+    assert row[column] > 0
+    assert set(row) == set(columns_of(kind))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"engine": "ray"}, "engine is 'ray'; valid choices are 'local', 'dask'"),
+        ({"scheduler": "tcp://x:1"}, "needs engine='dask'"),
+    ],
+)
+def test_engines_that_do_not_exist_are_refused(tmp_path, arguments, words):
+    with pytest.raises(MlivrError, match=words):
+        run_study(DESIGN, tmp_path, **arguments)
+
+
+def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
+    path = tmp_path / "costs.toml"
+    path.write_text('kind = "plan"\ntasks = 4\n[factors]\ncost = ["steps", "base"]\n')
+    assert main(["study", str(path), "--workers", "1"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0].startswith("cost steps: 4 of 4, ")
+    assert len(read_study(tmp_path / "costs")) == 8
+    assert main(["study", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [one["successes"] for one in found["combinations"]] == [4, 4]
+    assert main(["study", str(path), "--scheduler", "tcp://x:1"]) == 2
