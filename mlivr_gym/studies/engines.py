@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -55,7 +56,12 @@ def executor_of(
         client = (
             Client(scheduler)
             if scheduler is not None
-            else Client(n_workers=count, threads_per_worker=1, dashboard_address=":0")
+            else Client(
+                n_workers=count,
+                threads_per_worker=1,
+                dashboard_address=":0",
+                silence_logs=logging.ERROR,
+            )
         )
     except (OSError, ValueError) as error:
         raise SettingError(f"no Dask scheduler at {scheduler!r}: {error}") from None

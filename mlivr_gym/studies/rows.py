@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.errors import MlivrError
+from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.random_states import TRIES, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -102,12 +102,20 @@ def _key(levels: dict[str, Any]) -> tuple[tuple[str, Any], ...]:
 def _task(
     graph: StanceGraph, design: StudyDesign, levels: dict[str, Any], task: int
 ) -> tuple[State, Array]:
-    """Occupy the points of a task on a graph; return its start and its goal."""
+    """Occupy the points of a task on a graph; return its start and its goal.
+
+    The goal is the base position of another random state, to which a path need not lead.
+    """
     rng, count = np.random.default_rng([design.seed, task]), len(graph.grasp_map)
     graph.vacate()
     graph.occupy(rng.permutation(count)[: round(levels["occupied"] * count)].tolist())
-    start, goal, *_ = sample_task(graph, rng, MIN_DISTANCE)
-    return start, goal
+    start = random_state(graph, rng)
+    origin = graph.posture_of(start).base_position[0]
+    for _ in range(TRIES):
+        goal = graph.posture_of(random_state(graph, rng)).base_position[0]
+        if np.linalg.norm(goal - origin) >= MIN_DISTANCE:
+            return start, goal
+    raise StanceError(f"no goal {MIN_DISTANCE:g} m from the start was found in {TRIES} draws")
 
 
 def _planned(
