@@ -2,13 +2,15 @@
 
 Each rule is left out in turn (obstacles, collisions, thresholds, joint limits, step checks) and the
 query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
-plan gives the cause.
+plan gives the cause. For two limbs, whose queries are exact, a small change is found, too: which
+obstacles and points must go, or how far the threshold of w_m must fall.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -23,13 +25,13 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-OBSTACLES, JOINTS = "obstacles and occupied points", "joint limits"
-"""Names of the rules that are no settings."""
+OBSTACLES, THRESHOLDS, JOINTS = "obstacles and occupied points", "thresholds", "joint limits"
+"""Names of rules."""
 
 RULES = {
     OBSTACLES: ({}, "removing some of them may help"),
     "collisions": ({"collisions": False}, "a smaller clearance or a slimmer robot may help"),
-    "thresholds": ({"manipulability": False}, "lower thresholds of w_m or w_b may help"),
+    THRESHOLDS: ({"manipulability": False}, "lower thresholds of w_m or w_b may help"),
     JOINTS: (
         {},
         "support limbs would leave their joint windows: wider joint_limits or other "
@@ -45,13 +47,25 @@ RULES = {
 out."""
 
 
+THRESHOLD_RESOLUTION = 0.002
+"""Resolution of the threshold of w_m that would have a plan."""
+
+T = TypeVar("T")
+
+
 class Cause(NamedTuple):
-    """The rules that cut a goal off."""
+    """The rules that cut a goal off, and for two limbs a change after which a plan exists."""
 
     rules: tuple[str, ...]
     """The rules that must be left out, keys of `RULES`; none if leaving rules out does not help."""
     message: str
     """One sentence for people."""
+    removed: tuple[str, ...] = ()
+    """Ids of obstacles and occupied points without which a plan exists, where these alone cut the
+    goal off: none of them may stay while the others go. There may be other such sets."""
+    limb_threshold: float | None = None
+    """A lower threshold of w_m with which a plan exists, where the thresholds alone cut the goal
+    off; a multiple of `THRESHOLD_RESOLUTION`, with no plan at the next higher multiple."""
 
 
 def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
@@ -82,12 +96,86 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
     names = [name for name in RULES if _has_rule(name, graph)]
     for name in names:
         if _plan_exists(graph, (name,), start, goal, limit):
-            return Cause((name,), f"the goal is cut off by {name}: {RULES[name][1]}")
+            message = f"the goal is cut off by {name}: {RULES[name][1]}"
+            if not isinstance(graph, TwoLimbGraph):
+                return Cause((name,), message)
+            if name == OBSTACLES:
+                return _with_removals(graph, start, goal, limit)
+            lower = None if name != THRESHOLDS else _lower_threshold(graph, start, goal, limit)
+            if lower is not None:
+                message += f"; a plan exists with limb_threshold={lower:g}"
+            return Cause((name,), message, (), lower)
     for last in range(2, len(names) + 1):
         if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
             listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
             return Cause(tuple(names[:last]), f"the goal is cut off by the combination of {listed}")
     return Cause((), "no path of this robot leads to the goal, whatever rule is left out")
+
+
+def _with_removals(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
+    """Return the cause of a goal that obstacles and occupied points cut off."""
+    free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    boxes = {box.id: box for box in graph.obstacles}
+    points = dict(zip(graph.ids(sorted(graph.occupied)), sorted(graph.occupied), strict=True))
+
+    def suffices(removed: list[str]) -> bool:
+        """Return whether a plan exists without some obstacles and occupied points."""
+        free.remove_obstacles()
+        free.vacate()
+        free.add_obstacles([box for name, box in boxes.items() if name not in removed])
+        free.occupy([point for name, point in points.items() if name not in removed])
+        return _is_plan_found(free, start, goal, limit)
+
+    removed = tuple(smallest_subset([*boxes, *points], suffices))
+    message = (
+        f"the goal is cut off by {OBSTACLES}: a plan exists without {', '.join(removed)}"
+        if removed
+        else f"the goal is cut off by {OBSTACLES}: {RULES[OBSTACLES][1]}"
+    )
+    return Cause((OBSTACLES,), message, removed)
+
+
+def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> list[T]:
+    """Return entries that suffice together, of which none can be spared.
+
+    The algorithm is QuickXplain (Junker 2004), with about `2 k log2(n / k)` tests for k of n
+    entries. Earlier entries are preferred to later ones.
+
+    Parameters
+    ----------
+    entries
+        The entries, which suffice together.
+    suffices
+        Whether some entries suffice; so do any that contain them.
+    """
+
+    def needed(given: list[T], is_changed: bool, others: list[T]) -> list[T]:
+        if is_changed and suffices(given):
+            return []
+        if len(others) == 1:
+            return others
+        first, second = others[: len(others) // 2], others[len(others) // 2 :]
+        late = needed(given + first, True, second)
+        return needed(given + late, bool(late), first) + late
+
+    return needed([], True, entries) if entries else []
+
+
+def _lower_threshold(graph: StanceGraph, start: State, goal: Goal, limit: int) -> float | None:
+    """Return a lower threshold of w_m with which a plan exists, by bisection; None if none does."""
+
+    def has_plan(count: int) -> bool:
+        """Return whether a plan exists with a threshold of some units."""
+        settings = replace(graph.settings, limb_threshold=count * THRESHOLD_RESOLUTION)
+        return _is_plan_found(_in_world_of(graph, settings), start, goal, limit)
+
+    low, high = 0, int(np.ceil(graph.settings.limb_threshold / THRESHOLD_RESOLUTION))
+    if not has_plan(low):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if has_plan(middle) else (low, middle)
+    return round(low * THRESHOLD_RESOLUTION, 9)
 
 
 def _has_rule(name: str, graph: StanceGraph) -> bool:
@@ -114,18 +202,31 @@ def _plan_exists(
     """Return whether a plan leads to the goal with some rules left out."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
-    relaxed = stance_graph(graph.grasp_map, graph.robot, settings)
-    if OBSTACLES not in rules:
-        relaxed.add_obstacles(graph.obstacles)
-        relaxed.occupy(sorted(graph.occupied))
+    relaxed = _in_world_of(graph, settings, without_obstacles=OBSTACLES in rules)
     if JOINTS in rules:
         relaxed.checks.ignore_joint_limits()
+    return _is_plan_found(relaxed, start, goal, limit)
+
+
+def _in_world_of(
+    graph: StanceGraph, settings: Settings, without_obstacles: bool = False
+) -> StanceGraph:
+    """Return a graph with other settings among the obstacles of a graph, or without them."""
+    other = stance_graph(graph.grasp_map, graph.robot, settings)
+    if not without_obstacles:
+        other.add_obstacles(graph.obstacles)
+        other.occupy(sorted(graph.occupied))
+    return other
+
+
+def _is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool:
+    """Return whether a plan from the stance of a state leads to the goal on a graph."""
     try:
-        relaxed_start = relaxed.state(start.stance, start.pose)
+        here = graph.state(start.stance, start.pose)
     except StanceError:
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
-    search = SearchQuery.from_options(relaxed, step_goal, SearchOptions(limit=limit))
+    search = SearchQuery.from_options(graph, step_goal, SearchOptions(limit=limit))
     # Stance sets are not worth building for a single query.
-    result = GraphSearcher(relaxed, build_sets=False).find(search, relaxed_start)
+    result = GraphSearcher(graph, build_sets=False).find(search, here)
     return result is not None and result.status == GOAL_REACHED

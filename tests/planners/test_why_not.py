@@ -4,12 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mlivr_gym import Box, Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.why_not import JOINTS, OBSTACLES, RULES
+from mlivr_gym.planners.why_not import (
+    JOINTS,
+    OBSTACLES,
+    RULES,
+    THRESHOLD_RESOLUTION,
+    THRESHOLDS,
+    smallest_subset,
+)
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.stances.random_states import random_state
 
@@ -117,3 +126,63 @@ def test_a_start_that_cannot_be_held_is_an_error(small_checked_graph):
 def test_the_command_tells_the_cause(capsys):
     assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
     assert "the nearest is" in capsys.readouterr().err
+
+
+@given(st.lists(st.sets(st.integers(0, 11)), min_size=1))
+def test_no_entry_of_a_smallest_subset_can_be_spared(enough):
+    """Some entries suffice if they contain one of several sets."""
+
+    def suffices(some):
+        return any(one <= set(some) for one in enough)
+
+    found = smallest_subset([*range(12)], suffices)
+    assert suffices(found)
+    assert not any(suffices([one for one in found if one != spared]) for spared in found)
+    assert sorted(found) == found
+
+
+def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
+    small_checked_graph,
+):
+    """Two walls are in the way, a third box and a point elsewhere are not."""
+    graph, planner = small_checked_graph, Planner(small_checked_graph)
+    x = graph.base_position[:, 0]
+    start, end = graph.points[int(np.argmin(x))].tolist(), graph.base_position[int(np.argmax(x))]
+    goal = np.clip(end, *graph.grasp_map.cabin)
+    plan = planner.plan(start, goal, "steps", goal_tolerance=0.3).unwrap()
+    walls = [
+        Box.between(f"wall{k}", "obstacle", (at, -3.0, -3.0), (at + 0.05, 3.0, 3.0))
+        for k, at in enumerate(x.min() + share * np.ptp(x) for share in (0.4, 0.6))
+    ]
+    far = Box.between("far", "obstacle", (30.0, 0.0, 0.0), (30.1, 0.1, 0.1))
+    unused = next(p for p in range(len(graph.grasp_map)) if p not in np.array(plan.stances))
+    graph.add_obstacles([far, *walls])
+    graph.occupy([unused])
+    try:
+        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
+        assert set(cause.removed) == {"wall0", "wall1"}
+        assert "a plan exists without wall0, wall1" in cause.message
+        for kept in ([], *([wall] for wall in walls)):
+            graph.remove_obstacles()
+            graph.add_obstacles([far, *kept])
+            found = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.3)
+            assert bool(found) == (not kept)
+    finally:
+        graph.remove_obstacles()
+        graph.vacate()
+
+
+def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_none(jem):
+    few = jem.subset(np.random.default_rng(0).random(len(jem)) < 0.35, "sparse")
+    settings = Settings(limb_threshold=0.15, collisions=False)
+    graph, rng = stance_graph(few, settings=settings), np.random.default_rng(0)
+    for _ in range(20):
+        start, goal = unreachable(graph, rng)
+        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.05)
+        if cause.limb_threshold is not None:
+            break
+    assert cause.rules == (THRESHOLDS,)
+    for value in (cause.limb_threshold, round(cause.limb_threshold + THRESHOLD_RESOLUTION, 9)):
+        other = stance_graph(few, settings=replace(settings, limb_threshold=value))
+        found = Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05)
+        assert bool(found) == (value == cause.limb_threshold)
