@@ -1,0 +1,150 @@
+"""Plans on large maps: the stance graph is computed only in a corridor of points around a route.
+
+The route is a shortest path over cells that hold points. If the corridor has no plan, it is
+widened, up to the whole map; only the whole map proves that there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.planners.planner import Planner
+from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.schema import FieldPath
+from mlivr_gym.settings import Settings
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.grasp_map import STANCE, GraspMap, as_map
+
+CELL = 1.0
+"""Edge of the cells of the route [m]."""
+
+WIDTHS = 1.5, 2.5
+"""Distances from the route within which points belong to the corridor, in order [m]."""
+
+
+class CorridorPlan(NamedTuple):
+    """Result of `plan_in_corridor`."""
+
+    result: PlanningResult
+    """The result; optimality and bounds hold for the points of `graph`."""
+    graph: StanceGraph
+    """The stance graph on which it was planned, whose map has the points and boxes used."""
+    is_whole: bool
+    """Whether the graph has all points, so that a result without a plan proves that none exists."""
+
+
+def plan_in_corridor(
+    grasp_map: str | GraspMap | dict[str, Any] | None,
+    start: Sequence[str],
+    goal: Sequence[float] | Array,
+    cost: str = "steps",
+    robot: str | RobotSpec | dict[str, Any] = "mlivr2",
+    settings: Settings | None = None,
+    **options: Any,
+) -> CorridorPlan:
+    """Plan on a large map without computing the stances of the whole of it.
+
+    Parameters
+    ----------
+    grasp_map, robot, settings
+        As for `stance_graph`.
+    start
+        Point id of each limb.
+    goal
+        Goal position of the base [m].
+    cost
+        As for `Planner.plan`.
+    **options
+        Further arguments of `Planner.plan`.
+
+    Returns
+    -------
+    CorridorPlan
+        The result in the first corridor that has a plan, otherwise that of the whole map.
+
+    Raises
+    ------
+    MlivrError
+        If an argument cannot be used, as for `stance_graph` and `Planner.plan`.
+
+    Examples
+    --------
+    >>> start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+    >>> found = plan_in_corridor("jem", start, goal)
+    >>> len(found.result.unwrap().steps), len(found.graph.grasp_map) < 331
+    (4, True)
+    """
+    world, robot = as_map(grasp_map), robot_spec(robot)
+    named = STANCE.read(start, FieldPath("start", StanceError))
+    held = [world.index(point) for point in named]
+    target = world.check_goal(goal)
+    route = route_of(world.positions, held[0], target, robot.span)
+    tree = scipy.spatial.cKDTree(route)
+    far = tree.query(world.positions)[0]
+    needed = np.linalg.norm(world.positions - target, axis=1) <= robot.reach + robot.mount_radius
+    needed[held] = True
+    for width in WIDTHS:
+        keep = needed | (far <= width)
+        if keep.all():
+            break
+        part = around(world, keep, robot)
+        try:
+            graph = stance_graph(part, robot, settings)
+        except RobotError:  # no stance among so few points
+            continue
+        result = Planner(graph).plan(start, target, cost, **options)
+        if result.plan is not None:
+            return CorridorPlan(result, graph, False)
+    whole = stance_graph(world, robot, settings)
+    return CorridorPlan(Planner(whole).plan(start, target, cost, **options), whole, True)
+
+
+def route_of(positions: Array, first: int, goal: Array, span: float) -> Array:
+    """Return the places of a route from a point to a goal, at most half a cell apart, (k, 3) [m].
+
+    Cells are joined if the means of their points are within the span, at the square of their
+    distance, so that many short hops past points are preferred to a long one through a wall. If no
+    such hops lead to the goal, the route is a straight line.
+    """
+    cells, inverse = np.unique(np.floor(positions / CELL), axis=0, return_inverse=True)
+    count, inverse = len(cells), inverse.ravel()
+    sums = np.zeros((count, 3))
+    np.add.at(sums, inverse, positions)
+    means = sums / np.bincount(inverse)[:, None]
+    tree = scipy.spatial.cKDTree(means)
+    pairs = tree.query_pairs(span, output_type="ndarray")
+    squares = ((means[pairs[:, 0]] - means[pairs[:, 1]]) ** 2).sum(axis=1)
+    hops = scipy.sparse.coo_matrix((squares, pairs.T), shape=(count, count))
+    here, end = int(inverse[first]), int(tree.query(goal)[1])
+    _, before = scipy.sparse.csgraph.dijkstra(
+        hops, directed=False, indices=here, return_predecessors=True
+    )
+    places = [goal, means[end]]
+    while end != here and before[end] >= 0:
+        end = int(before[end])
+        places.append(means[end])
+    places.append(positions[first])
+    line = [
+        np.linspace(a, b, 2 + int(2.0 * np.linalg.norm(b - a) / CELL)) for a, b in pairwise(places)
+    ]
+    return np.concatenate(line)
+
+
+def around(world: GraspMap, keep: BoolArray, robot: RobotSpec) -> GraspMap:
+    """Return a map with some points, shape (m,), and the boxes that a robot there may touch."""
+    tree = scipy.spatial.cKDTree(world.positions[keep])
+    centres = np.array([box.centre for box in world.boxes]).reshape(-1, 3)
+    radii = np.array([np.linalg.norm(box.half) for box in world.boxes])
+    close = tree.query(centres)[0] <= radii + robot.span + robot.extent
+    boxes = tuple(box for box, is_close in zip(world.boxes, close, strict=True) if is_close)
+    return replace(world.subset(keep), boxes=boxes)
