@@ -14,7 +14,18 @@ from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError, shortened
 from mlivr_gym.files import load
-from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, ListOf, Rotation, Struct, Text, Tuples
+from mlivr_gym.schema import (
+    NAME,
+    Choice,
+    FieldPath,
+    Fields,
+    ListOf,
+    Numbers,
+    Rotation,
+    Struct,
+    Text,
+    Tuples,
+)
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, Triple, as_triple, check_unique
 
 KINDS = ("panel", "rack", "closeout", "bulkhead", "track", "handrail", "stanchion", "obstacle")
@@ -94,6 +105,28 @@ class Box:
         return cls(
             id, kind, as_triple(0.5 * (lower + upper)), as_triple(0.5 * (upper - lower)), UNIT, face
         )
+
+    @classmethod
+    def each_between(cls, name: str, kind: str, low: Array, high: Array) -> tuple[Box, ...]:
+        """Return axis-aligned boxes from their corners, shape (k, 3) [m]; ids are name and number.
+
+        The figures are checked all at once, so that many boxes take a hundredth of the time.
+        """
+        if not len(low):
+            return ()
+        place, least = FieldPath(f"boxes {shortened(name)}", ShapeError), 2.0 * MIN_SIZE
+        Numbers((None, 3), -MAX_LENGTH, MAX_LENGTH, "m").read(low, place.field("min"))
+        Numbers((None, 3), -MAX_LENGTH, MAX_LENGTH, "m").read(high, place.field("max"))
+        Numbers((None, 3), least, np.inf, "m").read(high - low, place.field("size"))
+        cls.between(f"{name}0", kind, low[0].tolist(), high[0].tolist())  # checks name and kind
+        centres, halves = (0.5 * (low + high)).tolist(), (0.5 * (high - low)).tolist()
+        boxes = tuple(object.__new__(cls) for _ in centres)
+        for k, (box, centre, half) in enumerate(zip(boxes, centres, halves, strict=True)):
+            vars(box).update(
+                id=f"{name}{k}", kind=kind, centre=tuple(centre), half=tuple(half),
+                rotation=UNIT, face="",
+            )  # fmt: skip
+        return boxes
 
     @classmethod
     def from_dict(cls, data: Any, kind: str = "obstacle") -> Box:

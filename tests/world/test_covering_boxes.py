@@ -1,0 +1,114 @@
+"""Boxes cover point clouds and capsules, and exceed them by no more than is stated."""
+
+import coal
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import cKDTree
+
+from mlivr_gym import Box, stance_graph
+from mlivr_gym.errors import ShapeError
+from mlivr_gym.planners import Planner
+from mlivr_gym.world.covering_boxes import capsule_box, point_cloud_boxes
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def drawn_inside(boxes, count, rng):
+    """Random points of boxes."""
+    chosen = [boxes[k] for k in rng.integers(len(boxes), size=count)]
+    local = [np.array(box.half) * rng.uniform(-1.0, 1.0, 3) for box in chosen]
+    return np.array([
+        np.array(box.centre) + np.array(box.rotation) @ point
+        for box, point in zip(chosen, local, strict=True)
+    ])  # fmt: skip
+
+
+@given(SEEDS, st.integers(1, 400), st.sampled_from([0.02, 0.05, 0.3]))
+def test_each_point_lies_in_a_box_and_no_box_is_far_from_the_points(seed, count, resolution):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1.0, 1.0, (count, 3)) * rng.uniform(0.05, 0.5, 3) + rng.normal(size=3)
+    boxes = point_cloud_boxes(points, resolution)
+    centres, halves = (np.array([getattr(box, k) for box in boxes]) for k in ("centre", "half"))
+    inside = (np.abs(points[:, None] - centres) <= halves + 1e-9).all(axis=2)
+    assert inside.any(axis=1).all()
+    away, _ = cKDTree(points).query(drawn_inside(boxes, 200, rng))
+    assert away.max() <= np.sqrt(3.0) * resolution + 1e-9
+    assert len({box.id for box in boxes}) == len(boxes)
+
+
+@given(SEEDS, st.floats(0.01, 0.4), st.booleans())
+def test_a_box_covers_its_capsule_and_little_more(seed, radius, is_ball):
+    """The distances from another shape are those of another library."""
+    rng = np.random.default_rng(seed)
+    start = rng.normal(size=3)
+    end = start if is_ball else start + rng.normal(size=3)
+    box = capsule_box("strut", start, end, radius)
+    length = np.linalg.norm(end - start)
+    frame = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
+    solid = coal.Box(*(2.0 * np.array(box.half)))
+    # A capsule of coal lies along z.
+    turned = np.array(box.rotation)[:, [1, 2, 0]]
+    capsule = coal.Capsule(radius, length)
+    ball = coal.Sphere(0.05)
+    for centre in start + 2.0 * rng.normal(size=(20, 3)):
+        at = coal.Transform3s(np.eye(3), centre)
+        to_box, to_capsule = (
+            coal.distance(shape, where, ball, at, coal.DistanceRequest(), coal.DistanceResult())
+            for shape, where in (
+                (solid, frame), (capsule, coal.Transform3s(turned, np.array(box.centre))),
+            )
+        )  # fmt: skip
+        if to_box > 0.0:
+            assert to_capsule - (np.sqrt(3.0) - 1.0) * radius - 1e-6 <= to_box <= to_capsule + 1e-6
+
+
+def test_a_plan_keeps_away_from_a_cloud():
+    """A wall of points is seen before the goal; the plan is other than without it."""
+    graph = stance_graph()
+    y, z = np.meshgrid(np.linspace(-1.0, 1.0, 60), np.linspace(-1.0, 0.2, 60))
+    wall = np.stack([np.full(y.size, 3.55), y.ravel(), z.ravel()], axis=1)
+    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+    free = Planner(graph).plan(start, goal, "steps").unwrap()
+    graph.add_obstacles(point_cloud_boxes(wall))
+    plan = Planner(graph).plan(start, goal, "steps").unwrap()
+    assert len(plan.steps) > len(free.steps)
+    bases = [graph.posture_of(graph.state(stance)).base_position[0] for stance in plan.stances]
+    away, _ = cKDTree(wall).query(np.array(bases))
+    assert away.min() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        ([(0.0, 0.0, np.nan)], "points"),
+        ([(0.0, 0.0)], "points"),
+        ([(0.0, 0.0, 0.0), (4000.0, 0.0, 0.0)], "millimetres"),
+        ([(0.0, 0.0, 0.0), (50.0, 50.0, 50.0)], "choose a larger resolution"),
+    ],
+)
+def test_a_faulty_cloud_is_refused(points, words):
+    with pytest.raises(ShapeError, match=words):
+        point_cloud_boxes(points)
+
+
+@given(SEEDS, st.integers(1, 20))
+def test_boxes_made_at_once_are_those_made_one_by_one(seed, count):
+    rng = np.random.default_rng(seed)
+    low = rng.normal(size=(count, 3))
+    high = low + rng.uniform(1e-3, 1.0, (count, 3))
+    each = Box.each_between("box", "obstacle", low, high)
+    ends = enumerate(zip(low.tolist(), high.tolist(), strict=True))
+    assert each == tuple(Box.between(f"box{k}", "obstacle", *one) for k, one in ends)
+    assert len(set(each)) == count
+
+
+@pytest.mark.parametrize("high", [(0.0, 1.0, 1.0), (np.nan, 1.0, 1.0), (9e9, 1.0, 1.0)])
+def test_faulty_corners_are_refused(high):
+    with pytest.raises(ShapeError, match="boxes 'box'"):
+        Box.each_between("box", "obstacle", np.zeros((2, 3)), np.array([(1.0, 1.0, 1.0), high]))
+
+
+def test_no_points_are_no_boxes():
+    assert point_cloud_boxes(np.zeros((0, 3))) == ()
