@@ -24,8 +24,8 @@ from mlivr_gym.schema import (
     Flag,
     Integer,
     ListOf,
-    Numbers,
     Text,
+    Tuples,
     Validator,
 )
 from mlivr_gym.simulation.limits import PACES
@@ -35,41 +35,21 @@ BLOCK_TASKS = 10
 """Maximum number of runs of a block, which one process computes and one file stores."""
 
 
-@dataclass(frozen=True)
-class Level:
-    """A number that a factor may have.
-
-    Attributes
-    ----------
-    least
-        Minimum.
-    most
-        Maximum.
-    """
-
-    least: float
-    most: float
-
-    def read(self, value: object, place: FieldPath) -> float:
-        """Return the number as a float."""
-        return float(Numbers((), self.least, self.most).read(value, place))
-
-
 GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "robot": (Text(), "mlivr2"),
     "map": (Text(), "jem"),
-    "limb_threshold": (Level(0.0, 1.0), 0.1),
-    "base_threshold": (Level(0.0, 1.0), None),
-    "clearance": (Level(0.0, 0.5), 0.02),
+    "limb_threshold": (Tuples((), 0.0, 1.0), 0.1),
+    "base_threshold": (Tuples((), 0.0, 1.0), None),
+    "clearance": (Tuples((), 0.0, 0.5, "m"), 0.02),
     "collisions": (Flag(), True),
-    "occupied": (Level(0.0, 0.9), 0.0),
+    "occupied": (Tuples((), 0.0, 0.9), 0.0),
 }
 """Validator and default level of the factors that determine the stance graph and its tasks. Each
 task occupies its own random points, the share `occupied` of the map."""
 
 PLAN_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "cost": (Choice(tuple(name for name in COSTS if name != "weighted")), "steps"),
-    "time_limit": (Level(0.01, 86_400.0), 60.0),
+    "time_limit": (Tuples((), 0.01, 86_400.0, "s"), 60.0),
 }
 """Those of plans; the time limit [s] is of effect with more than two limbs."""
 
