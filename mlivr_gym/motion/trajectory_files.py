@@ -140,6 +140,42 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     write_whole(path, stream.getvalue())
 
 
+def message_time(time: float) -> dict[str, int]:
+    """Return a time [s] as `builtin_interfaces/msg/Time` or `Duration` of ROS 2."""
+    seconds, nanoseconds = divmod(round(1e9 * time), 10**9)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def message_header(time: float, frame: str) -> dict[str, Any]:
+    """Return a `std_msgs/msg/Header` of ROS 2 with a time [s] and the name of a frame."""
+    return {"stamp": message_time(time), "frame_id": frame}
+
+
+@checked({"trajectory": InstanceOf(Trajectory)})
+def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
+    """Return a trajectory as plain data with the fields of `trajectory_msgs/msg/JointTrajectory`.
+
+    The message has positions, velocities and accelerations of all joints; it has no field for
+    grasps.
+
+    Parameters
+    ----------
+    trajectory
+        The trajectory.
+    """
+    kinds = ("positions", "velocities", "accelerations")
+    values = {kind: getattr(trajectory, f"joint_{kind}") for kind in kinds}
+    return {
+        "header": message_header(0.0, ""),
+        "joint_names": joint_names(trajectory),
+        "points": [
+            {kind: values[kind][k].ravel().tolist() for kind in kinds}
+            | {"effort": [], "time_from_start": message_time(float(trajectory.times[k]))}
+            for k in range(len(trajectory.times))
+        ],
+    }
+
+
 @checked(SAVED)
 def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a ROS 2 message `trajectory_msgs/msg/JointTrajectory` in YAML.
@@ -159,27 +195,24 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     FileError
         If the file cannot be written.
     """
-    count, held = len(trajectory.times), _held(trajectory)
+    message, held = joint_trajectory_message(trajectory), _held(trajectory)
     lines = [
         "# trajectory_msgs/msg/JointTrajectory",
         "header: {stamp: {sec: 0, nanosec: 0}, frame_id: ''}",
         "joint_names:",
-        *(f"- {name}" for name in joint_names(trajectory)),
+        *(f"- {name}" for name in message["joint_names"]),
         "points:",
     ]
-    kinds = ("positions", "velocities", "accelerations")
-    for k in range(count):
+    for k, point in enumerate(message["points"]):
         event = _event(held[max(k - 1, 0)], held[k])
         if event:
             lines.append(f"# {event}")
-        for column, kind in enumerate(kinds):
-            values = getattr(trajectory, f"joint_{kind}")[k].ravel()
-            numbers = ", ".join(f"{value:.9g}" for value in values)
+        for column, kind in enumerate(("positions", "velocities", "accelerations")):
+            numbers = ", ".join(f"{value:.9g}" for value in point[kind])
             lines.append(f"{'-' if column == 0 else ' '} {kind}: [{numbers}]")
-        nanoseconds = round(1e9 * float(trajectory.times[k]))
-        seconds, nanoseconds = divmod(nanoseconds, 10**9)
         lines.append("  effort: []")
-        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}")
+        time = point["time_from_start"]
+        lines.append(f"  time_from_start: {{sec: {time['sec']}, nanosec: {time['nanosec']}}}")
     write_whole(path, "\n".join(lines) + "\n")
 
 
