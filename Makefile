@@ -66,6 +66,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/failed_joints.py
 	$(BIN)/python experiments/study.py
+	$(BIN)/python experiments/arm_branches.py
 	$(BIN)/python experiments/robots.py
 	$(BIN)/python experiments/time_cost.py
 	$(BIN)/python experiments/connectivity.py

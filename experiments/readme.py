@@ -29,6 +29,7 @@ import limb_starts
 import many_limbs
 import places
 import planning_report
+import public_arms
 import random_layouts
 import reference_curves
 import robots
@@ -210,6 +211,7 @@ def parts(results: Path) -> dict[str, str]:
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
+        "public_arms": public_arms.markdown(data("public_arms")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),
         "place_sizes": places.markdown(data("places")),

@@ -339,7 +339,7 @@ class SphericalWristLimb(LimbBase):
             )
         # Wrist 1 begins where it is clear of the upper arm of a stretched limb.
         d4 = form[6]
-        start = -d4 * max(0.35, 2.05 * radius / max(abs(d4), MIN_SIZE))
+        start = -d4 * max(0.35, (2.0 * radius + 0.008) / max(abs(d4), MIN_SIZE))
         return (
             *stands,
             Capsule("upper_arm", (0.0, 0.0, 0.0 if form[9] else form[2]), places[2], radius),

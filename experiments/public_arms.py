@@ -1,0 +1,131 @@
+"""Plan, carry out and draw robots of arms from a public package of descriptions.
+
+    pip download --no-deps example-robot-data==6.0.0
+    unzip -d descriptions example_robot_data-*.whl
+    python experiments/public_arms.py descriptions/cmeel.prefix/share
+
+Two UR10 and two Franka Panda, the latter with joint 6 held, on a cube, between two drawn stances of
+the JEM, with collisions checked and capsules along the links. The Panda's joint limits leave few
+postures above the default threshold of `w_m`, and its base stands lower. Writes
+`public_arms.json`, whose table `readme.py` shows in the docs, and `public_arms.png`: each robot by
+its visual meshes in the first, a middle and the last stance.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from reports import command_line, keep, table
+
+from mlivr_gym import RobotSpec, Settings, stance_graph
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.captions import with_caption
+from mlivr_gym.pictures.figures import save_image
+from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+
+ARMS: dict[str, tuple[str, float, dict[str, Any]]] = {
+    "UR10": (
+        "ur_description/urdf/ur10_robot.urdf", 0.1,
+        {"tool_frame": "tool0", "body_size": 0.3, "mount_radius": 0.2},
+    ),
+    "Franka Panda": (
+        "panda_description/urdf/panda.urdf", 0.03,
+        {"tool_frame": "panda_hand_tcp", "held_joint": "panda_joint6", "held_angle": 1.8,
+         "body_size": 0.2, "heights": (0.4, 0.44, 0.48, 0.52)},
+    ),
+}  # fmt: skip
+"""File in the package, threshold of `w_m`, and arguments of `RobotSpec.from_urdf`."""
+
+DRAWS = 60
+"""Pairs of stances that are drawn until a plan of `STEPS` steps is found."""
+
+STEPS = (2, 3, 4)
+"""Numbers of steps of the walk."""
+
+OVERHEAD = 0.2
+"""Height from which a base hangs from the overhead [m]."""
+
+SIZE = (420, 340)
+"""Width and height of one picture [px]."""
+
+
+def walk_of(graph: TwoLimbGraph) -> Plan:
+    """Return a plan of a few steps between drawn stances."""
+    planner, rng = Planner(graph), np.random.default_rng(0)
+    for a, b in rng.integers(len(graph), size=(DRAWS, 2)):
+        goal = graph.postures(graph.points[b][None]).base_position[0]
+        plan = planner.plan(graph.state(graph.points[a].tolist()), goal, "steps").plan
+        if plan is not None and len(plan.steps) in STEPS:
+            return plan
+    raise SystemExit(f"none of {DRAWS} pairs of stances is {STEPS} steps apart")
+
+
+def pictures(name: str, graph: TwoLimbGraph, plan: Plan) -> list[Any]:
+    """Return the robot in three stances of a plan."""
+    out = []
+    for k in (0, len(plan.steps) // 2, len(plan.steps)):
+        shown = graph.configuration(graph.state(plan.stances[k]))
+        x, y, z = shown[0].tolist()
+        # From below where the robot hangs from the overhead, whose edge would hide it.
+        elevation = -15.0 if z < OVERHEAD else 20.0
+        camera = Camera((x, y, z), distance=2.6, azimuth=70.0, elevation=elevation)
+        renderer = SceneRenderer(graph.grasp_map, graph.robot, *SIZE)
+        image = renderer.render(*shown, camera=camera)
+        renderer.close()
+        out.append(with_caption(image, f"{name}, step {k} of {len(plan.steps)}", SIZE[1]))
+    return out
+
+
+def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
+    """Return what is measured of a robot, and its pictures."""
+    file, threshold, options = ARMS[name]
+    robots = share / "example-robot-data" / "robots"
+    robot = RobotSpec.from_urdf(
+        robots / file, package_dirs=[share], capsules="ur5e", name=name, **options
+    )
+    graph = stance_graph(robot=robot, settings=Settings(limb_threshold=threshold))
+    assert isinstance(graph, TwoLimbGraph)
+    plan = walk_of(graph)
+    done = execute(graph, plan)
+    return {
+        "file": file, "held": options.get("held_joint"), "threshold": threshold,
+        "stances": len(graph), "steps": len(plan.steps), "walked": done.failure is None,
+        "walk_s": done.simulated_time,
+        "capture_m": max(capture.distance for capture in done.captures),
+    }, pictures(name, graph, plan)  # fmt: skip
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the table for the page on robots."""
+    head = (
+        "arms | file of example-robot-data 6.0.0 | held joint | least w_m | stances | steps | "
+        "duration of the walk [s] | largest error of a capture [mm]"
+    )
+    return table(head, (
+        (name, f"`{row['file']}`", row["held"] or "none", f"{row['threshold']:g}",
+         f"{row['stances']:,}", row["steps"], f"{row['walk_s']:.0f}" if row["walked"] else "fails",
+         f"{1e3 * row['capture_m']:.1f}")
+        for name, row in data.items()
+    ))  # fmt: skip
+
+
+def main() -> None:
+    """Measure and write the results."""
+    parser, data, rows = command_line(__doc__), {}, []
+    parser.add_argument("share", type=Path, help="folder that holds example-robot-data/")
+    args = parser.parse_args()
+    for name in ARMS:
+        data[name], shots = measured(name, args.share)
+        rows.append(np.hstack(shots))
+    save_image(np.vstack(rows), args.out / "public_arms.png")
+    keep(args.out, "public_arms", data)
+    print(markdown(data))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Plans of robots from URDF whose arms hold joint 3 or 6: a Gen3 and a Franka."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_texts import FRANKA, GEN3, one_arm
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import RobotSpec, Settings, stance_graph
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.planners import Planner
+from mlivr_gym.robot.from_file import read_robot
+
+HELD = {
+    "franka": (FRANKA, {"held_joint": "joint6", "held_angle": 1.8}),
+    "gen3": (GEN3, {"held_joint": "joint3", "held_angle": 0.3}),
+}
+HEIGHTS = {"franka": (0.4, 0.46, 0.52), "gen3": (0.55, 0.6, 0.65)}
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, name):
+    """Seven joints of the file bring the tool to the point, the held one at its angle."""
+    frames, held = HELD[name]
+    text, path = one_arm(frames=frames, seed=2), tmp_path / "arm.urdf"
+    path.write_text(text)
+    options = {**held, "capsules": "ur5e", "heights": HEIGHTS[name]}
+    robot, file = RobotSpec.from_urdf(path, **options), read_robot(path, **options)
+    graph = stance_graph(jem, robot, Settings(collisions=False, limb_threshold=0.03))
+    start, goal = sample_task(graph, np.random.default_rng(0), 1.0)
+    plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
+    model = pin.buildModelFromXML(text)
+    data, tool = model.createData(), model.getFrameId("tool0")
+
+    def flange(angles):
+        """Return the flange by Pinocchio, from angles of the robot's joints."""
+        theirs = np.insert(angles, int(held["held_joint"][-1]) - 1, held["held_angle"])
+        pin.framesForwardKinematics(model, data, theirs)
+        return data.oMf[tool].homogeneous.copy()
+
+    def ours(angles):
+        return forward_kinematics(angles, robot.limb.lengths, robot.limb.family_code)[-1]
+
+    there = np.linspace(-1.0, 1.0, 6)
+    to_base = ours(file.from_file_angles(there)[0]) @ np.linalg.inv(flange(there))
+    assert len(plan.stances) > 1
+    for stance in plan.stances:
+        position, quaternion, joints = graph.configuration(graph.state(stance))
+        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+        for i, (point, angles) in enumerate(zip(stance, file.to_file_angles(joints), strict=True)):
+            hand = to_base @ flange(angles)
+            tip = hand[:3, 3] + robot.tool_length * hand[:3, 2]
+            world = position + base @ (robot.mount_positions[i] + robot.mount_rotations[i] @ tip)
+            index = jem.index(point)
+            np.testing.assert_allclose(world, jem.positions[index], atol=1e-7)
+            axis = base @ robot.mount_rotations[i] @ hand[:3, 2]
+            np.testing.assert_allclose(axis, -jem.normals[index], atol=1e-7)
