@@ -94,7 +94,7 @@ def _html_of_plan(
         count //= 2
     raise SettingError(
         f"the page of this scene would be larger than {MAX_BYTES} bytes; "
-        "use a map or a plan with fewer shapes, or serve the page"
+        "use a map or a plan with fewer shapes, capsules in place of meshes, or serve the page"
     )
 
 
