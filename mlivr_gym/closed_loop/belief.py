@@ -213,13 +213,13 @@ class Belief:
         row[tuple((cells[inside] - corner).T)] = inside
         is_chosen = np.zeros(row.shape, dtype=np.bool_)
         is_chosen[tuple((cells[chosen] - corner).T)] = True
-        boxes = []
-        for k, (first, last) in enumerate(merged_cells(is_chosen, row >= 0), number):
+        corners = []
+        for first, last in merged_cells(is_chosen, row >= 0):
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
             cubes = self._cubes[row[where].ravel()]
-            low, high = cubes["low"].min(axis=0) - MARGIN, cubes["high"].max(axis=0) + MARGIN
-            boxes.append(Box.between(f"{SENSED}/{k}", "obstacle", low, high))
-        return tuple(boxes)
+            corners.append((cubes["low"].min(axis=0), cubes["high"].max(axis=0)))
+        low, high = np.array(corners).swapaxes(0, 1)
+        return Box.each_between(f"{SENSED}/", "obstacle", low - MARGIN, high + MARGIN, number)
 
 
 def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:

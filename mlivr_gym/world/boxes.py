@@ -107,10 +107,13 @@ class Box:
         )
 
     @classmethod
-    def each_between(cls, name: str, kind: str, low: Array, high: Array) -> tuple[Box, ...]:
-        """Return axis-aligned boxes from their corners, shape (k, 3) [m]; ids are name and number.
+    def each_between(
+        cls, name: str, kind: str, low: Array, high: Array, first: int = 0
+    ) -> tuple[Box, ...]:
+        """Return axis-aligned boxes from their corners, shape (k, 3) [m].
 
-        The figures are checked all at once, so that many boxes take a hundredth of the time.
+        Their ids are the name followed by a number, from `first` on. The figures are checked all at
+        once, which is much faster for many boxes.
         """
         if not len(low):
             return ()
@@ -118,10 +121,12 @@ class Box:
         Numbers((None, 3), -MAX_LENGTH, MAX_LENGTH, "m").read(low, place.field("min"))
         Numbers((None, 3), -MAX_LENGTH, MAX_LENGTH, "m").read(high, place.field("max"))
         Numbers((None, 3), least, np.inf, "m").read(high - low, place.field("size"))
-        cls.between(f"{name}0", kind, low[0].tolist(), high[0].tolist())  # checks name and kind
+        cls.between(
+            f"{name}{first}", kind, low[0].tolist(), high[0].tolist()
+        )  # checks name and kind
         centres, halves = (0.5 * (low + high)).tolist(), (0.5 * (high - low)).tolist()
         boxes = tuple(object.__new__(cls) for _ in centres)
-        for k, (box, centre, half) in enumerate(zip(boxes, centres, halves, strict=True)):
+        for k, (box, centre, half) in enumerate(zip(boxes, centres, halves, strict=True), first):
             vars(box).update(
                 id=f"{name}{k}", kind=kind, centre=tuple(centre), half=tuple(half),
                 rotation=UNIT, face="",
