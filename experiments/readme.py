@@ -41,6 +41,7 @@ import study as factorial_study
 import table1_statistics
 import thresholds
 import time_cost
+import whole_station
 from reports import NOTHING, ROOT, table
 from table1 import study_markdown
 from truth import markdown as truth_markdown
@@ -258,6 +259,7 @@ REPORTS: dict[str, Callable[[Any], str]] = {
     "study": factorial_study.markdown,
     "reference_curves": reference_curves.markdown,
     "random_layouts": random_layouts.markdown,
+    "whole_station": whole_station.markdown,
 }
 """Functions that make the report of each file of results."""
 

@@ -1,0 +1,215 @@
+"""Measure one plan across a station from a cold start, against the number of points.
+
+    python experiments/whole_station.py [--out results]
+
+Each plan is made by a process of its own without cached tables; machine code is compiled before.
+Stations are rows of labs (`station_modules.py`), and the station that ships. The plan of
+two limbs leads from the first to the last module, on the graph of the whole map and in a corridor.
+It is proved to have at most 1.2 times the fewest steps possible on the points that are used. Writes
+`whole_station.json`, `whole_station.md` and `whole_station.png`; takes a quarter of an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from typing import Any
+
+from matplotlib.figure import Figure
+from reports import NOTHING, ROOT, command_line, keep, publish, read, table
+from tqdm import tqdm
+
+INFLATION, TIME_LIMIT = 1.2, 300.0
+"""Suboptimality bound of the plans; time after which a process is ended [s]."""
+
+LABS = (2, 5, 10, 20, 40, 80, 114)
+"""Numbers of labs in a row."""
+
+MOST_WHOLE = 20
+"""Largest of these numbers for which the graph of the whole map is made."""
+
+SHORT, TO_TENTH = 10, "corridor, to lab 10"
+"""Number of the lab to which a plan leads on every large row, and name of this measurement."""
+
+LENGTH = 8.5
+"""Length of a lab [m]."""
+
+AIM = {"time": 2.0, "memory": 2.0}
+"""Time [s] and memory [GB] aimed at for ten modules."""
+
+
+def row_of(labs: int) -> dict[str, Any]:
+    """Return the map of a row of labs with the origin in its middle."""
+    file = str(ROOT / "envs_assets" / "lab.json")
+    parts = [
+        {"id": f"lab{k}", "map": file, "translation": [(k - 0.5 * (labs - 1)) * LENGTH, 0.0, 0.0]}
+        for k in range(labs)
+    ]
+    return {"name": f"row{labs}", "parts": parts}
+
+
+def query(labs: int, last: int) -> tuple[tuple[str, str], tuple[float, float, float]]:
+    """Return start and goal from the first lab of a row to a last one, or across the station."""
+    if not labs:
+        return ("columbus1/D1a:2", "columbus1/F1a:0"), (32.5, -5.0, 0.2)
+    x = (last - 1 - 0.5 * (labs - 1)) * LENGTH + 2.0
+    return ("lab0/D1a:2", "lab0/F1a:0"), (x, 0.2, 0.3)
+
+
+def measured(labs: int, method: str, began: float) -> dict[str, Any]:
+    """Return the figures of one plan; the process started at the time `began`."""
+    from mlivr_gym.planners import Planner
+    from mlivr_gym.planners.corridor import plan_in_corridor
+    from mlivr_gym.stances.build import stance_graph
+    from mlivr_gym.world.grasp_map import as_map
+
+    imported = time.time()
+    world = as_map(row_of(labs) if labs else "station")
+    read_at = time.time()
+    start, goal = query(labs, SHORT if method == TO_TENTH else labs)
+    if method in ("corridor", TO_TENTH):
+        found = plan_in_corridor(world, start, goal, inflation=INFLATION)
+        graph, result = found.graph, found.result
+    else:
+        graph = stance_graph(world)
+        result = Planner(graph).plan(start, goal, "steps", inflation=INFLATION)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return {
+        "modules": labs or 10,
+        "points": len(world),
+        "points_used": len(graph.grasp_map),
+        "import_s": imported - began,
+        "map_s": read_at - imported,
+        "plan_s": time.time() - read_at,
+        "wall_s": time.time() - began,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "memory_gb": used.ru_maxrss / 1e6,
+        "steps": None if result.plan is None else len(result.plan.steps),
+    }
+
+
+def in_process(labs: int, method: str) -> dict[str, Any]:
+    """Return the figures of one plan in a new process."""
+    command = [sys.executable, __file__, "--one", str(labs), method, repr(time.time())]
+    environment = os.environ | {"MLIVR_GYM_CACHE": ""}
+    row: dict[str, Any] = {"station": not labs, "labs": labs, "method": method}
+    try:
+        out = subprocess.run(
+            command, capture_output=True, text=True, env=environment, timeout=TIME_LIMIT
+        )
+    except subprocess.TimeoutExpired:
+        return row | {"fault": f"not finished within {TIME_LIMIT:g} s"}
+    if out.returncode:
+        return row | {"fault": out.stderr.strip().splitlines()[-1]}
+    found: dict[str, Any] = json.loads(out.stdout.splitlines()[-1])
+    return row | found
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the report."""
+    rows = []
+    for row in sorted(data["rows"], key=lambda row: (row["labs"], row["method"])):
+        name = "`station`" if row["station"] else f"row of {row['labs']} labs"
+        if "fault" in row:
+            rows.append((name, NOTHING, row["method"], row["fault"], *[NOTHING] * 5))
+            continue
+        rows.append(
+            (
+                name, row["points"], row["method"], row["points_used"], row["steps"] or "no plan",
+                f"{row['import_s'] + row['map_s']:.1f} + {row['plan_s']:.1f}",
+                f"{row['wall_s']:.1f}", f"{row['processor_s']:.1f}", f"{row['memory_gb']:.2f}",
+            )
+        )  # fmt: skip
+    head = (
+        "place | points | stances of | points used | steps | import and map, plan [s] | "
+        "whole process [s] | processor time [s] | memory [GB]"
+    )
+    ten = next(r for r in data["rows"] if r["station"] and r["method"] == "corridor")
+    reached = (
+        f"{ten['wall_s']:.1f} s and {ten['memory_gb']:.2f} GB, of which importing and reading the "
+        f"map take {ten['import_s'] + ten['map_s']:.1f} s"
+    )
+    return f"""# A whole station
+
+One plan of two limbs from the first to the last module, or to the tenth, each by a process of its
+own that has no cached table; machine code is compiled before. A plan is proved to have at most
+{INFLATION} times the fewest steps possible on the points that are used. *Whole* computes the
+stances of the whole map. *Corridor* (`planners.corridor.plan_in_corridor`) computes those near a
+route over cells that hold points, and widens the corridor, up to the whole map, until a plan is
+found: it is not proved that no plan outside the corridor is shorter.
+
+The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the corridor the station \
+takes {reached}.
+The machine has two cores, on which other programs ran, so elapsed times would be shorter on an
+idle one; processor time is the sum over threads. A map may have at most 2 million pairs of points
+within the span, so the largest rows have no *whole*.
+
+![Time and memory against the number of points](whole_station.png)
+
+{table(head, rows)}
+`experiments/whole_station.py` makes this page.
+"""
+
+
+def draw(data: dict[str, Any], path: Any) -> None:
+    """Draw time and memory against the number of points."""
+    from mlivr_gym.pictures.figures import save_figure
+
+    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
+    for axes, keys, label in zip(
+        figure.subplots(1, 2),
+        (("processor_s", "plan_s"), ("memory_gb",)),
+        ("time [s]", "memory [GB]"),
+        strict=True,
+    ):
+        colours = {"whole": "tab:red", "corridor": "tab:blue", TO_TENTH: "tab:green"}
+        for method, colour in colours.items():
+            rows = [
+                r
+                for r in data["rows"]
+                if r["method"] == method and not r["station"] and "fault" not in r
+            ]
+            for key, style in zip(keys, ("-o", "--s"), strict=False):
+                name = {"processor_s": "processor time", "plan_s": "plan, elapsed"}.get(key)
+                axes.plot(
+                    [r["points"] for r in rows],
+                    [r[key] for r in rows],
+                    style,
+                    color=colour,
+                    label=f"{method}, {name}" if name else method,
+                    markersize=4,
+                )
+        axes.axhline(AIM["time" if "time" in label else "memory"], color="0.7", linewidth=1)
+        axes.set(xscale="log", yscale="log", xlabel="points of the map", ylabel=label)
+        axes.legend(fontsize=6, loc="upper left")
+    save_figure(figure, path, vector=False)
+
+
+def main() -> None:
+    """Run the experiment, or one plan of it."""
+    if "--one" in sys.argv:
+        one = argparse.ArgumentParser()
+        one.add_argument("--one", nargs=3)
+        labs, method, began = one.parse_args().one
+        print(json.dumps(measured(int(labs), method, float(began))))
+        return
+    arguments = command_line(__doc__).parse_args()
+    todo = [(0, "whole"), (0, "corridor")]
+    todo += [(n, "corridor") for n in LABS] + [(n, "whole") for n in LABS if n <= MOST_WHOLE]
+    todo += [(n, TO_TENTH) for n in LABS if n > SHORT]
+    data = read(arguments.out, "whole_station") or {"rows": []}
+    known = {(row["labs"], row["method"]) for row in data["rows"]}
+    for labs, method in tqdm([one for one in todo if one not in known]):
+        data["rows"].append(in_process(labs, method))
+        keep(arguments.out, "whole_station", data)
+    publish(arguments.out, "whole_station", data, markdown)
+    draw(data, arguments.out / "whole_station.png")
+
+
+if __name__ == "__main__":
+    main()
