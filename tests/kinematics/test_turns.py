@@ -19,7 +19,7 @@ from compiled import called
 from held_paths import GRIP, TOOL
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from wrist_arms import LIMBS, OTHERS
+from wrist_arms import FURTHER, LIMBS, OTHERS
 
 from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
@@ -27,7 +27,10 @@ from mlivr_gym.kinematics.families import grasp_motion, held_turns, link_frames,
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
 
-each_limb = pytest.mark.parametrize("limb", NEAR.values(), ids=NEAR)
+OFFSET = {"gen3-offset": FURTHER["gen3-offset"]}
+"""An arm whose shoulder lies far beside the plane of its elbow."""
+
+each_limb = pytest.mark.parametrize("limb", (NEAR | OFFSET).values(), ids=NEAR | OFFSET)
 WRISTS = LIMBS | OTHERS
 each_wrist = pytest.mark.parametrize("limb", WRISTS.values(), ids=WRISTS)
 PLACES = 81

@@ -59,11 +59,12 @@ OTHERS = {
 }
 """Limbs that hold another joint than the third, or whose elbow lies beside the upper arm."""
 FURTHER = {
+    "gen3-offset": replace(GEN3, d2=-0.2, d3=-0.15),
     "iiwa-sixth": replace(IIWA, held_joint=6, held_angle=-1.7),
     "wam-fifth": replace(WAM, held_joint=5),
     "gen3-first": replace(GEN3, held_joint=1),
 }
-"""Further limbs that hold another joint."""
+"""Further limbs that hold another joint, or with larger offsets."""
 
 
 def moved_by(limb, q):
