@@ -14,7 +14,8 @@ the travel of W that moves the triangle of shoulder, elbow and W.
     plane  the triangle is a planar arm of two links, which turn in its plane at most
            e / (U |sin f|)  (upper arm)  and  e / (L |sin f|)  (forearm)
     k      |k'| <= m q3, m = |sin t| L (|cos p cos f| + |sin p sin f|)
-    o      at most as far as k if r is a right angle, else (m q3 + |cos r| d) / |sin r| from o
+    o      if r is a right angle as far as k, at most m q3 from where it is in the middle; else at
+           most (m q3 + |cos r| d) / |sin r| from there
     q1     z2 . v = k' - sin(r) u q1':  at most (d + m q3) / (|sin r| u), and if t is not 0 at most
            d D / (U |sin f|), the velocity that is left without q3, over |sin r| u
     q2     the upper arm turns in the plane by q2' cos(t) + q1' z.z3, |z.z3| <= n:
@@ -144,6 +145,8 @@ def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> 
         folded = max(abs(upper + fore * low), abs(upper + fore * high))
         k_most = abs(arm.c_fold) * fore * widest + abs(arm.s_fold) * folded
         k_most = held * k_most + abs(arm.c_held * arm.d2)
+        if arm.c_twist == 0.0:
+            k_most = min(k_most, offset + k_change)
         o_most = k_most
         if arm.c_twist != 0.0:
             o_most = offset + (k_change + abs(arm.c_twist) * d) / abs(arm.s_twist)
