@@ -5,11 +5,12 @@ page, in a comment above it, and is counted as skipped.
 """
 
 import json
+import tomllib
 
 import pytest
 from page_blocks import OTHERS, ROOT, blocks, pages, run
 
-RUN = ("bash", "python", "json")
+RUN = ("bash", "python", "json", "toml")
 PAGES = {page: list(blocks(page)) for page in pages()}
 BLOCKS = [block for found in PAGES.values() for block in found if block.language in RUN]
 
@@ -52,6 +53,8 @@ def test_a_page_runs(found, tmp_path):
             continue
         if block.language == "json":
             json.loads(block.text)
+        if block.language == "toml":
+            tomllib.loads(block.text)
         printed = run(block, tmp_path)
         assert not printed, f"{block.page}:{block.line}: {printed}"
 

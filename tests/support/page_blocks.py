@@ -30,7 +30,7 @@ class Block(NamedTuple):
     line: int
     """Where it begins."""
     language: str
-    """`"bash"`, `"python"`, `"json"`, or another that is not run."""
+    """`"bash"`, `"python"`, `"json"`, `"toml"`, or another that is not run."""
     text: str
     """What it holds."""
     not_run: str = ""
@@ -66,7 +66,7 @@ def run(block, folder):
     if block.name:
         (folder / block.name).write_text(block.text, encoding="utf-8")
         return ""
-    if block.language == "json":
+    if block.language in ("json", "toml"):
         return ""
     if block.language == "bash":
         command = ["bash", "-e", "-u", "-o", "pipefail", "-c", block.text]
