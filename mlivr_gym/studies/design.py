@@ -31,7 +31,7 @@ from mlivr_gym.schema import (
 from mlivr_gym.simulation.limits import PACES
 from mlivr_gym.values import MAX_PARTS
 
-BLOCK_TASKS = 10
+BLOCK_TASKS = 25
 """Maximum number of runs of a block, which one process computes and one file stores."""
 
 

@@ -6,8 +6,9 @@ import logging
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
+from typing import Any
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extras import require
@@ -50,21 +51,16 @@ def executor_of(
                 pool.shutdown(cancel_futures=True)
         return
     require("dask", "distributed", extra="study")
-    from dask.distributed import Client
+    from dask.distributed import Client, LocalCluster
 
-    try:
-        client = (
-            Client(scheduler)
-            if scheduler is not None
-            else Client(
-                n_workers=count,
-                threads_per_worker=1,
-                dashboard_address=":0",
-                silence_logs=logging.ERROR,
-            )
-        )
-    except (OSError, ValueError) as error:
-        raise SettingError(f"no Dask scheduler at {scheduler!r}: {error}") from None
-    with client:
+    with ExitStack() as stack:
+        if scheduler is None:
+            quiet = {"dashboard_address": ":0", "silence_logs": logging.CRITICAL}
+            cluster: Any = LocalCluster(n_workers=count, threads_per_worker=1, **quiet)
+            stack.enter_context(cluster)
+        try:
+            client = stack.enter_context(Client(scheduler or cluster))
+        except (OSError, ValueError) as error:
+            raise SettingError(f"no Dask scheduler at {scheduler!r}: {error}") from None
         notify(client.dashboard_link)
         yield client.get_executor(retries=RETRIES, pure=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,7 +65,12 @@ def columns_of(kind: str) -> dict[str, str]:
 
 
 def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
-    """Compute the runs of a block; an input that cannot be used is the `error` of its rows."""
+    """Compute the runs of a block; an input that cannot be used is the `error` of its rows.
+
+    Among plans of equal cost a planner may find another one where it knows more steps from earlier
+    queries. So each block has a graph of its own: its rows do not depend on who computes it.
+    """
+    world = _World(block.levels)
     blank: Row = dict.fromkeys(columns_of(design.kind))
     rows: list[Row] = [
         blank | block.levels | {"run": block.first_run + k, "task": task, "error": ""}
@@ -73,30 +78,31 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     ]
     for row in rows:
         try:
-            row |= RUNS[design.kind](design, block.levels, row["task"])
+            row |= RUNS[design.kind](world, design, block.levels, row["task"])
         except MlivrError as error:
             row["error"] = str(error)
     return rows
 
 
-@lru_cache(maxsize=2)
-def _graph(levels: tuple[tuple[str, Any], ...]) -> TwoLimbGraph | ImplicitGraph:
-    """Return the stance graph of some levels, which the tasks of a process share."""
-    chosen = {name: level for name, level in levels if level is not None}
-    return stance_graph(chosen.pop("map"), chosen.pop("robot"), Settings(**chosen))
+class _World:
+    """Stance graph and environment of some levels, which the runs of a block share."""
 
+    def __init__(self, levels: dict[str, Any]) -> None:
+        chosen = {name: levels[name] for name in FACTORS["build"]}
+        self._chosen = {name: level for name, level in chosen.items() if level is not None}
 
-@lru_cache(maxsize=2)
-def _env(levels: tuple[tuple[str, Any], ...]) -> MlivrEnv:
-    """Return the environment of some levels, which the tasks of a process share."""
-    from mlivr_gym.envs.env import MlivrEnv  # loads GL
+    @cached_property
+    def graph(self) -> TwoLimbGraph | ImplicitGraph:
+        """The stance graph."""
+        settings = dict(self._chosen)
+        return stance_graph(settings.pop("map"), settings.pop("robot"), Settings(**settings))
 
-    return MlivrEnv(**{name: level for name, level in levels if level is not None})
+    @cached_property
+    def env(self) -> MlivrEnv:
+        """The environment, with a graph of its own."""
+        from mlivr_gym.envs.env import MlivrEnv  # loads GL
 
-
-def _key(levels: dict[str, Any]) -> tuple[tuple[str, Any], ...]:
-    """Return the levels that determine a stance graph."""
-    return tuple((name, levels[name]) for name in FACTORS["build"])
+        return MlivrEnv(**self._chosen)
 
 
 def _task(
@@ -119,10 +125,10 @@ def _task(
 
 
 def _planned(
-    design: StudyDesign, levels: dict[str, Any], task: int
+    world: _World, design: StudyDesign, levels: dict[str, Any], task: int
 ) -> tuple[StanceGraph, PlanningResult, Row]:
     """Plan a task; return graph, result and the columns of plans."""
-    graph = _graph(_key(levels))
+    graph = world.graph
     start, goal = _task(graph, design, levels, task)
     limit = None if graph.limbs == 2 else levels["time_limit"]
     began = time.perf_counter()
@@ -141,17 +147,17 @@ def _planned(
     return graph, found, row
 
 
-def _plan_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _plan_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
     """Plan a task."""
-    return _planned(design, levels, task)[2]
+    return _planned(world, design, levels, task)[2]
 
 
-def _simulate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _simulate_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
     """Plan a task, and execute the plan in MuJoCo."""
     from mlivr_gym.simulation.monte_carlo import execute_many  # these load GL
     from mlivr_gym.simulation.setup import Setup
 
-    graph, found, row = _planned(design, levels, task)
+    graph, found, row = _planned(world, design, levels, task)
     if found.plan is None or not found.plan.steps:
         return row
     setup = Setup.of(levels["pace"], disturbances=levels["disturbances"])
@@ -164,12 +170,12 @@ def _simulate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row
     }  # fmt: skip
 
 
-def _evaluate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _evaluate_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
     """Evaluate a policy on the episode of a task."""
     from mlivr_gym.agents.evaluation import EvaluationTask, evaluate  # these load GL
     from mlivr_gym.agents.policy_names import policy_by_name
 
-    env = _env(_key(levels))
+    env = world.env
     start, goal = _task(env.graph, design, levels, task)
     points = tuple(env.graph.ids(sorted(env.graph.occupied)))
     given = EvaluationTask(env.graph.ids(start.stance), tuple(map(float, goal)), points)
@@ -182,10 +188,10 @@ def _evaluate_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row
     }  # fmt: skip
 
 
-def _build_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _build_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
     """Build the table of a robot on a map."""
     began = time.perf_counter()
-    path = build_table(_graph(_key(levels)))
+    path = build_table(world.graph)
     if path is None:
         return {"seconds": time.perf_counter() - began}
     return {
@@ -193,7 +199,7 @@ def _build_row(design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
     }  # fmt: skip
 
 
-RUNS: dict[str, Callable[[StudyDesign, dict[str, Any], int], Row]] = {
+RUNS: dict[str, Callable[[_World, StudyDesign, dict[str, Any], int], Row]] = {
     "plan": _plan_row,
     "simulate": _simulate_row,
     "evaluate": _evaluate_row,

@@ -47,7 +47,7 @@ def run_study(
     """Run a study, or what is left of it, and return the file of its results.
 
     The rows depend on the design and on the version of the package alone, except for the column
-    `seconds`, and with a time limit for plans that it cut short.
+    `seconds`, and for plans of more than two limbs, which a time limit cuts short.
 
     Parameters
     ----------

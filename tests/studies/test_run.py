@@ -11,7 +11,8 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.studies import StudyDesign, read_study, run_study
-from mlivr_gym.studies.rows import columns_of, rows_of, succeeded
+from mlivr_gym.studies import rows as rows_module
+from mlivr_gym.studies.rows import _task, _World, columns_of, rows_of, succeeded
 
 pytest.importorskip("pyarrow")
 
@@ -53,31 +54,37 @@ def test_rows_are_plans_of_equal_tasks(rows):
             assert base["steps"] >= steps["steps"]
 
 
-def test_a_share_of_the_points_is_occupied(rows):
-    graph = stance_graph()
-    block = next(block for block in DESIGN.blocks if block.levels["occupied"])
-    rows_of(DESIGN, block)
-    from mlivr_gym.studies.rows import _graph, _key
+def test_a_share_of_the_points_is_occupied():
+    world = _World(DESIGN.combinations[1])
+    start, _ = _task(world.graph, DESIGN, DESIGN.combinations[1], 5)
+    assert DESIGN.combinations[1]["occupied"] == 0.4
+    assert len(world.graph.occupied) == round(0.4 * len(world.graph.grasp_map))
+    assert world.graph.occupied.isdisjoint(start.stance)
 
-    taken = _graph(_key(block.levels)).occupied
-    assert len(taken) == round(0.4 * len(graph.grasp_map))
-    for row in rows:
-        if row["run"] == block.first_run + len(block.tasks) - 1:
-            assert not taken & {graph.grasp_map.index(point) for point in row["start"].split()}
+
+def test_each_block_has_a_graph_of_its_own(monkeypatch):
+    """Among plans of equal cost a graph may lead to another one after other queries."""
+    made = []
+    monkeypatch.setattr(
+        rows_module, "stance_graph", lambda *given: made.append(stance_graph(*given)) or made[-1]
+    )
+    for block in DESIGN.blocks[:2]:
+        rows_of(DESIGN, block)
+    assert len(made) == len(set(map(id, made))) == 2
 
 
 def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
     def interrupt(done, total):
-        if done >= 40:
+        if done >= 50:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_study(DESIGN, tmp_path, workers=1, progress=interrupt)
     stored = {file.name: file.stat().st_mtime_ns for file in (tmp_path / "blocks").iterdir()}
-    assert len(stored) == 4
+    assert len(stored) == 3
     seen = []
     file = run_study(DESIGN, tmp_path, workers=1, progress=lambda done, total: seen.append(done))
-    assert seen == list(range(40, 161, 10))
+    assert seen == [65, 80, 105, 120, 145, 160]
     assert untimed(read_study(tmp_path)) == untimed(rows)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
     written = file.stat().st_mtime_ns
