@@ -81,6 +81,15 @@ MOUNT = Struct(
 """Fields of a `Mount`."""
 
 
+def without_empty_looks(data: dict[str, Any]) -> dict[str, Any]:
+    """Return plain data of a robot with `visuals` only where there are any."""
+    parts = [data, *(data["mounts"] or ())]
+    for part in parts:
+        if part["visuals"] is None:
+            del part["visuals"]
+    return data
+
+
 def plain_without_looks(mount: Mount) -> dict[str, Any]:
     """Return what plans depend on of a mount, as plain data."""
     data = asdict(replace(mount, dynamics=None))

@@ -38,7 +38,7 @@ from mlivr_gym.robot.limb_dynamics import (
     check_inertia,
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
-from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks
+from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks, without_empty_looks
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
 from mlivr_gym.robot.validators import APART, PairOf, SizeOrEdges
@@ -190,8 +190,8 @@ class RobotSpec(DerivedFigures):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the description as plain data for JSON."""
-        return asdict(self)
+        """Return the description as plain data for JSON, with `visuals` only if there are any."""
+        return without_empty_looks(asdict(self))
 
     @classmethod
     def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:
