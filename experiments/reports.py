@@ -62,6 +62,13 @@ def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
     write_whole(out / f"{name}.json", json.dumps(data, indent=indent) + "\n")
 
 
+def write_assets(files: dict[str, Callable[[], dict[str, Any]]]) -> None:
+    """Write the files that ship of maps and robots, by name and by what makes them."""
+    for name, make in files.items():
+        text = json.dumps(make(), indent=1) + "\n"
+        write_whole(ROOT / "envs_assets" / f"{name}.json", text)
+
+
 def publish(
     out: Path, name: str, data: Any, markdown: Callable[[Any], str], indent: int | None = 1
 ) -> None:

@@ -9,15 +9,13 @@ figure comes from where, and what is assumed.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from reports import ROOT
+from reports import write_assets
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
 
 PITCH, POSTS, TRACK = 1.072, 1.0168, 1.7526
 """Distance of racks along a module, of the two seat tracks of a rack, and length of a track [m], as
@@ -351,12 +349,5 @@ FILES = {"columbus": columbus, "lab": lab, "node": node, "hatch": hatch, "statio
 """Files by name, and what makes them."""
 
 
-def main() -> None:
-    """Write the files."""
-    for name, make in FILES.items():
-        text = json.dumps(make(), indent=1) + "\n"
-        write_whole(ROOT / "envs_assets" / f"{name}.json", text)
-
-
 if __name__ == "__main__":
-    main()
+    write_assets(FILES)

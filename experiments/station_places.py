@@ -9,15 +9,14 @@ assumed.
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
-from reports import ROOT, table
+from reports import ROOT, table, write_assets
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError
-from mlivr_gym.files import read_json, write_whole
+from mlivr_gym.files import read_json
 from mlivr_gym.robot.ssrms_limb import ELBOW, PITCH, SsrmsLimb
 from mlivr_gym.world.grasp_map import PLACES, as_map
 
@@ -328,12 +327,5 @@ FILES = {"truss": truss, "uslab": uslab, "ssrms2": ssrms2}
 """Files by name, and what makes them."""
 
 
-def main() -> None:
-    """Write the files."""
-    for name, make in FILES.items():
-        text = json.dumps(make(), indent=1) + "\n"
-        write_whole(ROOT / "envs_assets" / f"{name}.json", text)
-
-
 if __name__ == "__main__":
-    main()
+    write_assets(FILES)

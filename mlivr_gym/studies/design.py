@@ -35,17 +35,21 @@ BLOCK_TASKS = 25
 """Maximum number of runs of a block, which one process computes and one file stores."""
 
 
-GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
+TABLE_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "robot": (Text(), "mlivr2"),
     "map": (Text(), "jem"),
     "limb_threshold": (Tuples((), 0.0, 1.0), 0.1),
     "base_threshold": (Tuples((), 0.0, 1.0), None),
     "clearance": (Tuples((), 0.0, 0.5, "m"), 0.02),
     "collisions": (Flag(), True),
+}
+"""Validator and default level of the factors that determine the stance graph and its table."""
+
+GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = TABLE_FACTORS | {
     "occupied": (Tuples((), 0.0, 0.9), 0.0),
 }
-"""Validator and default level of the factors that determine the stance graph and its tasks. Each
-task occupies its own random points, the share `occupied` of the map."""
+"""Those that also determine the tasks. Each task occupies its own random points, the share
+`occupied` of the map."""
 
 PLAN_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "cost": (Choice(tuple(name for name in COSTS if name != "weighted")), "steps"),
@@ -62,7 +66,7 @@ FACTORS: dict[str, dict[str, tuple[Validator[Any], Any]]] = {
         "disturbances": (Choice(("none", "all")), "none"),
     },
     "evaluate": GRAPH_FACTORS | {"policy": (Text(), "expert")},
-    "build": {name: GRAPH_FACTORS[name] for name in list(GRAPH_FACTORS)[:-1]},
+    "build": TABLE_FACTORS,
 }
 """The factors of each kind of study."""
 

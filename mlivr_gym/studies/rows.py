@@ -20,7 +20,7 @@ from mlivr_gym.stances.random_states import TRIES, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.studies.design import FACTORS, RunBlock, StudyDesign
+from mlivr_gym.studies.design import FACTORS, TABLE_FACTORS, RunBlock, StudyDesign
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:  # loads GL
@@ -70,7 +70,7 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     Among plans of equal cost a planner may find another one where it knows more steps from earlier
     queries. So each block has a graph of its own: its rows do not depend on who computes it.
     """
-    world = _World(block.levels)
+    world = _World(design, block.levels)
     blank: Row = dict.fromkeys(columns_of(design.kind))
     rows: list[Row] = [
         blank | block.levels | {"run": block.first_run + k, "task": task, "error": ""}
@@ -78,17 +78,18 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     ]
     for row in rows:
         try:
-            row |= RUNS[design.kind](world, design, block.levels, row["task"])
+            row |= RUNS[design.kind](world, row["task"])
         except MlivrError as error:
             row["error"] = str(error)
     return rows
 
 
 class _World:
-    """Stance graph and environment of some levels, which the runs of a block share."""
+    """A combination of levels, with the stance graph or environment that runs of a block share."""
 
-    def __init__(self, levels: dict[str, Any]) -> None:
-        chosen = {name: levels[name] for name in FACTORS["build"]}
+    def __init__(self, design: StudyDesign, levels: dict[str, Any]) -> None:
+        self.design, self.levels = design, levels
+        chosen = {name: levels[name] for name in TABLE_FACTORS}
         self._chosen = {name: level for name, level in chosen.items() if level is not None}
 
     @cached_property
@@ -105,16 +106,14 @@ class _World:
         return MlivrEnv(**self._chosen)
 
 
-def _task(
-    graph: StanceGraph, design: StudyDesign, levels: dict[str, Any], task: int
-) -> tuple[State, Array]:
+def _task(graph: StanceGraph, world: _World, task: int) -> tuple[State, Array]:
     """Occupy the points of a task on a graph; return its start and its goal.
 
     The goal is the base position of another random state, to which a path need not lead.
     """
-    rng, count = np.random.default_rng([design.seed, task]), len(graph.grasp_map)
+    rng, count = np.random.default_rng([world.design.seed, task]), len(graph.grasp_map)
     graph.vacate()
-    graph.occupy(rng.permutation(count)[: round(levels["occupied"] * count)].tolist())
+    graph.occupy(rng.permutation(count)[: round(world.levels["occupied"] * count)].tolist())
     start = random_state(graph, rng)
     origin = graph.posture_of(start).base_position[0]
     for _ in range(TRIES):
@@ -124,12 +123,10 @@ def _task(
     raise StanceError(f"no goal {MIN_DISTANCE:g} m from the start was found in {TRIES} draws")
 
 
-def _planned(
-    world: _World, design: StudyDesign, levels: dict[str, Any], task: int
-) -> tuple[StanceGraph, PlanningResult, Row]:
+def _planned(world: _World, task: int) -> tuple[StanceGraph, PlanningResult, Row]:
     """Plan a task; return graph, result and the columns of plans."""
-    graph = world.graph
-    start, goal = _task(graph, design, levels, task)
+    graph, levels = world.graph, world.levels
+    start, goal = _task(graph, world, task)
     limit = None if graph.limbs == 2 else levels["time_limit"]
     began = time.perf_counter()
     found = Planner(graph).plan(start, goal, levels["cost"], time_limit=limit)
@@ -147,21 +144,21 @@ def _planned(
     return graph, found, row
 
 
-def _plan_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _plan_row(world: _World, task: int) -> Row:
     """Plan a task."""
-    return _planned(world, design, levels, task)[2]
+    return _planned(world, task)[2]
 
 
-def _simulate_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _simulate_row(world: _World, task: int) -> Row:
     """Plan a task, and execute the plan in MuJoCo."""
     from mlivr_gym.simulation.monte_carlo import execute_many  # these load GL
     from mlivr_gym.simulation.setup import Setup
 
-    graph, found, row = _planned(world, design, levels, task)
+    graph, found, row = _planned(world, task)
     if found.plan is None or not found.plan.steps:
         return row
-    setup = Setup.of(levels["pace"], disturbances=levels["disturbances"])
-    seed = design.seed * 10**6 + task + 1
+    setup = Setup.of(world.levels["pace"], disturbances=world.levels["disturbances"])
+    seed = world.design.seed * 10**6 + task + 1
     (outcome,) = execute_many(graph, [found.plan], setup, seed=seed, workers=1)
     return row | {
         "failure": outcome.failure or "", "done": outcome.done, "attempts": outcome.attempts,
@@ -170,17 +167,17 @@ def _simulate_row(world: _World, design: StudyDesign, levels: dict[str, Any], ta
     }  # fmt: skip
 
 
-def _evaluate_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _evaluate_row(world: _World, task: int) -> Row:
     """Evaluate a policy on the episode of a task."""
     from mlivr_gym.agents.evaluation import EvaluationTask, evaluate  # these load GL
     from mlivr_gym.agents.policy_names import policy_by_name
 
-    env = world.env
-    start, goal = _task(env.graph, design, levels, task)
+    env, seed = world.env, world.design.seed + task
+    start, goal = _task(env.graph, world, task)
     points = tuple(env.graph.ids(sorted(env.graph.occupied)))
     given = EvaluationTask(env.graph.ids(start.stance), tuple(map(float, goal)), points)
-    policy = policy_by_name(levels["policy"], env, design.seed + task)
-    found = evaluate(env, policy, [given], design.seed + task)
+    policy = policy_by_name(world.levels["policy"], env, seed)
+    found = evaluate(env, policy, [given], seed)
     return {
         "success": bool(found.success[0]), "steps": int(found.steps[0]),
         "base_translation": float(found.base_translation[0]),
@@ -188,7 +185,7 @@ def _evaluate_row(world: _World, design: StudyDesign, levels: dict[str, Any], ta
     }  # fmt: skip
 
 
-def _build_row(world: _World, design: StudyDesign, levels: dict[str, Any], task: int) -> Row:
+def _build_row(world: _World, task: int) -> Row:
     """Build the table of a robot on a map."""
     began = time.perf_counter()
     path = build_table(world.graph)
@@ -199,7 +196,7 @@ def _build_row(world: _World, design: StudyDesign, levels: dict[str, Any], task:
     }  # fmt: skip
 
 
-RUNS: dict[str, Callable[[_World, StudyDesign, dict[str, Any], int], Row]] = {
+RUNS: dict[str, Callable[[_World, int], Row]] = {
     "plan": _plan_row,
     "simulate": _simulate_row,
     "evaluate": _evaluate_row,

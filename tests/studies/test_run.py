@@ -55,8 +55,8 @@ def test_rows_are_plans_of_equal_tasks(rows):
 
 
 def test_a_share_of_the_points_is_occupied():
-    world = _World(DESIGN.combinations[1])
-    start, _ = _task(world.graph, DESIGN, DESIGN.combinations[1], 5)
+    world = _World(DESIGN, DESIGN.combinations[1])
+    start, _ = _task(world.graph, world, 5)
     assert DESIGN.combinations[1]["occupied"] == 0.4
     assert len(world.graph.occupied) == round(0.4 * len(world.graph.grasp_map))
     assert world.graph.occupied.isdisjoint(start.stance)

@@ -89,9 +89,17 @@ def test_the_lab_is_crossed_over_its_handrails():
     assert plan.stances[-1] != plan.stances[0]
 
 
-@pytest.mark.parametrize("name", ["MLIVR-USLab-v0", "MLIVR-Truss-v0"])
-def test_an_environment_of_the_place_follows_its_mask(name):
-    env = gymnasium.make(f"mlivr_gym:{name}")
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("MLIVR-USLab-v0", {}),
+        ("MLIVR-Truss-v0", {}),
+        ("MLIVR-Columbus-v0", {"disable_env_checker": True}),
+        ("MLIVR-Station-v0", {"disable_env_checker": True}),
+    ],
+)
+def test_an_environment_of_the_place_follows_its_mask(name, options):
+    env = gymnasium.make(f"mlivr_gym:{name}", **options)
     _, info = env.reset(seed=0)
     for _ in range(3):
         action = int(np.flatnonzero(info["action_mask"])[-1])

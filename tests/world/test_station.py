@@ -1,6 +1,5 @@
 """The places made of modules, against published lengths; plans and walks through their hatches."""
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -91,15 +90,3 @@ def test_the_station_is_crossed_in_simulation():
     graph, plan = planned("station")
     assert {point.split("/")[0] for point in plan.stances[-1]} == {"jem2"}
     assert execute(graph, plan).failure is None
-
-
-@pytest.mark.parametrize("name", ["MLIVR-Columbus-v0", "MLIVR-Station-v0"])
-def test_an_environment_of_the_place_follows_its_mask(name):
-    env = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True)
-    _, info = env.reset(seed=0)
-    for _ in range(3):
-        action = int(np.flatnonzero(info["action_mask"])[-1])
-        _, _, ended, _, info = env.step(action)
-        assert not info["invalid_action"]
-        if ended:
-            break
