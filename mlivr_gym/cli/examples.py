@@ -17,7 +17,11 @@ EXAMPLES = {
         "mlivr-gym walk --refusing A4a:4 --disturbances all --out walk.json",
     ),
     "table1": ("mlivr-gym table1 --out results",),
-    "info": ("mlivr-gym info", "mlivr-gym info --map my_map.json --robot my_robot.json --json"),
+    "info": (
+        "mlivr-gym info",
+        "mlivr-gym info --map my_map.json --robot my_robot.json --json",
+        "mlivr-gym info --map columbus --critical",
+    ),
     "render": (
         "mlivr-gym render --start D2a:4 D2b:4 --out start.png",
         "mlivr-gym render --plan plan.json --out walk.png",

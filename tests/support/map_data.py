@@ -33,3 +33,19 @@ def few_of_a_wall(count):
     chosen = np.flatnonzero((np.array(jem.faces) == "forward") & (jem.positions[:, 0] < 5.5))
     chosen = chosen[np.linspace(0, len(chosen) - 1, count).astype(int)]
     return jem.subset(np.isin(np.arange(len(jem)), chosen), "few")
+
+
+BRIDGE = {
+    "name": "bridge",
+    "segments": [
+        {
+            "id": f"R{k}", "face": "floor", "start": [x, -half, 0], "end": [x, half, 0],
+            "normal": [0, 0, 1],
+        }
+        for k, (x, half) in enumerate(
+            ((0.0, 0.3), (0.4, 0.3), (2.0, 0.05), (4.0, 0.3), (4.4, 0.3))
+        )
+    ],
+    "cabin": {"min": [-2, -2, -1], "max": [8, 2, 3]},
+}  # fmt: skip
+"""Two platforms of two rails each, and one point between them, `R2:0`."""
