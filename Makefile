@@ -81,6 +81,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/random_layouts.py
 	$(BIN)/python experiments/places.py
+	$(BIN)/python experiments/reach_picture.py
 	$(BIN)/python experiments/whole_station.py
 	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py

@@ -22,6 +22,10 @@ EXAMPLES = {
         "mlivr-gym info --map my_map.json --robot my_robot.json --json",
         "mlivr-gym info --map columbus --critical",
     ),
+    "reach": (
+        "mlivr-gym reach --start D2a:4 D2b:4 --picture reach.png",
+        "mlivr-gym reach --map uslab --start stow:0 stow:1 --most-steps 3",
+    ),
     "render": (
         "mlivr-gym render --start D2a:4 D2b:4 --out start.png",
         "mlivr-gym render --plan plan.json --out walk.png",

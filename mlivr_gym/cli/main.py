@@ -36,6 +36,7 @@ COMMANDS = {
     "walk": "walk through a partly unknown module, sensing and replanning",
     "table1": "reproduce the four cases of the paper's Table I",
     "info": "describe a map, a robot and their stance graph",
+    "reach": "count after how many steps each point can be grasped",
     "render": "draw the robot in a stance, or a plan",
     "view": "show a plan in the browser and change it there",
     "train": "train a policy",

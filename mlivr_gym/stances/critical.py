@@ -80,12 +80,12 @@ def _losses(
 ) -> tuple[Loss, ...]:
     """Return the losses of sets of points, the worst first."""
     edges, free = edges_of(graph), np.asarray((graph.branch_sets > 0).all(axis=1))
-    part = _parts(edges, free)
+    part = parts_of(edges, free)
     found = []
     for k, (name, points) in enumerate(lost.items()):
         held = free & np.isin(graph.points, points).any(axis=1)
         rest = free & ~held
-        now = _parts(edges, rest)
+        now = parts_of(edges, rest)
         # Each rest lies in one part; of the rests of a part the largest stays, the others are cut.
         _, first, size = np.unique(now[rest], return_index=True, return_counts=True)
         largest = np.zeros(part.max(initial=0) + 1, dtype=np.int64)
@@ -116,7 +116,7 @@ def edges_of(graph: TwoLimbGraph) -> IntArray:
     return np.concatenate(edges, axis=1)
 
 
-def _parts(edges: IntArray, kept: BoolArray) -> IntArray:
+def parts_of(edges: IntArray, kept: BoolArray) -> IntArray:
     """Return the connected part of each stance, shape (n,), if only those of `kept` remain."""
     size = max(len(kept), int(edges.max(initial=0)) + 1)
     stays = np.ones(size, dtype=np.bool_)
