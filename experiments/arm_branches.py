@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from reports import NOTHING, command_line, publish, table
+from reports import NOTHING, experiment, table
 
 from mlivr_gym import SphericalWristLimb, robot_spec
 from mlivr_gym.arrays import Array
@@ -219,6 +219,20 @@ def largest_w_m(limb: SphericalWristLimb, held: int, count: int) -> float:
     return best
 
 
+def all_measured(poses: int, draws: int) -> dict[str, Any]:
+    """Return what is measured of all arms."""
+    held = {"iiwa 14": IIWA, "Gen3": GEN3, "Franka": FRANKA}
+    return {
+        "poses": poses,
+        "draws": draws,
+        "w_m": {
+            name: {str(joint): largest_w_m(limb, joint, draws) for joint in range(1, 8)}
+            for name, limb in held.items()
+        },
+        "arms": {name: measured(*arm, poses) for name, arm in ARMS.items()},
+    }
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
 
@@ -265,20 +279,5 @@ def markdown(data: dict[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    """Measure and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--poses", type=int, default=500, help="poses (default: %(default)s)")
-    parser.add_argument("--draws", type=int, default=20000, help="postures (default: %(default)s)")
-    given = parser.parse_args()
-    data: dict[str, Any] = {"poses": given.poses, "draws": given.draws, "w_m": {}}
-    data["arms"] = {name: measured(*arm, given.poses) for name, arm in ARMS.items()}
-    for name, limb in (("iiwa 14", IIWA), ("Gen3", GEN3), ("Franka", FRANKA)):
-        joints = range(1, 8)
-        data["w_m"][name] = {str(k): largest_w_m(limb, k, given.draws) for k in joints}
-    publish(given.out, "arm_branches", data, markdown)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("arm_branches", __doc__, all_measured, markdown, poses=500, draws=20000)

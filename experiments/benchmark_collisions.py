@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit
 from reports import spread, timed
 from scipy.spatial.transform import Rotation
-from time_shares import medians, time_shares
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array, IntArray
@@ -33,9 +32,6 @@ from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-
-AGAIN = 20
-"""Number of changes that are made once more, to measure the parts of a query."""
 
 
 @njit(nogil=True, error_model="numpy")
@@ -143,10 +139,7 @@ def changes(
 
 
 def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
-    """Return the time from ten newly occupied points, or a new box, to the new plan [ms].
-
-    Each kind also has the time of its parts, over the first of the changes once more.
-    """
+    """Return the time from ten newly occupied points, or a new box, to the new plan [ms]."""
     graph, out = planner.graph, {}
 
     def replan(taken: list[str], boxes: list[Box]) -> PlanningResult:
@@ -156,16 +149,12 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
         return planner.plan(start, goal)
 
     for kind in ("points", "box"):
-        times, unsolved, parts = [], 0, []
-        for number, change in enumerate(changes(planner, start, goal, kind, count)):
+        times, unsolved = [], 0
+        for change in changes(planner, start, goal, kind, count):
             seconds, result = timed(partial(replan, *change))
             times.append(seconds)
             unsolved += result.plan is None
             graph.vacate()
             graph.remove_obstacles()
-            if number < AGAIN:
-                parts.append(time_shares(partial(replan, *change)))
-                graph.vacate()
-                graph.remove_obstacles()
-        out[kind] = spread(times) | {"unsolved": unsolved, "parts": medians(parts)}
+        out[kind] = spread(times) | {"unsolved": unsolved}
     return out

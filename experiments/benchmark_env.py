@@ -19,7 +19,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import command_line, publish, table
+from reports import experiment, table
 
 from mlivr_gym import robot_spec
 
@@ -124,17 +124,11 @@ def measure(seconds: float) -> list[dict[str, Any]]:
     return rows
 
 
-def main() -> None:
-    """Measure and write results and page."""
-    parser = command_line(__doc__)
-    parser.add_argument(
-        "--seconds", type=float, default=1.0, help="for each repetition (default: %(default)s)"
-    )
-    args = parser.parse_args()
-    rows = measure(args.seconds)
+def measured(seconds: float) -> dict[str, Any]:
+    """Return the speeds and the machine."""
+    rows = measure(seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
-    data = {"machine": machine, "seconds": args.seconds, "rows": rows}
-    publish(args.out, "benchmark_env", data, markdown)
+    return {"machine": machine, "seconds": seconds, "rows": rows}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -155,4 +149,4 @@ those of many limbs, are mostly new.
 
 
 if __name__ == "__main__":
-    main()
+    experiment("benchmark_env", __doc__, measured, markdown, seconds=1.0)

@@ -1,12 +1,10 @@
-"""Measure how long planning takes, and compare it with networkx, rustworkx and a plain reference.
+"""Measure how long planning takes, and compare it with networkx and rustworkx.
 
     python experiments/benchmark_planning.py [--out results] [--queries 200]
-        [--reference-seconds 15]
 
 All series run in one process on the table of nodes and edges that ships: plans to new, known and
-unreachable goals, replanning after changes of the world, single collision checks, the same table in
-graph libraries, and the paper's algorithm in plain Python (`reference_planner.py`; a longer limit
-lets it get farther). Writes `benchmark_planning.json` and `benchmark_planning.md` in about four
+unreachable goals, replanning after changes of the world, single collision checks, and the same
+table in graph libraries. Writes `benchmark_planning.json` and `benchmark_planning.md` in about four
 minutes.
 """
 
@@ -25,9 +23,7 @@ import numpy as np
 from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
 from planning_report import markdown
-from reference_planner import TOLERANCE, map_to_plan
-from reports import command_line, publish, spread, timed, two_limb_graph
-from time_shares import medians, time_shares
+from reports import experiment, spread, timed, two_limb_graph
 
 from mlivr_gym import State
 from mlivr_gym.arrays import Array
@@ -47,6 +43,9 @@ CHANGES = 50
 LIBRARY_QUERIES = 10
 CONFIGURATIONS = 1000
 
+TOLERANCE = 0.2
+"""Radius of the goal region [m]."""
+
 Task = tuple[State, Array]
 
 
@@ -60,7 +59,7 @@ def machine() -> dict[str, Any]:
     """Return processor, cores and versions of the packages."""
     info = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     models = [line.split(":", 1)[1].strip() for line in info if line.startswith("model name")]
-    packages = ("numpy", "scipy", "numba", "pin", "networkx", "rustworkx")
+    packages = ("numpy", "scipy", "numba", "networkx", "rustworkx")
     return {
         "processor": models[0] if models else platform.machine(),
         "cores": os.cpu_count(),
@@ -94,21 +93,16 @@ def out_of_reach(graph: TwoLimbGraph, rng: np.random.Generator) -> Iterator[Task
             yield start, goal
 
 
-def queries(graph: TwoLimbGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
+def query_series(graph: TwoLimbGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
     """Measure new goals, prepared goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
     preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
     known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
-    parts = [
-        time_shares(partial(knowing.plan, start.stance, goal, cost))
-        for goal in goals
-        for start, _ in tasks[: len(tasks) // 2][-STARTS:]
-    ]
     exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
         "new goal": query_times(Planner(graph), tasks, cost),
-        "known goal": query_times(knowing, known, cost) | {"parts": medians(parts)},
+        "known goal": query_times(knowing, known, cost),
         "unreachable goal": query_times(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
         "prepare": spread(preparing),
@@ -146,12 +140,12 @@ def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     return out
 
 
-def measure(count: int, limit: float) -> dict[str, Any]:
+def measured(queries: int) -> dict[str, Any]:
     """Run all measurements in order."""
-    setup, rng = default_setup(), np.random.default_rng(2026)
+    count, setup, rng = max(queries, STARTS), default_setup(), np.random.default_rng(2026)
     start, goal = tuple(setup["start"]), np.array(setup["goal"])
     Planner(two_limb_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
-    data: dict[str, Any] = {"machine": machine(), "reference_seconds": limit}
+    data: dict[str, Any] = {"machine": machine()}
     graph = two_limb_graph()
     steps = graph.steps.edges
     arrays = [array for array in vars(graph).values() if isinstance(array, np.ndarray)]
@@ -162,10 +156,10 @@ def measure(count: int, limit: float) -> dict[str, Any]:
     }
     tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(count)]
     print("queries", flush=True)
-    data["collisions on"] = {cost: queries(graph, tasks, cost) for cost in COSTS}
+    data["collisions on"] = {cost: query_series(graph, tasks, cost) for cost in COSTS}
     without = two_limb_graph(collisions=False)
     others = [sample_task(without, rng, TOLERANCE) for _ in range(count)]
-    data["collisions off"] = {cost: queries(without, others, cost) for cost in COSTS}
+    data["collisions off"] = {cost: query_series(without, others, cost) for cost in COSTS}
     print("replanning", flush=True)
     planner = Planner(graph)
     planner.prepare(goal)
@@ -173,23 +167,8 @@ def measure(count: int, limit: float) -> dict[str, Any]:
     data["single"] = single_checks(graph, CONFIGURATIONS)
     print("graph libraries", flush=True)
     data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES])
-    print("plain reference", flush=True)
-    data["reference"] = map_to_plan(graph.grasp_map, start, goal, limit)
     return data
 
 
-def main() -> None:
-    """Measure and write results and page."""
-    parser = command_line(__doc__)
-    parser.add_argument("--queries", type=int, default=200, help="random start and goal pairs")
-    parser.add_argument(
-        "--reference-seconds", type=float, default=15.0, help="limit of each run of the reference"
-    )
-    args = parser.parse_args()
-    data = measure(max(args.queries, STARTS), args.reference_seconds)
-    publish(args.out, "benchmark_planning", data, markdown)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("benchmark_planning", __doc__, measured, markdown, queries=200)

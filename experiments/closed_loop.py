@@ -12,11 +12,12 @@ picture of one walk round a wall, `closed_loop.png` and `.svg`.
 from __future__ import annotations
 
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from reports import NOTHING, command_line, publish, table, two_limb_graph
+from reports import CORES, NOTHING, experiment, study_rows, table, two_limb_graph
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
@@ -100,44 +101,58 @@ def crossing(graph: TwoLimbGraph, task: Task, seed: int) -> CrewMember:
     return CrewMember(*line, begin=float(rng.uniform(0.0, 10.0)))
 
 
-def draw_tasks(graph: TwoLimbGraph, count: int) -> list[Task]:
-    """Draw tasks whose goal can be reached without the unknown things."""
-    tasks = []
-    for seed in range(count):
-        rng = np.random.default_rng([2026, seed])
-        task = sample_task(graph, rng, TOLERANCE)
-        unknown = unknown_things(graph, task.start, rng)
-        graph.add_obstacles(unknown)
-        plan = Planner(graph).plan(task.start.stance, task.goal, "steps").plan
-        graph.remove_obstacles()
-        steps = None if plan is None else len(plan.steps)
-        tasks.append(Task(graph.ids(task.start.stance), task.goal, unknown, steps))
-    return tasks
+@cache
+def drawn(seed: int) -> Task:
+    """Return a task whose goal can be reached without the unknown things."""
+    graph, rng = two_limb_graph(), np.random.default_rng([2026, seed])
+    task = sample_task(graph, rng, TOLERANCE)
+    unknown = unknown_things(graph, task.start, rng)
+    graph.add_obstacles(unknown)
+    plan = Planner(graph).plan(task.start.stance, task.goal, "steps").plan
+    steps = None if plan is None else len(plan.steps)
+    return Task(graph.ids(task.start.stance), task.goal, unknown, steps)
 
 
-def measure(graph: TwoLimbGraph, tasks: list[Task], mode: str) -> dict[str, Any]:
-    """Walk all tasks in one mode."""
-    (camera, setup), rows = MODES[mode], []
-    for seed, task in enumerate(tasks):
-        try:
-            record = run_closed_loop(
-                graph, task.start, task.goal.tolist(), unknown=task.unknown, camera=camera,
-                setup=setup, seed=seed, max_steps=60,
-                crew=[crossing(graph, task, seed)] if mode == CREW else [],
-            )  # fmt: skip
-        except ShapeError as error:
-            print(f"{mode}, task {seed}: {error}", flush=True)
-            continue
-        kind = record.reason.split(":")[0] if record.outcome == FAILED else ""
-        rows.append(
-            {
-                "outcome": record.outcome, "failure": kind, "steps": record.steps,
-                "in_hindsight": task.in_hindsight, "duration": record.duration,
-                "peak_force": record.peak_force, "crew_distance": record.crew_distance,
-            }
+def walk(task: int, mode: str) -> dict[str, Any]:
+    """Walk a task in one mode."""
+    (camera, setup), given, graph = MODES[mode], drawn(task), two_limb_graph()
+    crew = [crossing(graph, given, task)] if mode == CREW else []
+    row: dict[str, Any] = {"in_hindsight": given.in_hindsight}
+    try:
+        record = run_closed_loop(
+            graph, given.start, given.goal.tolist(), unknown=given.unknown, camera=camera,
+            setup=setup, seed=task, max_steps=60, crew=crew,
         )  # fmt: skip
-        print(f"{mode}, task {seed}: {record.outcome}, {record.reason}", flush=True)
-    return {"walks": rows}
+    except ShapeError:
+        return row | {"outcome": None}
+    return row | {
+        "outcome": record.outcome,
+        "failure": record.reason.split(":")[0] if record.outcome == FAILED else "",
+        "steps": record.steps, "duration": record.duration,
+        "peak_force": record.peak_force, "crew_distance": record.crew_distance,
+    }  # fmt: skip
+
+
+COLUMNS = (
+    "outcome", "failure", "steps", "in_hindsight", "duration", "peak_force", "crew_distance"
+)  # fmt: skip
+
+
+def measured(tasks: int, workers: int) -> dict[str, Any]:
+    """Return all walks by mode."""
+    rows = study_rows("closed_loop:walk", tasks, workers, mode=list(MODES))
+    modes = {
+        mode: {
+            "walks": [
+                {name: row[name] for name in COLUMNS}
+                for row in rows
+                if row["mode"] == mode and row["outcome"] is not None
+            ]
+        }
+        for mode in MODES
+    }
+    impossible = sum(row["in_hindsight"] is None for row in rows[:tasks])
+    return {"tasks": tasks, "impossible": impossible, "modes": modes}
 
 
 def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
@@ -189,27 +204,12 @@ touch it.
 {table(HEAD, rows)}"""
 
 
-def draw_walk(folder: Path) -> None:
+def draw_walk(data: dict[str, Any], path: Path) -> None:
     """Draw a walk round a wall that the robot does not know, by the command."""
     wall = ["3.2", "-1.0", "-1.0", "3.5", "1.0", "0.3"]
-    picture = str(folder / "closed_loop.png")
-    if command(["walk", "--unknown", *wall, "--picture", picture, "--quiet"]) != 0:
+    if command(["walk", "--unknown", *wall, "--picture", str(path), "--quiet"]) != 0:
         raise SystemExit("the walk of the picture did not arrive")
 
 
-def main() -> None:
-    """Measure and write results and page."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=20, help="random tasks (default: %(default)s)")
-    args, graph = parser.parse_args(), two_limb_graph()
-    tasks = draw_tasks(graph, args.tasks)
-    impossible = sum(task.in_hindsight is None for task in tasks)
-    data: dict[str, Any] = {"tasks": len(tasks), "impossible": impossible, "modes": {}}
-    for mode in MODES:
-        data["modes"][mode] = measure(graph, tasks, mode)
-    publish(args.out, "closed_loop", data, markdown)
-    draw_walk(args.out)
-
-
 if __name__ == "__main__":
-    main()
+    experiment("closed_loop", __doc__, measured, markdown, draw_walk, tasks=20, workers=CORES)

@@ -7,13 +7,13 @@ several methods take is simulated once.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numpy as np
-from reports import Processes
+from reports import CORES
+from tqdm import tqdm
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import HeldOutWorld, load_test_set
@@ -22,6 +22,7 @@ from mlivr_gym.errors import PlanError
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.studies.engines import executor_of
 from mlivr_gym.transitions.state import State
 
 Walk = list[list[int]]
@@ -30,9 +31,6 @@ Walk = list[list[int]]
 
 KEPT = 10
 """Number of simulated walks after which results are stored."""
-
-REQUESTED: list[tuple[int, Walk]] = []
-"""Tasks and walks of the present call of `carry_out`; worker processes inherit them when forked."""
 
 
 class Walks:
@@ -80,11 +78,6 @@ def outcome(task: int, walk: Walk) -> dict[str, Any]:
     return {"carried_out": done, "refined_m": refined(env.graph, plan).base_translation}
 
 
-def _outcome_of(k: int) -> dict[str, Any]:
-    """Return the outcome of one of the requested walks."""
-    return outcome(*REQUESTED[k])
-
-
 def carry_out(
     rows: list[dict[str, Any]], count: int, known: dict[str, Any], keep: Callable[[], None]
 ) -> None:
@@ -100,13 +93,10 @@ def carry_out(
                 requested[key_of(task, walk)] = (task, walk)
     missing = [name for name in requested if name not in known]
     missing.sort(key=lambda name: len(requested[name][1]))
-    if missing:
-        same_map()  # before processes are forked
-        work = Processes(len(os.sched_getaffinity(0)))
-        REQUESTED[:] = [requested[name] for name in missing]
-        answers = work.answers(_outcome_of, range(len(missing)), "walks carried out")
-        for k, (name, answer) in enumerate(zip(missing, answers, strict=True)):
-            known[name] = answer
+    with executor_of("local", CORES, None, print) as executor:
+        answers = executor.map(outcome, *zip(*map(requested.get, missing), strict=True))
+        for k, name in enumerate(tqdm(missing, desc="walks carried out", mininterval=5.0)):
+            known[name] = next(answers)
             if k % KEPT == 0:
                 keep()
     for row in rows:

@@ -4,27 +4,26 @@
 
 A Monte Carlo study: all disturbances at once on held-out random tasks, and each disturbance alone,
 for the paper's controller, for feedforward and for the guided controller. Writes
-`disturbances.json`, `disturbances.md` and `disturbances.png`, a tornado chart. Studies that
-`disturbances.json` already holds are not run again.
+`disturbances.json`, `disturbances.md` and `disturbances.png`, a tornado chart.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from dynamic_simulation import drawn_plans
 from matplotlib.figure import Figure
-from reports import command_line, keep, publish, read, table
-from tqdm import tqdm
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
-from mlivr_gym.simulation.disturbances import ALL, NONE, DisturbanceRanges
+from mlivr_gym.simulation.disturbances import ALL, NONE
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
@@ -70,22 +69,48 @@ HEAD = (
 )
 
 
-def studies() -> dict[str, tuple[str, DisturbanceRanges]]:
-    """Return controller and disturbances of each study by name, those of all disturbances first."""
-    found = {f"{name}: all": (name, ALL) for name in CONTROLLERS}
-    for name in CONTROLLERS:
-        found[f"{name}: none"] = name, NONE
-        for field in NAMES:
-            found[f"{name}: {field}"] = name, ALL.only(field)
-    return found
+@cache
+def graph_and_plans(count: int) -> tuple[StanceGraph, list[Plan]]:
+    """Return the stance graph, and the first plans of the held-out tasks."""
+    graph = stance_graph()
+    return graph, drawn_plans(graph, count, TASKS)
 
 
-def summary(outcomes: list[RunOutcome]) -> dict[str, Any]:
+def walk(task: int, controller: str, disturbance: str, plans: int) -> dict[str, Any]:
+    """Execute the plan of a task once, with its own random disturbances."""
+    graph, made = graph_and_plans(plans)
+    timing, parameters = CONTROLLERS[controller]
+    ranges = {"all": ALL, "none": NONE}.get(disturbance) or ALL.only(disturbance)
+    setup = Setup(timing, parameters, disturbances=ranges)
+    (outcome,) = execute_many(graph, [made[task]], setup, seed=SEED + task, workers=1)
+    return outcome._asdict()
+
+
+def measured(tasks: int, each: int, workers: int) -> dict[str, Any]:
+    """Return the results of each controller and each disturbance, those of all together first."""
+    first = "guided, gentle"
+    given: dict[str, Any] = {"workers": workers, "plans": [tasks]}
+    rows = study_rows("disturbances:walk", tasks, controller=[first], disturbance=["all"], **given)
+    some = study_rows(
+        "disturbances:walk", each, controller=list(CONTROLLERS),
+        disturbance=["none", *NAMES, "all"], **given,
+    )  # fmt: skip
+    rows += [row for row in some if (row["controller"], row["disturbance"]) != (first, "all")]
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in sorted(rows, key=lambda row: bool(row["disturbance"] != "all")):
+        groups.setdefault(f"{row['controller']}: {row['disturbance']}", []).append(row)
+    return {
+        "studies": {name: summary(group) for name, group in groups.items()},
+        "sizes": {field.name: getattr(ALL, field.name) for field in fields(ALL)},
+    }
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the results of a study as plain data."""
-    steps = sum(outcome.done for outcome in outcomes)
+    outcomes = [RunOutcome(**{name: row[name] for name in RunOutcome._fields}) for row in rows]
     return success_rate(outcomes) | {
         "steps": sum(outcome.steps for outcome in outcomes),
-        "steps_done": steps,
+        "steps_done": sum(outcome.done for outcome in outcomes),
         "walks_with_tries": sum(outcome.attempts > 1 for outcome in outcomes),
         "grasp_force_N": quantiles([outcome.grasp_force for outcome in outcomes]),
         "capture_mm": quantiles([1e3 * outcome.capture_distance for outcome in outcomes]),
@@ -98,16 +123,6 @@ def summary(outcomes: list[RunOutcome]) -> dict[str, Any]:
 def quantiles(values: list[float]) -> list[float]:
     """Return median, 95th percentile and maximum."""
     return [float(value) for value in np.quantile(values, [0.5, 0.95, 1.0])]
-
-
-def study(
-    graph: StanceGraph, plans: list[Plan], name: str, disturbances: DisturbanceRanges, workers: int
-) -> dict[str, Any]:
-    """Simulate each plan once, with its own random disturbances."""
-    timing, controller = CONTROLLERS[name]
-    setup = Setup(timing, controller, disturbances=disturbances)
-    outcomes = execute_many(graph, plans, setup, seed=SEED, workers=workers)
-    return summary(list(tqdm(outcomes, total=len(plans), mininterval=5.0)))
 
 
 def cells(field: str, row: dict[str, Any]) -> list[Any]:
@@ -209,27 +224,6 @@ def tornado(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-def main() -> None:
-    """Run the missing studies, and write page and chart."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=200, help="tasks with all disturbances")
-    parser.add_argument("--each", type=int, default=20, help="tasks with one disturbance")
-    parser.add_argument("--workers", type=int, default=2)
-    args = parser.parse_args()
-    sizes = {field.name: getattr(ALL, field.name) for field in fields(ALL)}
-    data = {"studies": {}} | read(args.out, "disturbances") | {"sizes": sizes}
-    graph = stance_graph()
-    plans = drawn_plans(graph, args.tasks, TASKS)
-    for key, (name, disturbances) in studies().items():
-        if key not in data["studies"]:
-            count = args.tasks if key == "guided, gentle: all" else args.each
-            row = study(graph, plans[:count], name, disturbances, args.workers)
-            data["studies"][key] = row
-            keep(args.out, "disturbances", data)
-            print(f"{key}: {row['carried_out']} of {row['walks']}, {row['failures']}", flush=True)
-    publish(args.out, "disturbances", data, markdown)
-    tornado(data, args.out / "disturbances.png")
-
-
 if __name__ == "__main__":
-    main()
+    options = {"tasks": 200, "each": 20, "workers": CORES}
+    experiment("disturbances", __doc__, measured, markdown, tornado, **options)

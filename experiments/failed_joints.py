@@ -12,12 +12,11 @@ is with the joint at its angle, and the goals at which they are. Writes `failed_
 
 from __future__ import annotations
 
-from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from reports import NOTHING, command_line, publish, table
+from reports import NOTHING, experiment, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
@@ -41,13 +40,6 @@ TOLERANCE = 0.2
 
 SAME_ANGLE = 1e-3
 """A joint within this of its angle counts as at it [rad]."""
-
-
-def whole(text: str) -> int:
-    """Return a whole number above 0."""
-    if not text.isdigit() or not int(text):
-        raise ArgumentTypeError(f"{text!r} is no whole number above 0")
-    return int(text)
 
 
 def joint_angles(graph: TwoLimbGraph, state: State) -> np.ndarray:
@@ -106,7 +98,7 @@ def row_of(graph: TwoLimbGraph, states: Sequence[State], joint: int, goals: np.n
     return {"stances": float(stances), "goals": float(reached)}
 
 
-def measured(name: str, starts: int, goals: int) -> dict[str, Any]:
+def of_robot(name: str, starts: int, goals: int) -> dict[str, Any]:
     """Return what is left of a robot for each joint of limb 0."""
     graph, rng = stance_graph(robot=robot_spec(name), settings=SETTINGS), np.random.default_rng(0)
     states = [random_state(graph, rng) for _ in range(starts)]
@@ -117,6 +109,12 @@ def measured(name: str, starts: int, goals: int) -> dict[str, Any]:
         "stances": len(graph),
         "joints": {str(joint): row_of(graph, states, joint, places) for joint in joints},
     }
+
+
+def measured(starts: int, goals: int) -> dict[str, Any]:
+    """Return what is left of each robot."""
+    found = {name: of_robot(name, starts, goals) for name in NAMES}
+    return {"starts": starts, "goals": goals, **found}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -136,18 +134,5 @@ def markdown(data: dict[str, Any]) -> str:
     )
 
 
-def main() -> None:
-    """Measure and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--starts", type=whole, default=3, help="states (default: %(default)s)")
-    parser.add_argument("--goals", type=whole, default=8, help="goals (default: %(default)s)")
-    given = parser.parse_args()
-    data: dict[str, Any] = {"starts": given.starts, "goals": given.goals}
-    for name in NAMES:
-        data[name] = measured(name, given.starts, given.goals)
-    publish(given.out, "failed_joints", data, markdown)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from reports import command_line, keep, table
+from reports import experiment, table
 
 from mlivr_gym import RobotSpec, stance_graph
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -28,19 +28,16 @@ def starts(limbs: int) -> dict[str, int]:
     return {"held": len(held), "left": sum(bool(graph.successors(state)) for state in held)}
 
 
+def measured() -> dict[str, Any]:
+    """Return the counts for each number of limbs."""
+    return {str(limbs): starts(limbs) for limbs in range(2, MOST_LIMBS + 1)}
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the table for the page on robots."""
     head = f"limbs | stances held in {TRIES} draws | of which a step leaves"
     return table(head, [(limbs, row["held"], row["left"]) for limbs, row in data.items()])
 
 
-def main() -> None:
-    """Count and write the results."""
-    out = command_line(__doc__).parse_args().out
-    data = {str(limbs): starts(limbs) for limbs in range(2, MOST_LIMBS + 1)}
-    keep(out, "limb_starts", data)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("limb_starts", __doc__, measured)

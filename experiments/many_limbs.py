@@ -14,14 +14,13 @@ two costs and six methods.
 from __future__ import annotations
 
 import time
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from many_limbs_methods import METHODS, section, walk_of
 from matplotlib.figure import Figure
-from reports import Processes, command_line, publish, table
+from reports import experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
@@ -92,11 +91,11 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
             return start, goal
 
 
-def task_results(seed: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
+def task_results(task: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
     """Plan a task with both costs, and the first `others` tasks with the other methods."""
     graph = stance_graph(robot=robot)
     assert isinstance(graph, ImplicitGraph)
-    start, goal = random_task(graph, np.random.default_rng([seed, graph.limbs]))
+    start, goal = random_task(graph, np.random.default_rng([task, graph.limbs]))
     away = float(np.linalg.norm(goal - graph.posture_of(start).base_position[0]))
     out: dict[str, Any] = {"distance": away}
     for cost in COSTS:
@@ -111,7 +110,7 @@ def task_results(seed: int, robot: str, seconds: float, others: int) -> dict[str
             "executed": executed(fresh, found.plan) if found.plan else None,
             "replanned": replanned(planner, found.plan, goal, cost) if found.plan else None,
         }
-    if seed < others:
+    if task < others:
         out["methods"] = {name: walk_of(robot, name, start, goal, seconds) for name in METHODS}
     return out
 
@@ -144,6 +143,33 @@ TASKS = (
     "carried out"
 )
 """Heads of the tables."""
+
+
+def measured(tasks: int, seconds: float, others: int, workers: int) -> dict[str, Any]:
+    """Return the results of all robots: `others` tasks are for other methods, too."""
+    fans = {}
+    for robot in ROBOTS:
+        graph = stance_graph(robot=robot)
+        assert isinstance(graph, ImplicitGraph)
+        graph.sets()  # for other methods
+        node_table(graph)
+        fans[robot] = fan(robot)
+    given = {"robot": ROBOTS, "seconds": [seconds], "others": [others]}
+    rows = study_rows("many_limbs:task_results", tasks, workers, **given)
+    names = ("distance", *COSTS, "methods")
+    return {
+        "workers": workers,
+        "seconds": seconds,
+        "fan": fans,
+        "tasks": {
+            robot: [
+                {name: row[name] for name in names if row.get(name) is not None}
+                for row in rows
+                if row["robot"] == robot
+            ]
+            for robot in ROBOTS
+        },
+    }
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -246,32 +272,8 @@ def curves(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-def main() -> None:
-    """Measure and write results, page and figure."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=20)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--others", type=int, default=20, help="tasks for other methods too")
-    parser.add_argument("--workers", type=int, default=1, help="tasks at once")
-    args = parser.parse_args()
-    tasks = Processes(args.workers)
-    data: dict[str, Any] = {
-        "workers": args.workers,
-        "seconds": args.seconds,
-        "fan": {},
-        "tasks": {},
-    }
-    for robot in ROBOTS:
-        graph = stance_graph(robot=robot)
-        assert isinstance(graph, ImplicitGraph)
-        graph.sets()  # for other methods
-        node_table(graph)
-        data["fan"][robot] = fan(robot)
-        work = partial(task_results, robot=robot, seconds=args.seconds, others=args.others)
-        data["tasks"][robot] = list(tasks.answers(work, range(args.tasks), f"tasks of {robot}"))
-    publish(args.out, "many_limbs", data, markdown)
-    curves(data, args.out / "many_limbs.png")
-
-
 if __name__ == "__main__":
-    main()
+    experiment(
+        "many_limbs", __doc__, measured, markdown, curves,
+        tasks=20, seconds=10.0, others=20, workers=1,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import NOTHING, ROOT, command_line, keep, table, two_limb_graph
+from reports import NOTHING, ROOT, experiment, table, two_limb_graph
 from tqdm import tqdm
 
 from mlivr_gym.envs.env import MlivrEnv
@@ -85,7 +85,9 @@ def measured(name: str, tasks: int) -> dict[str, Any]:
             unproved += 1
             found = planner.plan(env.state, env.goal, **query, inflation=INFLATION)
         steps.append(len(found.unwrap().steps))
+    low, high = as_map(name).cabin
     return {
+        "size": (high - low).tolist(),
         "environment": ENVIRONMENTS[name],
         "points": len(env.graph.grasp_map),
         "stances": len(env.graph),
@@ -116,6 +118,12 @@ def draw(name: str) -> dict[str, Any]:
     return {"steps": len(plan.steps), "base_translation_m": plan.base_translation}
 
 
+def all_measured(tasks: int) -> dict[str, Any]:
+    """Return the figures of all places and of the plans that are drawn."""
+    places = {name: measured(name, tasks) for name in ENVIRONMENTS}
+    return {"places": places, "plans": {name: draw(name) for name in QUERIES}}
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the table of the places."""
     rows = []
@@ -138,19 +146,5 @@ def markdown(data: dict[str, Any]) -> str:
     return table(head, rows)
 
 
-def main() -> None:
-    """Run the experiment."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=50, help="number (default: %(default)s)")
-    arguments = parser.parse_args()
-    places = {}
-    for name in ENVIRONMENTS:
-        places[name] = measured(name, arguments.tasks)
-        cabin = as_map(name).cabin
-        places[name]["size"] = (cabin[1] - cabin[0]).tolist()
-    plans = {name: draw(name) for name in QUERIES}
-    keep(arguments.out, "places", {"places": places, "plans": plans})
-
-
 if __name__ == "__main__":
-    main()
+    experiment("places", __doc__, all_measured, tasks=50)

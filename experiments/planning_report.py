@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from reports import NOTHING, table
-from time_shares import OTHER, PARTS
 
 OFF = "collisions off"
 
@@ -91,17 +90,6 @@ def series(data: dict[str, Any]) -> Iterator[list[Any]]:
                 ]  # fmt: skip
 
 
-def part_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """Yield the parts of the queries that are slower than their targets [ms]."""
-    queries = {
-        f"known goal, {words}": data["collisions on"][cost]["known goal"]
-        for cost, words in COSTS.items()
-    }
-    queries |= {"ten points": data["replanning"]["points"], "a box": data["replanning"]["box"]}
-    for name, found in queries.items():
-        yield [name, *(f"{found['parts'][part]:.2f}" for part in (*PARTS, OTHER))]
-
-
 def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
     """Yield the table rows of this planner and of both libraries."""
     for program, row in data["libraries"].items():
@@ -113,28 +101,8 @@ def library_rows(data: dict[str, Any]) -> Iterator[list[str]]:
                 yield [program, method, *words, *(build or [NOTHING] * 2), cost]
 
 
-def reference_rows(data: dict[str, Any]) -> Iterator[list[str]]:
-    """Yield the table rows of both modes of the reference planner."""
-    runs = dict(data["reference"])
-    ours = runs.pop("ours")
-    for mode, run in runs.items():
-        source = "measured"
-        if not run["finished"]:
-            passed = run["candidates"] > run["needed"]
-            source = "lower bound" if passed else "extrapolated"
-        yield [
-            mode,
-            f"{run['candidates']} of {run['needed']}",
-            f"{1e3 * run['each']:.1f}",
-            f"{run['total']:.0f} ({source})",
-            f"{ours['seconds']:.2f}",
-            f"{run['total'] / ours['seconds']:.0f}",
-        ]
-
-
 SERIES = "collisions | cost | series | queries | median | 95 % | search | expanded | without a plan"
 LIBRARIES = "program | method | median | 95 % | build [s] | memory [MB] | lower | higher"
-REFERENCE = "mode | candidates | each [ms] | total [s] | ours [s] | ratio"
 """Heads of the tables."""
 
 
@@ -160,12 +128,6 @@ drawn in the cabin. *Search* is the part of the median without start and motion.
 changes of the world has a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
-What limits them: medians of the time that each part of a query takes, in ms. A plan is returned
-with its whole motion, whose swings are found for steps that the planner has not met before. Points
-and boxes leave the costs to the goal as lower bounds, so that the search goes through what costs
-nearly as little, and steps close to a box are checked.
-
-{table("query | " + " | ".join((*PARTS, OTHER)), part_rows(data))}
 One configuration, both limbs against the cabin, the body, themselves and each other, takes \
 {single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
 (kinematics and collision pipeline, called from Python), over the same \
@@ -179,15 +141,4 @@ have no labels for branches, so their paths may cost less than any executable wa
 Attaching the goal is not timed; for this planner the whole call is timed, including the motion of
 the plan. Times in ms.
 
-{table(LIBRARIES, library_rows(data))}
-## Compared with a plain reference
-
-Case 2 of Table I from map to plan, with steps unchecked in both programs. *Ours*: all nodes of \
-the map and one query. The reference (`reference_planner.py`) is Algorithm 1 on one core, a \
-candidate at a time, with iterative inverse kinematics from one seed. *Thorough* evaluates every \
-base pose and allows 200 iterations; *hasty* takes the first base pose that meets the thresholds \
-and allows 50. Where the limit of {data["reference_seconds"]:g} s ended a run, its total is the \
-time per candidate times the number of candidates that the same search needs (*extrapolated*), or \
-the time it ran if it had evaluated more than those (*lower bound*).
-
-{table(REFERENCE, reference_rows(data))}"""
+{table(LIBRARIES, library_rows(data))}"""

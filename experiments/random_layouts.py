@@ -13,7 +13,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import command_line, publish, table
+from reports import experiment, table
 from tqdm import tqdm
 
 import mlivr_gym  # noqa: F401
@@ -42,16 +42,16 @@ def drawn(env: MlivrEnv, count: int) -> tuple[list[EvaluationTask], list[int]]:
     return tasks, fewest
 
 
-def measured(count: int) -> dict[str, Any]:
+def measured(tasks: int) -> dict[str, Any]:
     """Return the results of each policy."""
     env = gymnasium.make("MLIVR-Random-v0", disable_env_checker=True).unwrapped
     assert isinstance(env, MlivrEnv)
-    tasks, fewest = drawn(env, count)
+    fixed, fewest = drawn(env, tasks)
     rows = {}
     for name, policy in POLICIES.items():
-        with tqdm(total=count, desc=name) as bar:
+        with tqdm(total=tasks, desc=name) as bar:
             found = evaluate(
-                env, policy, tasks, max_steps=MOST_STEPS, progress=lambda done: bar.update()
+                env, policy, fixed, max_steps=MOST_STEPS, progress=lambda done: bar.update()
             )
         ratio = (found.steps / np.array(fewest))[found.success]
         rows[name] = {
@@ -61,9 +61,9 @@ def measured(count: int) -> dict[str, Any]:
             "steps": float(found.steps[found.success].mean()),
             "base_translation_m": float(found.base_translation[found.success].mean()),
         }
-    shares = [len(task.occupied) / len(env.graph.grasp_map) for task in tasks]
+    shares = [len(task.occupied) / len(env.graph.grasp_map) for task in fixed]
     return {
-        "tasks": count,
+        "tasks": tasks,
         "occupied": [min(shares), max(shares)],
         "fewest_steps": dict(sorted(Counter(fewest).items())),
         "policies": rows,
@@ -102,13 +102,5 @@ episodes.
 """
 
 
-def main() -> None:
-    """Run the experiment."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=200, help="number (default: %(default)s)")
-    arguments = parser.parse_args()
-    publish(arguments.out, "random_layouts", measured(arguments.tasks), markdown)
-
-
 if __name__ == "__main__":
-    main()
+    experiment("random_layouts", __doc__, measured, markdown, tasks=200)

@@ -14,37 +14,25 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import ablation
 import benchmark_env
 import closed_loop
 import comparison_report
-import connectivity
 import disturbances
 import dynamic_report
 import format_tables
 import limb_starts
-import many_limbs
 import places
 import planning_report
 import public_arms
-import random_layouts
-import reference_curves
 import robots
 import simulation_figures
-import start_up
-import station_load
 import station_places
-import study as factorial_study
-import table1_statistics
-import thresholds
-import time_cost
-import whole_station
 from reports import NOTHING, ROOT, table
 from table1 import study_markdown
-from truth import markdown as truth_markdown
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
@@ -242,37 +230,24 @@ def pages() -> list[Path]:
 REPORTS: dict[str, Callable[[Any], str]] = {
     "table1": table_markdown,
     "table1_study": study_markdown,
-    "table1_statistics": table1_statistics.markdown,
-    "thresholds": thresholds.markdown,
-    "truth": truth_markdown,
-    "dynamic_simulation": dynamic_report.markdown,
-    "disturbances": disturbances.markdown,
-    "time_cost": time_cost.markdown,
-    "station_load": station_load.markdown,
-    "connectivity": connectivity.markdown,
-    "many_limbs": many_limbs.markdown,
-    "ablation": ablation.markdown,
-    "start_up": start_up.markdown,
-    "benchmark_env": benchmark_env.markdown,
-    "benchmark_planning": planning_report.markdown,
-    "planner_vs_rl": comparison_report.markdown,
-    "study": factorial_study.markdown,
-    "reference_curves": reference_curves.markdown,
-    "random_layouts": random_layouts.markdown,
-    "whole_station": whole_station.markdown,
 }
-"""Functions that make the report of each file of results."""
+"""Functions that make reports; others are called `markdown` in the script of the report's name."""
+
+BY_HAND = ("mutants",)
+"""Reports that need more than the results."""
+
+
+def report(path: Path) -> str:
+    """Return the text of a report."""
+    data = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    return (REPORTS.get(path.stem) or import_module(path.stem).markdown)(data)
 
 
 def texts() -> dict[Path, str]:
     """Return the contents of each page that states measured values."""
     results = ROOT / "results"
-    reports = {
-        results / f"{name}.md": markdown(
-            json.loads((results / f"{name}.json").read_text(encoding="utf-8"))
-        )
-        for name, markdown in REPORTS.items()
-    }
+    pages_made = (path for path in results.glob("*.md") if path.stem not in BY_HAND)
+    reports = {path: report(path) for path in pages_made}
     contents = parts(results)
     return reports | {page: filled(page.read_text(encoding="utf-8"), contents) for page in pages()}
 

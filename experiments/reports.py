@@ -1,15 +1,16 @@
-"""Shared parts of the experiments: command line, tables, result files, timing, workers, graphs."""
+"""Shared parts of the experiments: command line, tables, result files, timing, studies, graphs."""
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
+import os
+import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -20,6 +21,8 @@ from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.studies import StudyDesign, read_study, run_study
+from mlivr_gym.studies.rows import Row
 
 ROOT = Path(__file__).parent.parent
 """Root folder of the repository."""
@@ -77,6 +80,58 @@ def publish(
     write_whole(out / f"{name}.md", markdown(data))
 
 
+def experiment(
+    name: str,
+    description: str | None,
+    measure: Callable[..., Any],
+    markdown: Callable[[Any], str] | None = None,
+    draw: Callable[[Any, Path], Any] | None = None,
+    indent: int | None = 1,
+    **options: Any,
+) -> None:
+    """Measure, and write the results as JSON, the page and the figure.
+
+    Parameters
+    ----------
+    name
+        Name of the files.
+    description
+        The docstring of the script.
+    measure
+        Called with the options of the command line; returns the results.
+    markdown
+        Makes the page of the results; without it, `readme.py` shows them.
+    draw
+        Draws the figure to a file.
+    indent
+        Indent of the JSON file.
+    options
+        Default of each further option of the command line. With `--report`, the page and the figure
+        of the stored results are written.
+    """
+    parser = command_line(description)
+    for option, default in options.items():
+        flag = f"--{option.replace('_', '-')}"
+        parser.add_argument(
+            flag, type=type(default), default=default, help="(default: %(default)s)"
+        )
+    parser.add_argument("--report", action="store_true", help="only write page and figure")
+    given = vars(parser.parse_args())
+    out, report = given.pop("out"), given.pop("report")
+    data = read(out, name) if report else measure(**given)
+    if not report:
+        keep(out, name, data, indent)
+    if markdown is not None:
+        write_whole(out / f"{name}.md", markdown(data))
+        print(markdown(data))
+    if draw is not None:
+        draw(data, out / f"{name}.png")
+
+
+CORES = len(os.sched_getaffinity(0))
+"""Number of processor cores, which is the default number of processes."""
+
+
 def timed(call: Callable[[], Any]) -> tuple[float, Any]:
     """Return the duration of a call [s] and its value."""
     start = time.perf_counter()
@@ -90,39 +145,31 @@ def spread(seconds: Sequence[float]) -> dict[str, float]:
     return {"median": float(median), "p95": float(p95), "count": len(seconds)}
 
 
-class Processes(NamedTuple):
-    """A number of worker processes, and a folder in which their results are stored."""
+def study_rows(kind: str, tasks: int, workers: int, **factors: Sequence[Any]) -> list[Row]:
+    """Return the rows of a study, which goes on where it was interrupted.
 
-    workers: int
-    """Number of processes."""
-    keep: Path | None = None
-    """Folder with one file of results for each study; they are valid for the code that made
-    them."""
+    `kind` names a function as `"script:function"`; it is called with the number of a task and a
+    level of each factor. The folder `runs/studies` holds the rows of studies that are not finished.
+    """
+    name = kind.partition(":")[2]
+    design = StudyDesign.from_data(
+        {"kind": kind, "tasks": tasks, "factors": {key: list(one) for key, one in factors.items()}}
+    )
+    digest = hashlib.sha256(json.dumps(design.to_data()).encode()).hexdigest()[:8]
+    folder = ROOT / "runs" / "studies" / f"{name}-{digest}"
+    with tqdm(desc=name, mininterval=5.0) as bar:
 
-    def answers(self, work: Callable[[int], Any], seeds: range, what: str) -> Iterator[Any]:
-        """Yield the results for all seeds in order, as plain data.
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
 
-        Stored results are not computed again. `work` is called with a seed and may use global data
-        that exist before the processes are forked. `what` is the name of the study and of its file.
-        """
-        path = None if self.keep is None else self.keep / f"{what.replace(' ', '_')}.jsonl"
-        known: dict[int, Any] = {}
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            for line in path.read_text().splitlines() if path.exists() else ():
-                seed, answer = json.loads(line)
-                known[seed] = answer
-        todo = [seed for seed in seeds if seed not in known]
-        with ProcessPoolExecutor(self.workers, mp_context=get_context("fork")) as pool:
-            done = pool.map(work, todo, chunksize=1)
-            for seed in tqdm(seeds, desc=what, mininterval=5.0):
-                if seed not in known:
-                    line = json.dumps([seed, next(done)])
-                    known[seed] = json.loads(line)[1]
-                    if path is not None:
-                        with path.open("a", encoding="utf-8") as file:
-                            file.write(line + "\n")
-                yield known[seed]
+        run_study(design, folder, workers=workers, progress=progress)
+    rows = read_study(folder)
+    shutil.rmtree(folder)
+    faults = [row["error"] for row in rows if row["error"]]
+    if faults:
+        raise SystemExit(f"{len(faults)} of {len(rows)} runs failed: {faults[0]}")
+    return rows
 
 
 def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLimbGraph:

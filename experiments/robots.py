@@ -7,19 +7,17 @@ cost, collisions checked, in a process of its own, once to compile and once to m
 contains the stance graph and every step that the search had to check, "later" is the way back.
 Times are processor time, which other programs on the machine do not lengthen. The walk is then
 executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the docs, and
-`robots.png`, the robots in the first stance; `--picture` writes the picture alone.
+`robots.png`, the robots in the first stance.
 """
 
 from __future__ import annotations
 
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import command_line, keep, table
+from reports import experiment, table
 
 from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.pictures.camera import Camera
@@ -30,6 +28,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.studies.engines import executor_of
 
 START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
 """Stances between which the robots walk, two racks to port."""
@@ -68,6 +67,15 @@ def measured(name: str) -> dict[str, Any]:
     }
 
 
+def all_measured() -> dict[str, Any]:
+    """Return what is measured of each robot the second time, in a process of its own."""
+    data = {}
+    for name in 2 * NAMES:
+        with executor_of("local", 1, None, print) as executor:
+            data[name] = executor.submit(measured, name).result()
+    return data
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the table for the page on robots."""
     head = (
@@ -86,10 +94,10 @@ def markdown(data: dict[str, Any]) -> str:
     return table(head, rows)
 
 
-def picture(path: Path) -> None:
+def picture(data: dict[str, Any], path: Path) -> None:
     """Draw the robots in the first stance, with their names."""
     shots = []
-    for name in NAMES:
+    for name in data:
         graph = stance_graph(robot=name)
         shown = graph.configuration(graph.state(START))
         x, y, z = shown[0].tolist()
@@ -101,21 +109,5 @@ def picture(path: Path) -> None:
     save_image(np.hstack(shots), path)
 
 
-def main() -> None:
-    """Measure and write the results."""
-    parser, data = command_line(__doc__), {}
-    parser.add_argument("--picture", action="store_true", help="write the picture alone")
-    args = parser.parse_args()
-    picture(args.out / "robots.png")
-    if args.picture:
-        return
-    for name in NAMES:
-        for _ in range(2):
-            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                data[name] = pool.submit(measured, name).result()
-    keep(args.out, "robots", data)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("robots", __doc__, all_measured, draw=picture)

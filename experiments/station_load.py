@@ -8,10 +8,11 @@ Each plan is optimal for one cost and is carried out in MuJoCo at each pace. Wri
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import case_3, command_line, publish, table
+from reports import case_3, experiment, table
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
@@ -102,17 +103,14 @@ all walks is {largest:.2f}.
 """
 
 
-def main() -> None:
-    """Measure and write the results, the page and the picture."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=10)
-    args = parser.parse_args()
-    publish(args.out, "station_load", measured(args.tasks), markdown)
+def picture(data: dict[str, Any], path: Path) -> None:
+    """Draw the load of Case 3."""
     graph, plan = case_3()
     load = station_load(execute(graph, plan).recording)
-    title = f"Case 3 as fast as the limits allow, station of {STATION_MASS:,.0f} kg"
-    load_figure(load, args.out / "station_load.png", title)
+    load_figure(
+        load, path, f"Case 3 as fast as the limits allow, station of {STATION_MASS:,.0f} kg"
+    )
 
 
 if __name__ == "__main__":
-    main()
+    experiment("station_load", __doc__, measured, markdown, picture, tasks=10)

@@ -16,7 +16,7 @@ from statistics import fmean
 from typing import Any
 
 from matplotlib.figure import Figure
-from reports import command_line, publish, table
+from reports import experiment, table
 
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.studies import ENGINES, StudyDesign, read_study, run_study
@@ -127,17 +127,5 @@ def picture(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-def main() -> None:
-    """Run the studies and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=100)
-    parser.add_argument("--workers", type=int, default=2)
-    args = parser.parse_args()
-    data = measured(args.tasks, args.workers)
-    publish(args.out, "study", data, markdown)
-    picture(data, args.out / "study.png")
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("study", __doc__, measured, markdown, picture, tasks=100, workers=2)

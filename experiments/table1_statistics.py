@@ -1,21 +1,19 @@
 """Repeat Table I for random starts and goals: spread of values, and how often relations hold.
 
-    python experiments/table1_statistics.py [--pairs 300] [--keep FOLDER] [--out results]
+    python experiments/table1_statistics.py [--pairs 300] [--workers 2] [--out results]
 
 Each pair is a random stance on the deck and the base position of a random stance on the overhead,
 at least 3 m apart. All cases are planned in all modes. Writes `table1_statistics.json` and
-`table1_statistics.md`. With `--keep`, an interrupted run can be resumed.
+`table1_statistics.md`.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import Processes, command_line, publish, table
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym.cli.table1 import Start
 from mlivr_gym.errors import StanceError
@@ -79,9 +77,9 @@ def row_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def pair(seed: int) -> dict[str, Any]:
+def pair(task: int) -> dict[str, Any]:
     """Return the values of a random pair by mode and case, None without a plan."""
-    start, goal = random_pair(seed)
+    start, goal = random_pair(task)
     out: dict[str, Any] = {}
     for mode in MODES:
         out[mode] = {}
@@ -90,7 +88,7 @@ def pair(seed: int) -> dict[str, Any]:
             graph = planner.graph
             if CASES[case].sparse and not set(start.stance) <= set(graph.grasp_map.ids):
                 # The start stays on the sparse map.
-                setup = _SETUP | {"start": list(start.stance), "goal": goal, "sparse_seed": seed}
+                setup = _SETUP | {"start": list(start.stance), "goal": goal, "sparse_seed": task}
                 planner = Planner(case_graph(case, setup, mode))
             assert isinstance(planner.graph, TwoLimbGraph)
             try:
@@ -148,6 +146,11 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
     return out
 
 
+def measured(pairs: int, workers: int) -> dict[str, Any]:
+    """Return the statistics over random pairs."""
+    return {"statistics": summary(study_rows("table1_statistics:pair", pairs, workers))}
+
+
 ROWS = "case | mode | plans | steps | base translation [m] | explored | backward | query [ms]"
 
 
@@ -192,21 +195,5 @@ optimum for {loss["longer"]} of {loss["pairs"]} pairs \
 """
 
 
-def main() -> None:
-    """Plan, summarise and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--pairs", type=int, default=300)
-    parser.add_argument("--keep", type=Path, help="folder for single answers, to go on from")
-    args = parser.parse_args()
-    for mode in MODES:
-        for case in CASES:
-            planner_of(case, mode, 0)
-    processes = Processes(len(os.sched_getaffinity(0)), args.keep)
-    answers = list(processes.answers(pair, range(args.pairs), "table 1 pairs"))
-    data = {"statistics": summary(answers)}
-    publish(args.out, "table1_statistics", data, markdown)
-    print(markdown(data))
-
-
 if __name__ == "__main__":
-    main()
+    experiment("table1_statistics", __doc__, measured, markdown, pairs=300, workers=CORES)

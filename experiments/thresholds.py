@@ -1,26 +1,26 @@
 """Measure whether the thresholds of manipulability predict how well a walk is executed.
 
-    python experiments/thresholds.py [--pairs 20] [--out results]
+    python experiments/thresholds.py [--pairs 20] [--workers 2] [--out results]
 
 Both thresholds are scaled by each factor of `FACTORS`. For each factor, random walks from the deck
 to the overhead are planned for the base cost with steps and collisions checked, and executed in
 MuJoCo in two setups: the paper's controller at 50 s a step without disturbances, and the full
 controller at the gentle pace with all disturbances. The error of each step is compared with the
 minimum manipulability of the two stances that it joins. Writes `thresholds.json`, `thresholds.md`
-and `thresholds.png`; a factor that `thresholds.json` already holds is not measured again.
+and `thresholds.png`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import command_line, keep, publish, read, table, two_limb_graph
+from reports import CORES, experiment, study_rows, table, two_limb_graph
 from scipy.stats import spearmanr
 from table1_statistics import random_pair
-from tqdm import tqdm
 
 from mlivr_gym import Settings
 from mlivr_gym.errors import StanceError
@@ -47,20 +47,28 @@ SETUPS = {
 Measure = dict[str, Any]
 
 
-def measured(factor: float, pairs: int) -> Measure:
-    """Return the plans under scaled thresholds and the results of their execution."""
+def walk(task: int, factor: float) -> dict[str, Any]:
+    """Plan a random pair under scaled thresholds, and execute the plan in both setups."""
     limb, base = (factor * whole for whole in Settings().thresholds(2))
     graph = two_limb_graph(limb_threshold=limb, base_threshold=base)
-    planner, found = Planner(graph), []
-    for seed in tqdm(range(pairs), desc=f"{factor:g}", mininterval=5.0):
-        start, goal = random_pair(seed)
-        try:
-            plan = planner.plan(start.stance, goal, "base", goal_face="overhead").plan
-        except StanceError:  # the start does not meet the thresholds
-            continue
-        if plan is not None:
-            found.append(plan_results(graph, plan, seed))
-    return {"factor": factor, "stances": len(graph), "plans": found}
+    start, goal = random_pair(task)
+    try:
+        plan = Planner(graph).plan(start.stance, goal, "base", goal_face="overhead").plan
+    except StanceError:  # the start does not meet the thresholds
+        plan = None
+    found = None if plan is None else plan_results(graph, plan, task)
+    return {"stances": len(graph), "plan": found}
+
+
+def measured(pairs: int, workers: int) -> Measure:
+    """Return the plans under scaled thresholds and the results of their execution."""
+    rows = study_rows("thresholds:walk", pairs, workers, factor=FACTORS)
+    found = []
+    for factor in FACTORS:
+        some = [row for row in rows if row["factor"] == factor]
+        plans = [row["plan"] for row in some if row["plan"] is not None]
+        found.append({"factor": factor, "stances": some[0]["stances"], "plans": plans})
+    return {"pairs": pairs, "rows": found}
 
 
 def plan_results(graph: TwoLimbGraph, plan: Plan, seed: int) -> Measure:
@@ -161,7 +169,7 @@ negative.
 {table(CORRELATIONS, correlations)}"""
 
 
-def figure(data: Measure) -> Figure:
+def figure(data: Measure, path: Path) -> None:
     """Plot the base error of each step against both manipulabilities, for each setup."""
     fig = Figure(figsize=(10.0, 6.5), layout="constrained")
     axes = fig.subplots(len(SETUPS), 2, squeeze=False)
@@ -176,24 +184,10 @@ def figure(data: Measure) -> Figure:
             ax.set_ylim(bottom=0.0)
             ax.grid(alpha=0.3)
     axes[0, 0].legend(loc="upper right", fontsize=8)
-    return fig
-
-
-def main() -> None:
-    """Measure the missing factors and write page and figure."""
-    parser = command_line(__doc__)
-    parser.add_argument("--pairs", type=int, default=20)
-    args = parser.parse_args()
-    data = read(args.out, "thresholds")
-    if data.get("pairs") != args.pairs:
-        data = {"pairs": args.pairs, "rows": []}
-    for factor in FACTORS:
-        if factor not in [row["factor"] for row in data["rows"]]:
-            data["rows"].append(measured(factor, args.pairs))
-            keep(args.out, "thresholds", data, indent=None)
-    publish(args.out, "thresholds", data, markdown, indent=None)
-    save_figure(figure(data), args.out / "thresholds.png")
+    save_figure(fig, path)
 
 
 if __name__ == "__main__":
-    main()
+    experiment(
+        "thresholds", __doc__, measured, markdown, figure, indent=None, pairs=20, workers=CORES
+    )

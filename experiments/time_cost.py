@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import command_line, publish, table
+from reports import experiment, table
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
@@ -95,15 +95,5 @@ def front(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-def main() -> None:
-    """Measure and write the results, the page and the figure."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=40)
-    args = parser.parse_args()
-    data = measured(args.tasks)
-    publish(args.out, "time_cost", data, markdown)
-    front(data, args.out / "time_cost.png")
-
-
 if __name__ == "__main__":
-    main()
+    experiment("time_cost", __doc__, measured, markdown, front, tasks=40)

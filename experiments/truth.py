@@ -16,12 +16,10 @@ Options set the size of each part; `--small` divides all sizes by a hundred.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from reports import Processes, command_line, counted, keep, publish, read, table
+from reports import CORES, command_line, counted, keep, publish, read, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
@@ -151,16 +149,16 @@ def main() -> None:
     for name, (number, meaning) in SIZES.items():
         parser.add_argument(f"--{name}", type=int, default=number, help=meaning)
     parser.add_argument("--small", action="store_true", help="a hundredth of everything")
-    parser.add_argument("--keep", type=Path, help="folder for single answers, to go on from")
+    parser.add_argument("--workers", type=int, default=CORES, help="processes")
     args = parser.parse_args()
-    processes = Processes(len(os.sched_getaffinity(0)), args.keep)
+    workers = args.workers
     size = {name: max(3, getattr(args, name) // (100 if args.small else 1)) for name in SIZES}
     studies: dict[str, Callable[[], Part]] = {
-        "walks": lambda: study_walks(size["walks"], processes),
-        "execution": lambda: study_execution(size["executed"], size["steps"], processes),
+        "walks": lambda: study_walks(size["walks"], workers),
+        "execution": lambda: study_execution(size["executed"], size["steps"], workers),
         "optimality": lambda: study_optimality(size["queries"], max(3, size["queries"] // 10)),
-        "limbs": lambda: study_small_maps(size["maps"], processes),
-        "clearance": lambda: study_clearance(size["past"], processes),
+        "limbs": lambda: study_small_maps(size["maps"], workers),
+        "clearance": lambda: study_clearance(size["past"], workers),
         "collisions": lambda: study_collisions(size["stances"], size["free"], size["plans"]),
     }
     known = read(args.out, "truth")

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from collision_judge import HeldPoints, Judge
-from reports import Processes, two_limb_graph
+from reports import study_rows, two_limb_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
 from truth_walks import random_walk, whole_graph
@@ -198,13 +198,13 @@ def obstacle_beside(judge: Judge, here: Configuration, kind: str, rng: np.random
     return Box("beside", "obstacle", (x, y, z), half, Box.rows(turn))
 
 
-def step_past_obstacle(seed: int) -> tuple[str, str, int, float]:
+def step_past_obstacle(task: int) -> dict[str, Any]:
     """Place an obstacle next to a random step and check the step again.
 
-    Return the kind of the obstacle, `blocked` or `made`, the number of sampled configurations, and
-    their minimum distance [m].
+    Return the kind of the obstacle, whether the step can still be made, the number of sampled
+    configurations, and their minimum distance [m].
     """
-    graph, rng = whole_graph(), np.random.default_rng([8, seed])
+    graph, rng = whole_graph(), np.random.default_rng([8, task])
     judge = Judge(graph)
     plan = None
     while plan is None:
@@ -217,10 +217,10 @@ def step_past_obstacle(seed: int) -> tuple[str, str, int, float]:
     try:
         made = _made(graph, states)
         if made is None:
-            return kind, "blocked", 0, np.inf
+            return {"kind": kind, "made": False, "configurations": 0, "least": np.inf}
         places = sampled(graph, made, 500)
         least = min(judge.least_distance(here, points, [box]) for here, points in places)
-        return kind, "made", len(places), least
+        return {"kind": kind, "made": True, "configurations": len(places), "least": least}
     finally:
         graph.remove_obstacles()
 
@@ -236,15 +236,15 @@ def _made(graph: TwoLimbGraph, states: list[State]) -> Plan | None:
     return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 
 
-def study_clearance(number: int, processes: Processes) -> dict[str, Any]:
+def study_clearance(number: int, workers: int) -> dict[str, Any]:
     """Measure distances along random steps past obstacles with coal."""
-    out: dict[str, Any] = {"clearance": whole_graph().settings.clearance}
-    kinds = {kind: {"steps": 0, "made": 0, "configurations": 0, "least": np.inf} for kind in HALVES}
-    found = processes.answers(step_past_obstacle, range(number), "steps past obstacles")
-    for kind, outcome, configurations, least in found:
-        row = kinds[kind]
-        row["steps"] += 1
-        row["made"] += outcome == "made"
-        row["configurations"] += configurations
-        row["least"] = min(row["least"], least)
-    return out | {"obstacles": kinds}
+    rows, kinds = study_rows("truth_collisions:step_past_obstacle", number, workers), {}
+    for kind in HALVES:
+        some = [row for row in rows if row["kind"] == kind]
+        kinds[kind] = {
+            "steps": len(some),
+            "made": sum(row["made"] for row in some),
+            "configurations": sum(row["configurations"] for row in some),
+            "least": min((row["least"] for row in some), default=np.inf),
+        }
+    return {"clearance": two_limb_graph().settings.clearance, "obstacles": kinds}

@@ -9,7 +9,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from reports import Processes, two_limb_graph
+from reports import study_rows, two_limb_graph
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from tqdm import tqdm
@@ -55,67 +55,60 @@ def random_walk(graph: StanceGraph, rng: np.random.Generator, steps: int = STEPS
     return states
 
 
-def walk(seed: int) -> tuple[bool, bool, Counter[str]]:
+def walk(task: int) -> dict[str, Any]:
     """Return whether a random walk has all its steps and a motion, and its swing kinds."""
     graph = whole_graph()
-    states = random_walk(graph, np.random.default_rng([1, seed]))
+    states = random_walk(graph, np.random.default_rng([1, task]))
     motion = committed_motion(graph, states).motion
-    swings = Counter(step.swing for step in motion.steps) if motion else Counter[str]()
-    return len(states) == STEPS + 1, motion is not None, swings
+    swings = [step.swing for step in motion.steps] if motion else []
+    return {"whole": len(states) == STEPS + 1, "motion": motion is not None, "swings": swings}
 
 
-def executed_walk(seed: int) -> tuple[str, int]:
+def executed_walk(task: int) -> dict[str, Any]:
     """Return how a random walk ends in the simulation, and its number of steps."""
     graph = whole_graph()
-    states = random_walk(graph, np.random.default_rng([2, seed]))
+    states = random_walk(graph, np.random.default_rng([2, task]))
     plan = plan_of(graph, states, np.zeros(3), 0.0, "astar")
     if plan is None:
-        return "not put together", len(states) - 1
+        return {"end": "not put together", "steps": len(states) - 1}
     failure = execute(graph, plan).failure
-    return "carried out" if failure is None else failure.kind, len(states) - 1
+    return {"end": "carried out" if failure is None else failure.kind, "steps": len(states) - 1}
 
 
-def executed_step(seed: int) -> tuple[str, int]:
+def executed_step(task: int) -> dict[str, Any]:
     """Return how a random step from a random state ends in the simulation, and 1 (0 if none)."""
-    graph, rng = whole_graph(), np.random.default_rng([3, seed])
+    graph, rng = whole_graph(), np.random.default_rng([3, task])
     robot = step_executor(graph)
     robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
     steps_from = graph.successors(robot.state)
     if not steps_from:
-        return "no step on the branches chosen", 0
+        return {"end": "no step on the branches chosen", "steps": 0}
     k = int(rng.integers(len(steps_from.limb)))
     after = steps_from.after(robot.state, k)
     robot.step(int(steps_from.limb[k]), int(steps_from.point[k]), after.branch_sets)
     failure = robot.measures["failure"]
-    return "carried out" if failure is None else str(failure["kind"]), 1
+    return {"end": "carried out" if failure is None else str(failure["kind"]), "steps": 1}
 
 
-def study_walks(number: int, processes: Processes) -> dict[str, Any]:
+def study_walks(number: int, workers: int) -> dict[str, Any]:
     """Count the random walks of legal steps that have all their steps and a motion."""
-    whole_graph()
-    ended, together, swings = 0, 0, Counter[str]()
-    for goes_on, done, kinds in processes.answers(walk, range(number), "walks"):
-        ended, together = ended + goes_on, together + done
-        swings.update(kinds)
+    rows = study_rows("truth_walks:walk", number, workers)
     return {
         "walks": number,
         "steps": STEPS,
-        "went_on": ended,
-        "put_together": together,
-        "swings": dict(swings),
+        "went_on": sum(row["whole"] for row in rows),
+        "put_together": sum(row["motion"] for row in rows),
+        "swings": dict(Counter(swing for row in rows for swing in row["swings"])),
     }
 
 
-def study_execution(walks: int, steps: int, processes: Processes) -> dict[str, Any]:
+def study_execution(walks: int, steps: int, workers: int) -> dict[str, Any]:
     """Simulate random walks, and random steps from random states."""
-    whole_graph()
     out: dict[str, Any] = {"pace": "at the default limits"}
-    for name, work, number in (("walks", executed_walk, walks), ("steps", executed_step, steps)):
-        ends, taken = Counter[str](), 0
-        for end, made in processes.answers(work, range(number), f"executed {name}"):
-            ends[end] += 1
-            taken += made
-        out[name] = {"number": number, "steps": taken, "ends": dict(ends)}
+    for name, number in (("walk", walks), ("step", steps)):
+        rows = study_rows(f"truth_walks:executed_{name}", number, workers)
+        ends, taken = Counter(row["end"] for row in rows), sum(row["steps"] for row in rows)
+        out[f"{name}s"] = {"number": number, "steps": taken, "ends": dict(ends)}
     return out
 
 
@@ -227,20 +220,20 @@ def small_map(rng: np.random.Generator) -> GraspMap:
     return whole.subset(chosen, "few points")
 
 
-def small_query(seed: int) -> tuple[str, float]:
+def small_query(task: int) -> dict[str, Any]:
     """Compare a query of three or four limbs on a small map with Dijkstra: outcome and error.
 
-    Half of the seeds check collisions; half have a goal that need not be reachable.
+    Half of the tasks check collisions; half have a goal that need not be reachable.
     """
-    rng, limbs = np.random.default_rng([5, seed]), 3 + seed % 2
-    collisions, anywhere = seed // 2 % 2 == 0, seed // 4 % 2 == 0
-    name, price = COSTS[seed % len(COSTS)]
+    rng, limbs = np.random.default_rng([5, task]), 3 + task % 2
+    collisions, anywhere = task // 2 % 2 == 0, task // 4 % 2 == 0
+    name, price = COSTS[task % len(COSTS)]
     settings = Settings(collisions=collisions)
     graph = stance_graph(small_map(rng), f"mlivr{limbs}", settings)
     starts = [tuple(rng.permutation(6)[:limbs].tolist()) for _ in range(200)]
     states = [graph.state(s) for s in starts if graph.is_node(graph.posture(s))[0]]
     if not states:
-        return "no stance", 0.0
+        return {"outcome": "no stance", "off": 0.0}
     # States that some step leaves are preferred, since the others test little.
     start = next((state for state in states[:40] if graph.successors(state)), states[0])
     cost = Cost.named(name, price)
@@ -253,17 +246,16 @@ def small_query(seed: int) -> tuple[str, float]:
     found = Planner(graph).plan(start, goal, name, goal_tolerance=0.05, inflation=1.0, **how)
     world = "collisions" if collisions else "no collisions"
     if (found.plan is None) != (not reached):
-        return f"{world}: existence differs", np.inf
+        return {"outcome": f"{world}: existence differs", "off": np.inf}
     if found.plan is None:
-        return f"{world}: neither finds a plan", 0.0
+        return {"outcome": f"{world}: neither finds a plan", "off": 0.0}
     outcome = "no step leads away" if len(truth) == 1 else "both find one"
-    return f"{world}: {outcome}", abs(found.plan.statistics.cost - min(reached))
+    off = abs(found.plan.statistics.cost - min(reached))
+    return {"outcome": f"{world}: {outcome}", "off": off}
 
 
-def study_small_maps(number: int, processes: Processes) -> dict[str, Any]:
+def study_small_maps(number: int, workers: int) -> dict[str, Any]:
     """Compare plans of three and four limbs on small maps with Dijkstra in plain Python."""
-    out, worst = Counter[str](), 0.0
-    for outcome, off in processes.answers(small_query, range(number), "small maps"):
-        out[outcome] += 1
-        worst = max(worst, off)
-    return {"maps": number, "outcomes": dict(out), "largest_difference": worst}
+    rows = study_rows("truth_walks:small_query", number, workers)
+    outcomes, worst = Counter(row["outcome"] for row in rows), max(row["off"] for row in rows)
+    return {"maps": number, "outcomes": dict(outcomes), "largest_difference": worst}

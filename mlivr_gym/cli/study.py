@@ -11,6 +11,7 @@ from typing import Any
 
 from mlivr_gym.cli.arguments import Add, check_counts, command, option, refuse_without_effect
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.files import write_whole
 from mlivr_gym.studies.design import StudyDesign
 from mlivr_gym.studies.engines import ENGINES
 
@@ -22,8 +23,8 @@ def add_command(add: Add) -> None:
         run,
         "Run a study: all combinations of the levels of some factors, such as robots, maps and "
         "thresholds, each with random tasks. The design is read from a TOML file. Results go to "
-        "FOLDER/study.parquet, with one row for each run. If the command is interrupted, run it "
-        "again to continue.",
+        "FOLDER/study.parquet, with one row for each run, and a table of their means to "
+        "FOLDER/study.md. If the command is interrupted, run it again to continue.",
     )
     parser.add_argument("file", metavar="STUDY.toml", help="design of the study")
     option(parser, "--out FOLDER", "folder of the study (default: the name of the file)")
@@ -45,6 +46,7 @@ def run(args: argparse.Namespace) -> None:
     if args.scheduler is not None:
         refuse_without_effect(args, "with --scheduler", "workers")
     design = StudyDesign.from_file(args.file)
+    sys.path.insert(0, str(Path(args.file).resolve().parent))  # modules of functions of the study
     folder = Path(args.out or Path(args.file).with_suffix(""))
     total = len(design.combinations) * design.tasks
     with Progress("runs", total, args.quiet) as progress:
@@ -55,9 +57,10 @@ def run(args: argparse.Namespace) -> None:
             progress=lambda done, total: progress.show(done),
             notify=lambda address: print(f"dashboard: {address}", file=sys.stderr, flush=True),
         )  # fmt: skip
-    args.result |= {"file": file, "runs": total, "combinations": []}
-    for means in combination_means(design, read_study(folder)):
-        args.result["combinations"].append(means)
+    found = list(combination_means(design, read_study(folder)))
+    write_whole(folder / "study.md", summary_table(design, found))
+    args.result |= {"file": file, "runs": total, "combinations": found}
+    for means in found:
         levels = ", ".join(f"{name} {level}" for name, level in means["levels"].items())
         steps = "" if means["mean_steps"] is None else f", {means['mean_steps']:.2f} steps"
         failed = f", {means['errors']} refused ({means['error']})" if means["errors"] else ""
@@ -75,7 +78,7 @@ def combination_means(design: StudyDesign, rows: list[dict[str, Any]]) -> Iterat
     for k, levels in enumerate(design.combinations):
         found = rows[k * design.tasks : (k + 1) * design.tasks]
         steps = [row["steps"] for row in found if row.get("steps") is not None]
-        seconds = [row["seconds"] for row in found if row["seconds"] is not None]
+        seconds = [row["seconds"] for row in found if row.get("seconds") is not None]
         errors = [row["error"] for row in found if row["error"]]
         yield {
             "levels": {name: levels[name] for name in design.factors},
@@ -86,3 +89,14 @@ def combination_means(design: StudyDesign, rows: list[dict[str, Any]]) -> Iterat
             "errors": len(errors),
             "error": errors[0] if errors else "",
         }
+
+
+def summary_table(design: StudyDesign, combinations: list[dict[str, Any]]) -> str:
+    """Return the counts and means of all combinations as a table in Markdown."""
+    rows = [[*design.factors, "runs", "successes", "mean steps", "median time [s]", "refused"]]
+    rows.append(["---"] * len(rows[0]))
+    for one in combinations:
+        steps = "" if one["mean_steps"] is None else f"{one['mean_steps']:.2f}"
+        figures = [one["runs"], one["successes"], steps, f"{one['median_seconds']:.3g}"]
+        rows.append([*map(str, [*one["levels"].values(), *figures, one["errors"]])])
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)

@@ -34,6 +34,8 @@ from mlivr_gym.values import MAX_PARTS
 BLOCK_TASKS = 25
 """Maximum number of runs of a block, which one process computes and one file stores."""
 
+FUNCTION_BLOCKS = 40
+"""Number of blocks into which the tasks of a function are divided, while blocks are not full."""
 
 TABLE_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "robot": (Text(), "mlivr2"),
@@ -68,7 +70,31 @@ FACTORS: dict[str, dict[str, tuple[Validator[Any], Any]]] = {
     "evaluate": GRAPH_FACTORS | {"policy": (Text(), "expert")},
     "build": TABLE_FACTORS,
 }
-"""The factors of each kind of study."""
+"""The factors of each kind of study that has a name."""
+
+
+def is_function(kind: str) -> bool:
+    """Return whether a kind is a function of the user, given as `"module:function"`."""
+    return ":" in kind
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Validator of the levels of functions."""
+
+    def read(self, value: object, place: FieldPath) -> Any:
+        if not isinstance(value, str | int | float):
+            raise place.refused(value, "text, a number, or true or false")
+        return value
+
+
+def _validators(kind: str, data: object, place: FieldPath) -> dict[str, Validator[Any]]:
+    """Return the validator of a level of each factor that a kind has, or a function is given."""
+    if is_function(kind):
+        factors = data.get("factors") if isinstance(data, Mapping) else None
+        return dict.fromkeys(factors, _Level()) if isinstance(factors, Mapping) else {}
+    Choice(tuple(FACTORS)).read(kind, place.field("kind"))
+    return {name: validator for name, (validator, _) in FACTORS[kind].items()}
 
 
 class RunBlock(NamedTuple):
@@ -92,7 +118,9 @@ class StudyDesign:
     ----------
     kind
         What a run does: `"plan"` a task, `"simulate"` the plan of a task in MuJoCo, `"evaluate"` a
-        policy on an episode, or `"build"` the table of a robot on a map.
+        policy on an episode, or `"build"` the table of a robot on a map. `"module:function"` calls
+        a function with the number of the task and the level of each factor by its name; it returns
+        the columns of a row.
     factors
         Levels of each factor that the study varies or sets; others have their default level.
     tasks
@@ -117,10 +145,10 @@ class StudyDesign:
         """
         place = place or FieldPath("", SettingError)
         sizes = {"tasks": Integer(1, 10**6), "seed": Integer(0, 2**31)}
-        kind = {"kind": Choice(tuple(FACTORS))}
+        kind: dict[str, Validator[Any]] = {"kind": Text()}
         read = Fields(kind, sizes, others=True).read(data, place)
-        known = FACTORS[read["kind"]]
-        levels = {name: ListOf(one, least=1, most=MAX_PARTS) for name, (one, _) in known.items()}
+        known = _validators(read["kind"], data, place)
+        levels = {name: ListOf(one, least=1, most=MAX_PARTS) for name, one in known.items()}
         read = Fields(kind, sizes | {"factors": Fields({}, levels)}).read(data, place)
         for name, given in read.get("factors", {}).items():
             if len(set(given)) < len(given):
@@ -155,7 +183,7 @@ class StudyDesign:
     @property
     def combinations(self) -> list[dict[str, Any]]:
         """All combinations of levels, the last factor given varying fastest."""
-        defaults = {name: level for name, (_, level) in FACTORS[self.kind].items()}
+        defaults = {name: level for name, (_, level) in FACTORS.get(self.kind, {}).items()}
         return [
             defaults | dict(zip(self.factors, levels, strict=True))
             for levels in product(*self.factors.values())
@@ -165,8 +193,11 @@ class StudyDesign:
     def blocks(self) -> list[RunBlock]:
         """The blocks of the study, in the order of their runs."""
         found: list[RunBlock] = []
+        size = BLOCK_TASKS
+        if is_function(self.kind):
+            size = min(size, -(-self.tasks // FUNCTION_BLOCKS))
         for k, levels in enumerate(self.combinations):
-            for begin in range(0, self.tasks, BLOCK_TASKS):
-                tasks = range(begin, min(begin + BLOCK_TASKS, self.tasks))
+            for begin in range(0, self.tasks, size):
+                tasks = range(begin, min(begin + size, self.tasks))
                 found.append(RunBlock(len(found), k * self.tasks + begin, levels, tasks))
         return found

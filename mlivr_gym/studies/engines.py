@@ -22,14 +22,17 @@ RETRIES = 3
 
 @contextmanager
 def executor_of(
-    engine: str, workers: int | None, scheduler: str | None, notify: Callable[[str], None]
+    engine: str | Executor,
+    workers: int | None,
+    scheduler: str | None,
+    notify: Callable[[str], None],
 ) -> Iterator[Executor]:
     """Yield an executor that computes blocks.
 
     Parameters
     ----------
     engine
-        One of `ENGINES`.
+        One of `ENGINES`, or an executor, which stays open.
     workers
         Number of processes; by default one for each core.
     scheduler
@@ -42,6 +45,9 @@ def executor_of(
     SettingError
         If Dask is not installed, or its scheduler does not answer.
     """
+    if isinstance(engine, Executor):
+        yield engine
+        return
     count = workers or os.cpu_count() or 1
     if engine == "local":
         with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:

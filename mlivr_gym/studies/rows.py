@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, StanceError
+from mlivr_gym.errors import MlivrError, SettingError, StanceError
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
 from mlivr_gym.settings import Settings
@@ -20,7 +21,7 @@ from mlivr_gym.stances.random_states import TRIES, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.studies.design import FACTORS, TABLE_FACTORS, RunBlock, StudyDesign
+from mlivr_gym.studies.design import FACTORS, TABLE_FACTORS, RunBlock, StudyDesign, is_function
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:  # loads GL
@@ -58,7 +59,12 @@ first action or to build, which no two runs share to the last digit."""
 
 
 def columns_of(kind: str) -> dict[str, str]:
-    """Return all columns of a kind of study with their Arrow types, the factors included."""
+    """Return all columns of a kind of study with their Arrow types, the factors included.
+
+    Those of a function are not known beforehand.
+    """
+    if is_function(kind):
+        return {}
     types = {str: "string", bool: "bool", float: "double", type(None): "double"}
     levels = {name: types[type(level)] for name, (_, level) in FACTORS[kind].items()}
     return {"run": "int64", "task": "int64"} | levels | COLUMNS[kind] | {"error": "string"}
@@ -70,7 +76,11 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     Among plans of equal cost a planner may find another one where it knows more steps from earlier
     queries. So each block has a graph of its own: its rows do not depend on who computes it.
     """
-    world = _World(design, block.levels)
+    run = (
+        function_run(design.kind, block.levels)
+        if is_function(design.kind)
+        else _named_run(design, block)
+    )
     blank: Row = dict.fromkeys(columns_of(design.kind))
     rows: list[Row] = [
         blank | block.levels | {"run": block.first_run + k, "task": task, "error": ""}
@@ -78,10 +88,32 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     ]
     for row in rows:
         try:
-            row |= RUNS[design.kind](world, row["task"])
+            row |= run(row["task"])
         except MlivrError as error:
             row["error"] = str(error)
     return rows
+
+
+def function_run(kind: str, levels: dict[str, Any]) -> Callable[[int], Row]:
+    """Return the function of a function with its levels.
+
+    Raises
+    ------
+    SettingError
+        If the module or the function cannot be found.
+    """
+    try:
+        function = resolve_name(kind)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise SettingError(
+            f"kind is {kind!r}, but there is no such function: {error}; Python must find its module"
+        ) from None
+    return partial(function, **levels)
+
+
+def _named_run(design: StudyDesign, block: RunBlock) -> Callable[[int], Row]:
+    """Return what a run of a kind that has a name does."""
+    return partial(RUNS[design.kind], _World(design, block.levels))
 
 
 class _World:
@@ -206,9 +238,8 @@ RUNS: dict[str, Callable[[_World, int], Row]] = {
 
 
 def succeeded(kind: str, row: Row) -> bool:
-    """Return whether a run gave a plan, a walk without failure, a reached goal, or a table."""
+    """Return whether a run gave a plan, a walk without failure, a reached goal, or no error."""
     column, wanted = {
         "plan": ("reason", ""), "simulate": ("failure", ""), "evaluate": ("success", True),
-        "build": ("error", ""),
-    }[kind]  # fmt: skip
+    }.get(kind, ("error", ""))  # fmt: skip
     return bool(row[column] == wanted)

@@ -20,9 +20,9 @@ from mlivr_gym.extras import require
 from mlivr_gym.files import FileError, read_json, write_whole
 from mlivr_gym.schema import Choice, FieldPath
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.studies.design import RunBlock, StudyDesign
+from mlivr_gym.studies.design import RunBlock, StudyDesign, is_function
 from mlivr_gym.studies.engines import ENGINES, executor_of
-from mlivr_gym.studies.rows import Row, columns_of, rows_of
+from mlivr_gym.studies.rows import Row, columns_of, function_run, rows_of
 
 DESIGN, RESULT, BLOCKS = "design.json", "study.parquet", "blocks"
 """Names of the files of a study, and of the folder of its finished blocks."""
@@ -37,7 +37,7 @@ Progress = Callable[[int, int], None]
 def run_study(
     design: StudyDesign,
     folder: str | Path,
-    engine: str = "local",
+    engine: str | Executor = "local",
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -56,7 +56,8 @@ def run_study(
     folder
         Folder of the study, which is made. It may hold a part of the same study.
     engine
-        `"local"`: processes of this machine; or `"dask"`.
+        `"local"`: processes of this machine; `"dask"`; or any executor of `concurrent.futures`,
+        such as that of mpi4py, or of a Dask client whose cluster you start yourself.
     workers
         Number of processes; by default one for each core. Of no effect with `scheduler`.
     scheduler
@@ -77,10 +78,13 @@ def run_study(
         If an argument cannot be used, a file cannot be written, the folder holds another study, or
         a process ended.
     """
-    Choice(ENGINES).read(engine, FieldPath("engine", SettingError))
+    if not isinstance(engine, Executor):
+        Choice(ENGINES).read(engine, FieldPath("engine", SettingError))
     if scheduler is not None and engine != "dask":
         raise SettingError(f"scheduler={scheduler!r} needs engine='dask'")
     require("pyarrow", extra="study")
+    if is_function(design.kind):
+        function_run(design.kind, {})
     path = Path(folder)
     _prepare(design, path)
     if (path / RESULT).exists():
@@ -160,9 +164,11 @@ def _write(path: Path, kind: str, rows: list[Row]) -> None:
     import pyarrow.parquet as pq
 
     types = {"string": pa.string, "double": pa.float64, "int64": pa.int64, "bool": pa.bool_}
-    schema = pa.schema([(name, types[one]()) for name, one in columns_of(kind).items()])
+    known = [(name, types[one]()) for name, one in columns_of(kind).items()]
+    schema = pa.schema(known) if known else None  # types of a function are inferred
+    blank = dict.fromkeys(name for row in rows for name in row)
     stream = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(rows, schema), stream)
+    pq.write_table(pa.Table.from_pylist([blank | row for row in rows], schema), stream)
     write_whole(path, stream.getvalue())
 
 

@@ -44,6 +44,9 @@ def test_disturbances_are_those_of_simulations():
     ("text", "words"),
     [
         ("", "kind is missing"),
+        ('kind = "a:b"\n[factors]\nx = 3', "factors.x is 3; it must be a list"),
+        ('kind = "a:b"\n[factors]\nx = [[1]]', "factors.x[0] is [1]; it must be text, a number"),
+        ('kind = "a:b"\nfactors = 3', "factors is 3"),
         ('kind = "walks"', "kind is 'walks'; valid choices are 'plan', 'simulate', 'evaluate'"),
         ('kind = "plan"\ntask = 3', "unknown field 'task'; valid fields are kind, tasks"),
         ('kind = "plan"\ntasks = 0', "tasks is 0; it must be a whole number from 1"),

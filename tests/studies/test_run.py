@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -109,6 +110,37 @@ def test_no_run_is_lost_or_repeated_when_a_worker_of_dask_is_killed(rows, tmp_pa
     assert untimed(read_study(tmp_path)) == untimed(rows)
 
 
+def squares(task, *, scale, word="none"):
+    """The kind of run of a user."""
+    if task == 3:
+        raise SettingError("no third run")
+    return {"value": scale * task**2, "digits": list(range(task)), "word": word}
+
+
+def test_an_own_function_is_a_kind_of_run(tmp_path):
+    kind, factors = f"{__name__}:squares", {"scale": [2, 5], "word": ["a"]}
+    design = StudyDesign.from_data({"kind": kind, "tasks": 90, "factors": factors})
+    with ThreadPoolExecutor(2) as executor:  # any executor can compute a study
+        run_study(design, tmp_path, executor)
+    rows = read_study(tmp_path)
+    assert [row["run"] for row in rows] == list(range(180))
+    for row in rows:
+        if row["task"] == 3:
+            assert (row["error"], row["value"]) == ("no third run", None)
+        else:
+            assert row["value"] == row["scale"] * row["task"] ** 2
+            assert row["digits"] == list(range(row["task"]))
+            assert (row["word"], row["error"]) == ("a", "")
+    assert sum(succeeded(kind, row) for row in rows) == 178
+
+
+@pytest.mark.parametrize("kind", ["no_such_module:run", "json:no_such_function", "a b:c"])
+def test_an_own_function_that_does_not_exist_is_refused(tmp_path, kind):
+    with pytest.raises(SettingError, match=f"kind is '{kind}', but there is no such function"):
+        run_study(StudyDesign.from_data({"kind": kind, "tasks": 1}), tmp_path / "made")
+    assert not (tmp_path / "made").exists()
+
+
 def test_another_study_in_the_folder_is_refused(tmp_path):
     run_study(DESIGN_OF_NOTHING, tmp_path, workers=1)
     other = StudyDesign.from_data(DESIGN_OF_NOTHING.to_data() | {"seed": 1})
@@ -163,6 +195,8 @@ def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
     out = capsys.readouterr().out
     assert out.splitlines()[0].startswith("cost steps: 4 of 4, ")
     assert len(read_study(tmp_path / "costs")) == 8
+    table = (tmp_path / "costs" / "study.md").read_text()
+    assert table.splitlines()[2].startswith("| steps | 4 | 4 | ")
     assert main(["study", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["successes"] for one in found["combinations"]] == [4, 4]
