@@ -1,28 +1,33 @@
-"""The fastest of several plans for one query.
+"""The fastest of several plans for one query, and the one with the least reaction on the station.
 
-The duration of a step depends on the branches, joint angles and swing to which a plan commits, not
-on the edge of the stance graph alone. Time is therefore not an edge cost, and A* does not apply.
-Instead, plans that are optimal for several costs, from the base displacement over several prices of
-a regrasp to the number of steps, are given time scalings (`simulation.timing`), and the fastest one
-is returned first. It is the best of these candidates; no bound on other plans is known.
+The duration of a step and its reaction depend on the branches, joint angles and swing to which a
+plan commits, not on the edge of the stance graph alone. They are therefore no edge costs, and A*
+does not apply. Instead, plans that are optimal for several costs, from the base displacement over
+several prices of a regrasp to the number of steps, are given time scalings (`simulation.timing`),
+and compared. The first one is the best of these candidates; no bound on other plans is known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.commitment import Committed, commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.motion.time_scaling import Durations, duration_of
+from mlivr_gym.motion.time_scaling import Durations
+from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.reaction import Reaction, reaction_of
 from mlivr_gym.simulation.timing import TIMING, timed_path
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.edge import Edge
 
 COSTS = (
     ("base", None), *(("weighted", price) for price in (0.01, 0.03, 0.1, 0.3, 1.0, 10.0)),
@@ -42,6 +47,10 @@ class Candidate(NamedTuple):
     """The price of a regrasp if the cost is `"weighted"` [m], otherwise None."""
     seconds: float
     """Duration of all steps [s]."""
+    impulse: float
+    """Total impulse of all steps on the station, see `simulation.reaction` [N s]."""
+    peak_force: float
+    """Largest force on the station that the planned motion needs [N]."""
 
 
 @checked({**QUERY, "timing": TIMING})
@@ -64,11 +73,66 @@ def step_durations(
     TimingError
         If durations violate a limit.
     """
-    durations = []
+    return [timed.duration for timed in _timed_paths(graph, plan, timing)]
+
+
+@checked({**QUERY, "timing": TIMING})
+def step_reactions(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
+) -> list[Reaction]:
+    """Return duration, total impulse and peak force of each step of a plan.
+
+    Parameters and errors are those of `step_durations`.
+    """
+    return [reaction_of(timed) for timed in _timed_paths(graph, plan, timing)]
+
+
+def _timed_paths(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None
+) -> Iterator[TimedPath]:
+    """Yield each step of a plan with its time scalings."""
     for index in range(len(plan.steps)):
-        path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        durations.append(sum(map(duration_of, timed_path(path, timing).time_scalings)))
-    return durations
+        yield timed_path(RegraspPath(graph, planned_regrasp(graph, plan, index)), timing)
+
+
+@checked({**QUERY, "timing": TIMING})
+def with_least_reaction(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
+) -> Plan:
+    """Return a plan with those clear swings whose total impulse on the station is the smallest.
+
+    Stances, base poses and branches stay, so that the choice is independent for each step. Swings
+    are the given one and those of `motion.swings` that are clear, without `"changed"` ones.
+
+    Parameters
+    ----------
+    graph
+        The stance graph of the plan's robot and map, with the plan's obstacles.
+    plan
+        The plan.
+    timing
+        `Limits`, by default `Limits()`, or `Durations`.
+
+    Raises
+    ------
+    TimingError
+        If durations violate a limit.
+    """
+    steps = list(plan.steps)
+    for index, step in enumerate(steps):
+        regrasp = planned_regrasp(graph, plan, index)
+        edge = Edge(regrasp.path_kind, fold=-1, line_branches=-1, kept={})
+        swings = [Committed(regrasp, step.swing), *commitments(graph, regrasp, edge)]
+
+        def impulse(one: Committed) -> float:
+            return reaction_of(timed_path(RegraspPath(graph, one.regrasp), timing)).impulse
+
+        best = min(swings, key=impulse)
+        steps[index] = replace(
+            step, swing=best.swing, knots=tuple(map(tuple, best.regrasp.knots.tolist())),
+            rounded=tuple(map(tuple, best.regrasp.rounded.tolist())),
+        )  # fmt: skip
+    return replace(plan, motion=replace(plan.motion, steps=tuple(steps)))
 
 
 @checked({**QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits))})
@@ -120,13 +184,60 @@ def fastest_plan(
     >>> candidates[0].seconds <= candidates[-1].seconds
     True
     """
+    query = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
+    candidates = _candidates(planner, start, goal, limits, query)
+    return sorted(candidates, key=lambda one: (one.seconds, one.plan.base_translation))
+
+
+@checked({**QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits))})
+def least_reaction_plan(
+    planner: Planner,
+    start: Sequence[str | int],
+    goal: Sequence[float] | Array,
+    limits: Limits | None = None,
+    *,
+    goal_tolerance: float = GOAL_TOLERANCE,
+    goal_face: str | None = None,
+) -> list[Candidate]:
+    """Return the candidates of `fastest_plan`, that with the least total impulse first.
+
+    The swings of each candidate are those of `with_least_reaction`; parameters and errors are those
+    of `fastest_plan`.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> start, goal = ("D2a:4", "D2b:4"), (3.0, 0.0, 0.42)
+    >>> candidates = least_reaction_plan(Planner(stance_graph()), start, goal)
+    >>> candidates[0].impulse <= candidates[-1].impulse
+    True
+    """
+    query = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
+    candidates = _candidates(planner, start, goal, limits, query, choose_swings=True)
+    return sorted(candidates, key=lambda one: (one.impulse, one.plan.base_translation))
+
+
+def _candidates(
+    planner: Planner,
+    start: Sequence[str | int],
+    goal: Sequence[float] | Array,
+    limits: Limits | None,
+    query: dict[str, Any],
+    choose_swings: bool = False,
+) -> list[Candidate]:
+    """Return the plans for all `COSTS` that differ in their stances."""
     candidates: dict[tuple[object, ...], Candidate] = {}
     for cost, price in COSTS:
-        plan = planner.plan(
-            start, goal, cost, regrasp_price=price, goal_tolerance=goal_tolerance,
-            goal_face=goal_face,
-        ).unwrap()  # fmt: skip
+        plan = planner.plan(start, goal, cost, regrasp_price=price, **query).unwrap()
         if plan.stances not in candidates:
-            seconds = sum(step_durations(planner.graph, plan, limits))
-            candidates[plan.stances] = Candidate(plan, cost, price, seconds)
-    return sorted(candidates.values(), key=lambda one: (one.seconds, one.plan.base_translation))
+            if choose_swings:
+                plan = with_least_reaction(planner.graph, plan, limits)
+            reactions = step_reactions(planner.graph, plan, limits)
+            candidates[plan.stances] = Candidate(
+                plan, cost, price,
+                sum(one.seconds for one in reactions),
+                sum(one.impulse for one in reactions),
+                max((one.peak_force for one in reactions), default=0.0),
+            )  # fmt: skip
+    return list(candidates.values())

@@ -33,6 +33,9 @@ MAX_THREADS = 1024
 MAX_BEAM_WIDTH = 1000
 """Maximum width of a beam search."""
 
+COMPARED_COSTS = ("time", "reaction")
+"""Values of `--cost` for which several plans are compared, see `mlivr_gym.fastest`."""
+
 CAPSULES = "draw the collision shapes of the limbs in place of their visual meshes"
 """Help of the option `--capsules`."""
 
@@ -158,8 +161,11 @@ def query_arguments() -> argparse.ArgumentParser:
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     option(parser, "--goal-face FACE", "face whose points all limbs must hold at the goal")
-    text = "cost to minimise; time chooses the fastest of several plans"
-    option(parser, "--cost COST", text, "base", choices=(*COSTS, "time"))
+    text = (
+        "cost to minimise; of several plans, time chooses the fastest and reaction the one with "
+        "the least impulse on the station"
+    )
+    option(parser, "--cost COST", text, "base", choices=(*COSTS, *COMPARED_COSTS))
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
     option(parser, "--regrasp-price M", text, type=float)
     text = "search method: astar, dijkstra, greedy or algorithm1"

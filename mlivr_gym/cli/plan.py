@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from mlivr_gym.cli.arguments import (
+    COMPARED_COSTS,
     Add,
     chosen_graph,
     chosen_task,
@@ -23,6 +25,9 @@ from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+
+if TYPE_CHECKING:
+    from mlivr_gym.fastest import Candidate
 
 
 def add_command(add: Add) -> None:
@@ -91,31 +96,35 @@ def summary_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def fastest_cost(
+def best_candidate(
     planner: Planner, start: tuple[str, ...], goal: tuple[float, ...], args: argparse.Namespace
-) -> tuple[str, float | None]:
-    """Return cost and regrasp price of the fastest plan, and print the plans compared."""
-    from mlivr_gym.fastest import fastest_plan  # imports MuJoCo, hence GL
+) -> Candidate | None:
+    """Return the best candidate for the costs time and reaction, and print those compared.
+
+    For other costs the search needs no candidates, and None is returned.
+    """
+    if args.cost not in COMPARED_COSTS:
+        return None
+    from mlivr_gym import fastest  # imports MuJoCo, hence GL
 
     without = (
         "regrasp_price", "method", "heuristic", "inflation", "time_limit", "start_pose",
         "start_joints",
     )  # fmt: skip
-    refuse_without_effect(args, "with --cost time", *without)
-    with Progress("searching for the fastest plan", quiet=args.quiet):
-        timed_plans = fastest_plan(
+    refuse_without_effect(args, f"with --cost {args.cost}", *without)
+    best_first = fastest.fastest_plan if args.cost == "time" else fastest.least_reaction_plan
+    with Progress("comparing plans", quiet=args.quiet):
+        compared = best_first(
             planner, start, goal, goal_tolerance=args.tolerance, goal_face=args.goal_face
         )
-    for timed in timed_plans:
-        plan, price = (
-            timed.plan,
-            "" if timed.price is None else f", regrasp price {timed.price:g} m",
-        )
+    for one in compared:
+        price = "" if one.price is None else f", regrasp price {one.price:g} m"
         print(
-            f"  {timed.seconds:5.1f} s: {len(plan.steps)} steps, {plan.base_translation:.3f} m "
-            f"(optimal for cost {timed.cost}{price})"
+            f"  {one.seconds:5.1f} s, {one.impulse:4.0f} N s, at most {one.peak_force:3.0f} N: "
+            f"{len(one.plan.steps)} steps, {one.plan.base_translation:.3f} m "
+            f"(optimal for cost {one.cost}{price})"
         )
-    return timed_plans[0].cost, timed_plans[0].price
+    return compared[0]
 
 
 def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
@@ -139,8 +148,9 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
-    if cost == "time":
-        cost, price = fastest_cost(planner, start, goal, args)
+    best = best_candidate(planner, start, goal, args)
+    if best is not None:
+        cost, price = best.cost, best.price
     with Progress("states expanded", quiet=args.quiet) as progress:
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
@@ -152,6 +162,9 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
         raise NoPlanError(f"{result.message}; {cause.message}")
     plan = result.unwrap()
+    if best is not None:
+        plan = best.plan
+        result = replace(result, plan=plan)
     print(
         f"from {' '.join(start)} to {goal}: {result.message}, "
         f"minimum w_m {plan.w_m_min:.3f}, minimum w_b {plan.w_b_min:.5f}"

@@ -19,7 +19,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
-from mlivr_gym.cli.plan import fastest_cost
+from mlivr_gym.cli.plan import best_candidate
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError, PlanError, SettingError
 from mlivr_gym.extras import require
@@ -113,8 +113,9 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
     (x, y, z), cost, price = goal, args.cost, args.regrasp_price
-    if cost == "time":
-        cost, price = fastest_cost(Planner(graph), start, goal, args)
+    best = best_candidate(Planner(graph), start, goal, args)
+    if best is not None:
+        cost, price = best.cost, best.price
     query = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, query)
     live.replan()

@@ -9,7 +9,7 @@ branch for each interval in which a limb holds a point.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -57,30 +57,34 @@ class CommittedMotion(NamedTuple):
 
 
 def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
-    """Choose the swing of a step; return None if no clear swing exists.
+    """Choose the first swing of `commitments` for a step; return None if no clear swing exists."""
+    return next(commitments(graph, regrasp, edge), None)
+
+
+def commitments(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Iterator[Committed]:
+    """Yield a step with each of its clear swings, the preferred one first.
 
     Parameters
     ----------
     graph
         The stance graph.
     regrasp
-        The step on the chosen branches, without a swing.
+        The step on the chosen branches; a swing that it may have is ignored.
     edge
         The edge of this step, as the graph has checked it on these branches.
     """
     if not graph.settings.collisions:
-        return Committed(regrasp, "unchecked")
+        yield Committed(regrasp, "unchecked")
+        return
     path = RegraspPath(graph, regrasp)
     ends = path.departure(np.ones(1))[0], path.approach(np.zeros(1))[0]
     points = regrasp.before[regrasp.limb], regrasp.to_point
     finder = SwingFinder.of(graph, regrasp)
-    swing = finder.find(*ends, points, edge)
-    if swing is None:
-        return None
-    rounded = np.zeros((2, 2))
-    if len(swing.knots) > 2:
-        rounded = finder.round_corners(swing.knots, _line_travels(path, swing.knots))
-    return Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
+    for swing in finder.swings(*ends, points, edge):
+        rounded = np.zeros((2, 2))
+        if len(swing.knots) > 2:
+            rounded = finder.round_corners(swing.knots, _line_travels(path, swing.knots))
+        yield Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
 
 
 class CommittedSteps:

@@ -1,8 +1,8 @@
 """Search for the swing of a step: the motion from above one point to above another.
 
 A swing is a chain of knots, each with the base parameter from 0 to 1 and the six joint angles of
-the limb; between knots both change linearly. The first candidate along which the robot keeps the
-clearance is taken:
+the limb; between knots both change linearly. Of the candidates along which the robot keeps the
+clearance the first is taken, unless a plan is to have little reaction (`mlivr_gym.fastest`):
 
 * `direct`: one line in joint space while the base moves;
 * `over`: two lines through one of the robot's folds, while the base moves;
@@ -102,8 +102,10 @@ class SwingFinder:
         ]
         return cls(graph, regrasp.limb, regrasp.base_path, supports)
 
-    def find(self, start: Array, end: Array, points: tuple[int, int], edge: Edge) -> Swing | None:
-        """Return the first clear swing from above one point to above another, or None.
+    def swings(
+        self, start: Array, end: Array, points: tuple[int, int], edge: Edge
+    ) -> Iterator[Swing]:
+        """Yield the clear swings from above one point to above another, the preferred one first.
 
         Parameters
         ----------
@@ -120,7 +122,7 @@ class SwingFinder:
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
         for knots in ((first, last), *((first, _knot(0.5, fold, end), last) for fold in folds)):
             if self.is_clear(np.stack(knots)):
-                return Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
+                yield Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
         others = [
             [_knot(s, joints, tool) for joints in (*folds, *self._above_all(side, points[side]))]
             for side, (s, tool) in enumerate(((0.0, start), (1.0, end)))
@@ -132,8 +134,7 @@ class SwingFinder:
             away = self._chain_at_rest(first, middle[0], others[0])
             back = away and self._chain_at_rest(middle[1], last, others[1])
             if away and back:
-                return Swing(kind, np.stack([*away, *back]))
-        return None
+                yield Swing(kind, np.stack([*away, *back]))
 
     def _candidates(
         self, folds: Array, points: tuple[int, int], edge: Edge

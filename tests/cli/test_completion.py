@@ -34,7 +34,7 @@ def text(capsys):
 def test_commands_options_and_values_are_completed(text):
     assert completed(text, "mlivr-gym", "ren") == ["render"]
     assert completed(text, "mlivr-gym", "plan", "--goal-") == ["--goal-face"]
-    costs = ["base", "steps", "weighted", "time"]
+    costs = ["base", "steps", "weighted", "time", "reaction"]
     assert completed(text, "mlivr-gym", "plan", "--cost", "") == costs
     assert completed(text, "mlivr-gym", "train", "--method", "d") == ["dagger"]
     assert completed(text, "mlivr-gym", "plan", "--method", "d") == ["dijkstra"]

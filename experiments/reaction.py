@@ -1,0 +1,199 @@
+"""Compare 50 plans of one query by steps, base translation, time, and the force on the station.
+
+    python experiments/reaction.py [--out results] [--tasks 20]
+
+The plans are optimal for the costs of `fastest.COSTS`, have the
+preferred swings or those of least reaction, and are carried out in MuJoCo within several limits of
+the grasp force. For random tasks the costs are compared by the planned motion. Writes
+`reaction.json`, `reaction.md` and `reaction.png`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from reports import experiment, table
+from tqdm import tqdm
+
+from mlivr_gym.arrays import BoolArray
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.fastest import fastest_plan, least_reaction_plan, step_reactions
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.station_load import station_load
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.stance_graph import StanceGraph
+
+SEED = 20270405
+"""Seed of the random tasks."""
+
+FORCES = (15.0, 25.0, 40.0, 60.0, 80.0)
+"""Limits of the grasp force [N]."""
+
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+"""Start and goal of the plans of the front."""
+
+CHOICES = ("least base translation", "fewest steps", "`time`", "`reaction`")
+"""Which of the plans of a random task is chosen."""
+
+COLOURS = ("#1f5fd0", "#d62728", "#2ca02c", "#9467bd")
+"""Colours of the numbers of steps."""
+
+SWINGS = {"preferred": fastest_plan, "least reaction": least_reaction_plan}
+"""How the swings are chosen."""
+
+
+def execution_row(graph: StanceGraph, plan: Plan, limits: Limits) -> dict[str, Any]:
+    """Return steps, base translation [m], time [s], forces [N] and impulses [N s] of a plan."""
+    walked, planned = execute(graph, plan, limits), step_reactions(graph, plan, limits)
+    load = station_load(walked.recording)
+    sizes = np.linalg.norm(load.forces, axis=1)
+    return {
+        "steps": len(plan.steps),
+        "translation": plan.base_translation,
+        "time": walked.simulated_time,
+        "peak": float(load.peak_forces.max()),
+        "impulse": float(np.trapezoid(sizes, load.times)),
+        "planned_peak": max(one.peak_force for one in planned),
+        "planned_impulse": sum(one.impulse for one in planned),
+        "failed": walked.failure is not None,
+    }
+
+
+def measured(tasks: int) -> dict[str, Any]:
+    """Return the rows of the 50 plans, and means of the choices over random tasks."""
+    planner, rows = Planner(stance_graph()), list[dict[str, Any]]()
+    for force in tqdm(FORCES, desc="limits", mininterval=5.0):
+        limits = Limits(grasp_force=force, grasp_torque=0.5 * force)
+        for swings, choose in SWINGS.items():
+            for one in choose(planner, START, GOAL, limits):
+                cost = one.cost if one.price is None else f"{one.price:g} m a regrasp"
+                row = {"cost": cost, "swings": swings, "limit": force}
+                rows.append(row | execution_row(planner.graph, one.plan, limits))
+    rng, means = np.random.default_rng(SEED), list[list[list[float]]]()
+    for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
+        state, target = sample_task(planner.graph, rng, 0.2)
+        found = fastest_plan(planner, state.stance, target)
+        chosen = (
+            min(found, key=lambda one: one.plan.base_translation),
+            min(found, key=lambda one: (len(one.plan.steps), one.plan.base_translation)),
+            found[0],
+            least_reaction_plan(planner, state.stance, target)[0],
+        )
+        means.append(
+            [
+                [len(c.plan.steps), c.plan.base_translation, c.seconds, c.peak_force, c.impulse]
+                for c in chosen
+            ]
+        )
+    return {"plans": rows, "tasks": tasks, "means": np.mean(means, axis=0).tolist()}
+
+
+def in_front(rows: list[dict[str, Any]]) -> BoolArray:
+    """Return which plans no other one surpasses in steps, translation, time and peak force."""
+    values = np.array([[row[n] for n in ("steps", "translation", "time", "peak")] for row in rows])
+    no_worse = (values[:, None] <= values[None] + 1e-9).all(axis=2)
+    better = (values[:, None] < values[None] - 1e-9).any(axis=2)
+    front: BoolArray = ~(no_worse & better).any(axis=0)
+    return front
+
+
+def markdown(data: dict[str, Any]) -> str:
+    """Return the page with the front and the means over random tasks."""
+    rows, front = data["plans"], in_front(data["plans"])
+    best = sorted((row for row, is_in in zip(rows, front, strict=True) if is_in), key=_order)
+    cells = [
+        [
+            row["steps"], f"{row['translation']:.2f}", f"{row['time']:.1f}", f"{row['peak']:.1f}",
+            f"{row['impulse']:.0f}", row["cost"], row["swings"], f"{row['limit']:g}",
+        ]
+        for row in best
+    ]  # fmt: skip
+    means = [
+        [name, f"{s:.1f}", f"{m:.2f}", f"{t:.1f}", f"{peak:.1f}", f"{impulse:.0f}"]
+        for name, (s, m, t, peak, impulse) in zip(CHOICES, data["means"], strict=True)
+    ]
+    off = [abs(row["planned_impulse"] / row["impulse"] - 1.0) for row in rows]
+    peaks = [abs(row["planned_peak"] / row["peak"] - 1.0) for row in rows]
+    failed, at = sum(row["failed"] for row in rows), dict(zip(CHOICES, data["means"], strict=True))
+    saved = 100.0 * (1.0 - at["`reaction`"][4] / at["`time`"][4])
+    fewer = 100.0 * (1.0 - at["`reaction`"][4] / at["least base translation"][4])
+    head = (
+        "steps | base translation [m] | time [s] | peak force [N] | total impulse [N s] | "
+        "optimal for | swings | limit of grasp force [N]"
+    )
+    titles = (
+        "choice | steps | base translation [m] | time [s] | peak force [N] | total impulse [N s]"
+    )
+    return f"""# Little reaction as a cost
+
+Made by `experiments/reaction.py`. The reaction of a step is the force on the station; its *total \
+impulse* is the integral of the magnitude of that force.
+`plan --cost reaction` chooses, among plans that are optimal for several costs and among the clear \
+swings of each step, those of the least total impulse
+([how](../docs/how-to/simulate.md#choose-the-speed)).
+
+## Front of {len(rows)} plans
+
+Five plans from {" and ".join(START)} to {GOAL}, each with the preferred swings and with those \
+of least reaction, carried out in MuJoCo
+within {len(FORCES)} limits of the grasp force; {failed} of {len(rows)} walks failed. {len(best)} \
+plans are surpassed by no other one in steps, translation, time and
+peak force together; the table and the picture show these. The planned motion alone predicts the \
+measured impulse to {100 * max(off):.1f} %
+and the measured peak force to {100 * max(peaks):.0f} % in each walk.
+
+{table(head, cells)}
+![Peak force over time and over base translation](reaction.png)
+
+## Choices over random tasks
+
+Means of {data["tasks"]} random tasks, by the planned motion at the default limits. The cost \
+`reaction` saves {saved:.1f} % of the total impulse against `time`,
+and {fewer:.0f} % against the least base translation. Neither bounds what other plans could save.
+
+{table(titles, means)}"""
+
+
+def _order(row: dict[str, Any]) -> tuple[float, ...]:
+    """Return by what the table is sorted."""
+    return row["steps"], row["translation"], row["time"]
+
+
+def picture(data: dict[str, Any], path: Path) -> None:
+    """Draw peak force over time and over base translation, with the front filled."""
+    figure = Figure(figsize=(9.5, 4.0), layout="constrained")
+    axes, rows, front = figure.subplots(1, 2, sharey=True), data["plans"], in_front(data["plans"])
+    counts = sorted({row["steps"] for row in rows})
+    for count, colour in zip(counts, COLOURS, strict=False):
+        for is_in in (False, True):
+            some = [
+                r for r, f in zip(rows, front, strict=True) if r["steps"] == count and f == is_in
+            ]
+            for axis, name in zip(axes, ("time", "translation"), strict=True):
+                axis.scatter(
+                    [r[name] for r in some], [r["peak"] for r in some], s=30, edgecolors=colour,
+                    facecolors=colour if is_in else "none",
+                    label=f"{count} steps" if is_in else None,
+                )  # fmt: skip
+    axes[0].set(xlabel="time [s]", ylabel="peak force on the station [N]")
+    axes[1].set(xlabel="base translation [m] (axis does not start at 0)")
+    axes[0].set(xlim=(0.0, None), ylim=(0.0, None))
+    axes[0].legend(fontsize=8)
+    for axis in axes:
+        axis.grid(alpha=0.3)
+    figure.suptitle(
+        f"{len(rows)} plans of one query; filled: no plan is better in steps, translation, time "
+        "and peak force together", fontsize=10,
+    )  # fmt: skip
+    save_figure(figure, path)
+
+
+if __name__ == "__main__":
+    experiment("reaction", __doc__, measured, markdown, picture, tasks=20)
