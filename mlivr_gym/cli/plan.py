@@ -21,6 +21,7 @@ from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners.additions import one_more_limb, points_to_add
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
@@ -44,6 +45,8 @@ def add_command(add: Add) -> None:
     option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
     text = "shorten the base path afterwards by other base poses on the same footholds"
     option(parser, "--refined", text)
+    text = "if there is no plan, try what would help: points added on rails, one limb more"
+    option(parser, "--suggest", text)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -127,6 +130,31 @@ def best_candidate(
     return compared[0]
 
 
+def suggestions(
+    graph: TwoLimbGraph | ImplicitGraph,
+    start: tuple[str, ...],
+    goal: tuple[float, ...],
+    args: argparse.Namespace,
+) -> list[str]:
+    """Return sentences on what would make the goal reachable, and store them as data."""
+    query: Any = {"goal_tolerance": args.tolerance, "goal_face": args.goal_face}
+    told: dict[str, Any] = {}
+    messages = []
+    if isinstance(graph, TwoLimbGraph) and graph.grasp_map.segments:
+        with Progress("candidates tried", quiet=args.quiet) as progress:
+            found = points_to_add(graph, start, goal, progress=progress.show, **query)
+        messages.append(found.message)
+        told |= {"points": found.points, "points_alone": found.alone}
+        told |= {"is_smallest": found.is_smallest, "candidates": len(found.candidates)}
+    with Progress("trying one limb more", quiet=args.quiet):
+        more = one_more_limb(graph, start, goal, **query)
+    if more is not None:
+        messages.append(more.message)
+        told |= {"robot": more.robot, "robot_start": more.start, "robot_status": more.status}
+    args.result["suggestions"] = told
+    return messages
+
+
 def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
@@ -160,7 +188,8 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
-        raise NoPlanError(f"{result.message}; {cause.message}")
+        found = suggestions(graph, start, goal, args) if "suggest" in args and args.suggest else []
+        raise NoPlanError("; ".join([result.message, cause.message, *found]))
     plan = result.unwrap()
     if best is not None:
         plan = best.plan
