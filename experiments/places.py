@@ -13,7 +13,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import NOTHING, ROOT, experiment, table, two_limb_graph
+from reports import ROOT, experiment, table, two_limb_graph
 from tqdm import tqdm
 
 from mlivr_gym.envs.env import MlivrEnv
@@ -29,9 +29,9 @@ from mlivr_gym.world.grasp_map import as_map
 
 ENVIRONMENTS = {
     "jem": "MLIVR-JEM-v0", "uslab": "MLIVR-USLab-v0", "columbus": "MLIVR-Columbus-v0",
-    "hatch": None, "station": "MLIVR-Station-v0", "truss": "MLIVR-Truss-v0",
+    "hatch": "MLIVR-Hatch-v0", "station": "MLIVR-Station-v0", "truss": "MLIVR-Truss-v0",
 }  # fmt: skip
-"""Places and their environments; None: `MLIVR-JEM-v0` with that map."""
+"""Places and their environments."""
 
 EXPANSIONS, INFLATION = 20_000, 1.2
 """Expansions after which a plan within a factor of the optimum is taken in place of an optimal one,
@@ -47,7 +47,7 @@ QUERIES = {
 }
 """Start and goal of the plans that are drawn."""
 
-CAMERAS = {"columbus": None, "hatch": (0.5, 4.0, 15.5), "station": (15.7, -1.5, 37.0)}
+CAMERAS = {"columbus": None, "hatch": (0.5, 4.0, 15.5), "station": (15.7, -1.5, 29.0)}
 """Place that the camera looks down to, x and y, and its distance [m]; None: into the cabin."""
 
 SIZE = 1280, 640
@@ -72,9 +72,8 @@ def diameter(graph: TwoLimbGraph) -> int:
 
 def measured(name: str, tasks: int) -> dict[str, Any]:
     """Return the figures of one place."""
-    given = {"map": name} if ENVIRONMENTS[name] is None else {}
-    identifier = ENVIRONMENTS[name] or "MLIVR-JEM-v0"
-    env = gymnasium.make(f"mlivr_gym:{identifier}", disable_env_checker=True, **given).unwrapped
+    identifier = f"mlivr_gym:{ENVIRONMENTS[name]}"
+    env = gymnasium.make(identifier, disable_env_checker=True).unwrapped
     assert isinstance(env, MlivrEnv)
     planner, steps, unproved = Planner(env.graph), [], 0
     for k in tqdm(range(tasks), desc=name, mininterval=5.0):
@@ -134,7 +133,7 @@ def markdown(data: dict[str, Any]) -> str:
         )
         rows.append(
             (
-                f"`{row['environment']}`" if row["environment"] else NOTHING, f"`{name}`",
+                f"`{row['environment']}`", f"`{name}`",
                 row["points"], size, f"{row['stances']:,}", row["diameter"],
                 f"{row['mean_steps']:.1f} (at most {row['most_steps']}{proof})",
             )

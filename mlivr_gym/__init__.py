@@ -2,7 +2,7 @@
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
 `MLIVR-Random-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`,
-`MLIVR-Station-v0` and `MLIVR-Truss-v0`.
+`MLIVR-Hatch-v0`, `MLIVR-Station-v0` and `MLIVR-Truss-v0`.
 """
 
 from importlib import import_module
@@ -81,7 +81,7 @@ for _limbs in (3, 4):
         max_episode_steps=100,
         kwargs={"robot": f"mlivr{_limbs}"},
     )
-for _name in ("USLab", "Columbus", "Station"):
+for _name in ("USLab", "Columbus", "Hatch", "Station"):
     register(
         id=f"MLIVR-{_name}-v0",
         entry_point="mlivr_gym.envs.env:MlivrEnv",

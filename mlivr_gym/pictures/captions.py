@@ -42,7 +42,8 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
 def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) -> Image:
     """Draw labels, each a text and its colour, with white outlines on a picture.
 
-    `pixels` are column and row of each label, shape (k, 2) [px]; labels outside are omitted.
+    `pixels` are column and row of each label, shape (k, 2) [px]. Labels outside are omitted, and
+    those that would cover one before them.
     """
     from PIL import Image as Pillow
     from PIL import ImageDraw
@@ -52,13 +53,16 @@ def with_labels(picture: Image, pixels: Array, labels: list[tuple[str, str]]) ->
     image = Pillow.fromarray(picture)
     draw = ImageDraw.Draw(image)
     font, edge = _font(max(10, picture.shape[0] // 30)), max(1, picture.shape[0] // 300)
+    drawn: list[Array] = []
     for (column, row), (text, colour) in zip(pixels.tolist(), labels, strict=True):
         if not (0.0 <= column < image.width and 0.0 <= row < image.height):
             continue
-        draw.text(
-            (column, row), text, fill=colour, font=font, anchor="mm",
-            stroke_width=edge, stroke_fill="white",
-        )  # fmt: skip
+        style: dict[str, Any] = {"font": font, "anchor": "mm", "stroke_width": edge}
+        box = np.array(draw.textbbox((column, row), text, **style))
+        if any((box[:2] < one[2:]).all() and (one[:2] < box[2:]).all() for one in drawn):
+            continue
+        drawn.append(box)
+        draw.text((column, row), text, fill=colour, stroke_fill="white", **style)
     return np.asarray(image)
 
 

@@ -103,14 +103,17 @@ class Route(NamedTuple):
         _add_ball(scene, self.goal, self.goal_tolerance, gold)
 
     def labels(self) -> list[tuple[Array, str, str]]:
-        """Return position [m], text and colour of the labels: numbers of stances and footholds."""
+        """Return position [m], text and colour of the labels: numbers of stances and footholds.
+
+        The ends come first, and labels that cover others are omitted by pictures.
+        """
         lift = np.array([0.0, 0.0, 0.09])
         bases = [(position + lift, str(k), BASE_COLOUR) for k, position in enumerate(self.stances)]
         held = [
             (foothold.position + lift, str(foothold.stance), LIMB_COLOURS[foothold.limb])
             for foothold in self.footholds
         ]
-        return [*bases, *held]
+        return [*bases[:1], *bases[1:][-1:], *bases[1:-1], *held]
 
 
 def _rgba(colour: str, opacity: float = 1.0) -> Array:

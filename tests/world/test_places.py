@@ -95,6 +95,7 @@ def test_the_lab_is_crossed_over_its_handrails():
         ("MLIVR-USLab-v0", {}),
         ("MLIVR-Truss-v0", {}),
         ("MLIVR-Columbus-v0", {"disable_env_checker": True}),
+        ("MLIVR-Hatch-v0", {"disable_env_checker": True}),
         ("MLIVR-Station-v0", {"disable_env_checker": True}),
     ],
 )
