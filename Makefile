@@ -58,7 +58,6 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/thresholds.py
 	$(BIN)/python experiments/truth.py
 	$(BIN)/python experiments/blocked.py
-	$(BIN)/python experiments/interrupted_walk.py
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py

@@ -3,11 +3,10 @@
     python experiments/arm_branches.py [--out results] [--poses 500]
 
 Flange poses at drawn joint angles, in the limb base frame. The closed form of each arm is compared
-with EAIK and ssik (pip install ssik==8.2.0), which know the arm by the axes of the joints that
-move; every solution is brought back to its pose by Pinocchio. A solution of EAIK counts if it is
-exact (`is_LS` marks the others), one of ssik if its residual is below 1e-6. Of three arms of seven
-joints the largest `w_m` at drawn joint angles is sought, with each joint held. Times are processor
-time for all branches of one pose. Writes `arm_branches.json` and `arm_branches.md`.
+with EAIK, which knows the arm by the axes of the joints that move; every solution is brought back
+to its pose by Pinocchio. A solution of EAIK counts if it is exact (`is_LS` marks the others). Of
+three arms of seven joints the largest `w_m` at drawn joint angles is sought, with each joint held.
+Times are processor time for all branches of one pose. Writes `arm_branches.json` and `.md`.
 """
 
 from __future__ import annotations
@@ -17,9 +16,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import eaik.IK_HP as hp
 import numpy as np
 import pinocchio as pin
-from reports import NOTHING, experiment, table
+from reports import experiment, table
 
 from mlivr_gym import SphericalWristLimb, robot_spec
 from mlivr_gym.arrays import Array
@@ -68,12 +68,6 @@ ARMS: dict[str, tuple[str, AnyLimb]] = {
     "Franka, joint 6": ("spherical shoulder", FRANKA),
 }
 """Family and limb by name; the joint is the one that is held."""
-
-UNANSWERED = "spherical shoulder"
-"""Family of which ssik 8.2.0, given the axes, did not answer within 12 s a pose."""
-
-EXACT = 1e-6
-"""Largest residual of a solution that counts [m, rad]."""
 
 
 def poses_of(limb: AnyLimb, count: int) -> Array:
@@ -127,12 +121,8 @@ def axes_of(limb: AnyLimb) -> tuple[Array, Array, Array]:
     return frames[1:, :3, 2], np.diff(places, axis=0), frames[6, :3, :3]
 
 
-def eaik_solver(limb: AnyLimb) -> Callable[[Array], int] | None:
-    """Return a function that counts the exact solutions that EAIK finds, None without EAIK."""
-    try:
-        import eaik.IK_HP as hp
-    except ImportError:
-        return None
+def eaik_solver(limb: AnyLimb) -> Callable[[Array], int]:
+    """Return a function that counts the exact solutions that EAIK finds."""
     axes, steps, turn = axes_of(limb)
     arm = hp.HPRobot(axes, steps)
     to_zero = np.eye(4)
@@ -144,27 +134,8 @@ def eaik_solver(limb: AnyLimb) -> Callable[[Array], int] | None:
     return count
 
 
-def ssik_solver(limb: AnyLimb) -> Callable[[Array], int] | None:
-    """Return a function that counts the solutions that ssik finds, None without ssik."""
-    try:
-        import ssik
-    except ImportError:
-        return None
-    axes, steps, turn = axes_of(limb)
-    arm = ssik.Manipulator.from_axes(axes, steps)
-    to_zero = np.eye(4)
-    to_zero[:3, :3] = turn.T
-
-    def count(pose: Array) -> int:
-        return sum(one.fk_residual < EXACT for one in arm.solve(pose @ to_zero))
-
-    return count
-
-
-def counted(solver: Callable[[Array], int] | None, poses: Array) -> dict[str, Any] | None:
+def counted(solver: Callable[[Array], int], poses: Array) -> dict[str, Any]:
     """Return the number of solutions of a library, and the time of one pose [s]."""
-    if solver is None:
-        return None
     solver(poses[0])
     began = time.process_time()
     found = [solver(pose) for pose in poses]
@@ -172,7 +143,7 @@ def counted(solver: Callable[[Array], int] | None, poses: Array) -> dict[str, An
     return {"found": found, "seconds": took}
 
 
-def measured(family: str, limb: AnyLimb, count: int) -> dict[str, Any]:
+def measured(limb: AnyLimb, count: int) -> dict[str, Any]:
     """Return what is measured of an arm."""
     poses = poses_of(limb, count)
     solutions, took = of_package(limb, poses)
@@ -180,16 +151,14 @@ def measured(family: str, limb: AnyLimb, count: int) -> dict[str, Any]:
     errors = [largest_error(model, *both) for both in zip(poses, solutions, strict=True)]
     ours = [len(rows) for rows in solutions]
     out: dict[str, Any] = {"found": sum(ours), "seconds": took, "error": max(errors)}
-    second = None if family == UNANSWERED else ssik_solver(limb)
-    for name, solver in (("eaik", eaik_solver(limb)), ("ssik", second)):
-        other = counted(solver, poses)
-        if other is not None:
-            fewer = sum(a < b for a, b in zip(ours, other["found"], strict=True))
-            more = sum(a > b for a, b in zip(ours, other["found"], strict=True))
-            out[name] = {
-                "found": sum(other["found"]), "fewer": fewer, "more": more,
-                "seconds": other["seconds"],
-            }  # fmt: skip
+    other = counted(eaik_solver(limb), poses)
+    pairs = list(zip(ours, other["found"], strict=True))
+    out["eaik"] = {
+        "found": sum(other["found"]),
+        "fewer": sum(a < b for a, b in pairs),
+        "more": sum(a > b for a, b in pairs),
+        "seconds": other["seconds"],
+    }
     return out
 
 
@@ -229,32 +198,24 @@ def all_measured(poses: int, draws: int) -> dict[str, Any]:
             name: {str(joint): largest_w_m(limb, joint, draws) for joint in range(1, 8)}
             for name, limb in held.items()
         },
-        "arms": {name: measured(*arm, poses) for name, arm in ARMS.items()},
+        "arms": {name: measured(limb, poses) for name, (_, limb) in ARMS.items()},
     }
 
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
-
-    def other(row: dict[str, Any], name: str) -> list[str]:
-        if name not in row:
-            return [NOTHING] * 3
-        one = row[name]
-        return [
-            f"{one['found']:,}",
-            f"{one['fewer']} / {one['more']}",
-            f"{1e6 * one['seconds']:.3g}",
-        ]
-
     rows = [
-        (name, ARMS[name][0], f"{row['found']:,}", f"{row['error']:.1e}",
-         f"{1e6 * row['seconds']:.2g}", *other(row, "eaik"), *other(row, "ssik"))
+        (
+            name, ARMS[name][0], f"{row['found']:,}", f"{row['error']:.1e}",
+            f"{1e6 * row['seconds']:.2g}", f"{row['eaik']['found']:,}",
+            f"{row['eaik']['fewer']} / {row['eaik']['more']}",
+            f"{1e6 * row['eaik']['seconds']:.3g}",
+        )
         for name, row in data["arms"].items()
     ]  # fmt: skip
     head = (
         "arm, and the joint that it holds | family | branches | largest error | us a pose | "
-        "EAIK: branches | poses with more / fewer | us a pose | "
-        "ssik: branches | poses with more / fewer | us a pose"
+        "EAIK: branches | poses with more / fewer | us a pose"
     )
     held = [
         (name, *(f"{data['w_m'][name][str(joint)]:.3f}" for joint in range(1, 8)))
@@ -265,10 +226,9 @@ def markdown(data: dict[str, Any]) -> str:
         f"All branches of {data['poses']:,} flange poses at drawn joint angles, made by "
         "`experiments/arm_branches.py`. *Largest error*: how far Pinocchio brings the flange from "
         "its pose with any of the solutions [m, rad]. *Poses with more / fewer*: at how many poses "
-        "the library finds more, or fewer, solutions than the closed form of this package. Times "
-        "are processor time; those of the libraries contain the call from Python, while this "
-        "package computes all poses in one call. The machine was busy. A dash: given the axes "
-        "of these six joints, ssik 8.2.0 did not answer within 12 s.\n\n"
+        "EAIK finds more, or fewer, solutions than the closed form of this package. Times "
+        "are processor time; those of EAIK contain the call from Python, while this package "
+        "computes all poses in one call. The machine was busy.\n\n"
         + table(head, rows)
         + "\n## Which joint to hold\n\n"
         f"The largest `w_m` of the other six joints at {data['draws']:,} drawn angles of all "

@@ -3,9 +3,8 @@
     python experiments/benchmark_planning.py [--out results] [--queries 200]
 
 All series run in one process on the table of nodes and edges that ships: plans to new, known and
-unreachable goals, replanning after changes of the world, single collision checks, and the same
-table in graph libraries. Writes `benchmark_planning.json` and `benchmark_planning.md` in about four
-minutes.
+unreachable goals, replanning after changes of the world, and the same table in graph libraries.
+Writes `benchmark_planning.json` and `benchmark_planning.md` in about four minutes.
 """
 
 from __future__ import annotations
@@ -20,16 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark_collisions import replanning, single_checks
 from graph_libraries import LIBRARIES
 from planning_report import markdown
 from reports import experiment, spread, timed, two_limb_graph
 
-from mlivr_gym import State
+from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.paper import default_setup
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -41,7 +39,6 @@ CHANGES = 50
 """Number of changes of the world of each kind, after each of which a plan is made."""
 
 LIBRARY_QUERIES = 10
-CONFIGURATIONS = 1000
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
@@ -109,6 +106,46 @@ def query_series(graph: TwoLimbGraph, tasks: Sequence[Task], cost: str) -> dict[
     }
 
 
+def changes(
+    planner: Planner, start: tuple[str, ...], goal: Array, kind: str, count: int
+) -> Iterator[tuple[list[str], list[Box]]]:
+    """Yield points that become occupied, five of them on the plan, or a box in its way."""
+    rng = np.random.default_rng(0)
+    free, ids = planner.plan(start, goal).unwrap(), planner.graph.grasp_map.ids
+    used = sorted({point for stance in free.stances for point in stance} - set(start))
+    others = [point for point in ids if point not in used and point not in start]
+    for _ in range(count):
+        if kind == "points":
+            few = rng.choice(used, min(5, len(used)), replace=False).tolist()
+            yield [*few, *rng.choice(others, 10 - len(few), replace=False).tolist()], []
+        else:
+            middle = 0.5 * (free.motion.base_positions[0, 0] + goal[0])
+            x, z = middle + rng.uniform(-0.6, 0.6), rng.choice([-1.0, 0.2])
+            yield [], [Box.between("box", "obstacle", (x, -1.0, z), (x + 0.3, 1.0, z + 0.8))]
+
+
+def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int) -> dict[str, Any]:
+    """Return the time from ten newly occupied points, or a new box, to the new plan [ms]."""
+    graph, out = planner.graph, {}
+
+    def replan(taken: list[str], boxes: list[Box]) -> PlanningResult:
+        if taken:
+            graph.occupy(taken)
+        graph.add_obstacles(boxes)
+        return planner.plan(start, goal)
+
+    for kind in ("points", "box"):
+        times, unsolved = [], 0
+        for change in changes(planner, start, goal, kind, count):
+            seconds, result = timed(partial(replan, *change))
+            times.append(seconds)
+            unsolved += result.plan is None
+            graph.vacate()
+            graph.remove_obstacles()
+        out[kind] = spread(times) | {"unsolved": unsolved}
+    return out
+
+
 def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
@@ -164,7 +201,6 @@ def measured(queries: int) -> dict[str, Any]:
     planner = Planner(graph)
     planner.prepare(goal)
     data["replanning"] = replanning(planner, start, goal, min(CHANGES, count))
-    data["single"] = single_checks(graph, CONFIGURATIONS)
     print("graph libraries", flush=True)
     data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES])
     return data

@@ -7,44 +7,38 @@ several methods take is simulated once.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import CORES
-from tqdm import tqdm
+from reports import ROOT, study_rows
 
 from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.test_set import HeldOutWorld, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError
+from mlivr_gym.files import write_whole
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.studies.engines import executor_of
 from mlivr_gym.transitions.state import State
 
 Walk = list[list[int]]
 """Points, then branch sets of the limbs in each state, as stored in the results."""
 
 
-KEPT = 10
-"""Number of simulated walks after which results are stored."""
-
-
 class Walks:
     """Recorder of the states of the episodes that reach their goal."""
 
-    def __init__(self, after_episode: Callable[[], Any]) -> None:
-        """Create an empty recorder; `after_episode` is called after each episode."""
-        self._after_episode, self._episode = after_episode, 0
+    def __init__(self) -> None:
+        """Create an empty recorder."""
+        self._episode = 0
         self._found: dict[int, Walk] = {}
 
     def count(self, done: int) -> None:
         """Note that an episode has ended; `done` is the number of episodes so far."""
         self._episode = done
-        self._after_episode()
 
     def keep(self, env: MlivrEnv, states: tuple[State, ...]) -> None:
         """Store the states of the present episode."""
@@ -62,12 +56,13 @@ def same_map() -> tuple[MlivrEnv, HeldOutWorld]:
     return MlivrEnv(map=world.map(), precompute=True), world
 
 
-def outcome(task: int, walk: Walk) -> dict[str, Any]:
-    """Simulate and refine a walk; return its success and its refined base translation [m]."""
+def outcome(task: int, file: str) -> dict[str, Any]:
+    """Simulate and refine a walk of a file; return success and refined base translation [m]."""
+    number, walk = json.loads(Path(file).read_text(encoding="utf-8"))[task]
     env, world = same_map()
     limbs = env.graph.limbs
     states = [State(tuple(row[:limbs]), tuple(row[limbs:])) for row in walk]
-    goal = np.array(world.tasks[task].goal)
+    goal = np.array(world.tasks[number].goal)
     plan = plan_of(env.graph, states, goal, env.goal_tolerance, "walk")
     if plan is None:
         return {"carried_out": False, "refined_m": None}
@@ -78,34 +73,28 @@ def outcome(task: int, walk: Walk) -> dict[str, Any]:
     return {"carried_out": done, "refined_m": refined(env.graph, plan).base_translation}
 
 
-def carry_out(
-    rows: list[dict[str, Any]], count: int, known: dict[str, Any], keep: Callable[[], None]
-) -> None:
+def carry_out(rows: list[dict[str, Any]], count: int, workers: int) -> None:
     """Simulate and refine the walks of the first `count` tasks; store the outcomes in the rows.
 
-    `rows` are the records of methods on the same map. `known` maps walks to outcomes; missing ones
-    are computed, short walks first, and added. `keep` is called regularly to store them.
+    `rows` are the records of methods on the same map.
     """
     requested: dict[str, tuple[int, Walk]] = {}
     for row in rows:
         for task, walk in zip(row["tasks"][:count], row["walks"], strict=False):
             if walk is not None and len(walk) > 1:
                 requested[key_of(task, walk)] = (task, walk)
-    missing = [name for name in requested if name not in known]
-    missing.sort(key=lambda name: len(requested[name][1]))
-    with executor_of("local", CORES, None, print) as executor:
-        answers = executor.map(outcome, *zip(*map(requested.get, missing), strict=True))
-        for k, name in enumerate(tqdm(missing, desc="walks carried out", mininterval=5.0)):
-            known[name] = next(answers)
-            if k % KEPT == 0:
-                keep()
+    file = ROOT / "runs" / "studies" / "walks.json"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(file, json.dumps(list(requested.values())))
+    found = study_rows("comparison_walks:outcome", len(requested), workers, file=[str(file)])
+    known = dict(zip(requested, found, strict=True))
     for row in rows:
-        found = [
+        done = [
             None if walk is None else known.get(key_of(task, walk))
             for task, walk in zip(row["tasks"][:count], row["walks"], strict=False)
         ]
-        row["carried_out"] = [None if one is None else one["carried_out"] for one in found]
-        row["refined"] = [None if one is None else one["refined_m"] for one in found]
+        row["carried_out"] = [None if one is None else one["carried_out"] for one in done]
+        row["refined"] = [None if one is None else one["refined_m"] for one in done]
 
 
 def key_of(task: int, walk: Walk) -> str:

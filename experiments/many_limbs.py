@@ -6,14 +6,12 @@ A task leads from a random state that some step leaves to the base position of a
 away, on the JEM with collisions checked. Each task is planned with two costs for `--seconds`; the
 plans are then executed in MuJoCo at default timing. For some tasks the search proves that no plan
 exists; the others without a plan remain undecided. Other methods get the same tasks with the step
-cost and the same time. The branching of the stance graph is measured, too. Writes
-`many_limbs.json`, `many_limbs.md` and `many_limbs.png`; a task takes up to `--seconds` for each of
-two costs and six methods.
+cost and the same time. Writes `many_limbs.json`, `many_limbs.md` and `many_limbs.png`; a task takes
+up to `--seconds` for each of two costs and six methods.
 """
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +27,13 @@ from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_table_file import node_table
-from mlivr_gym.stances.random_states import random_stance, random_state
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
 """Minimum and maximum distance of goals [m]."""
-
-STANCES = 40
-"""Number of random stances whose steps are counted."""
 
 REPLANNING = 2.0
 """Time limit of a plan around an occupied point [s]."""
@@ -49,36 +43,6 @@ SOONEST_SHOWN, MOST_SHOWN = 0.02, 2.5
 
 WELL_PROVED = 1.5
 """Optimality bound of plans that count as well proved."""
-
-
-def fan(robot: str) -> dict[str, Any]:
-    """Return number of nodes and steps next to random stances, and the time to compute them.
-
-    Steps are timed twice: with only the postures known, and from the table of all nodes.
-    """
-    graph, rng = stance_graph(robot=robot), np.random.default_rng(0)
-    states: list[State] = []
-    while len(states) < STANCES:
-        states += filter(None, [random_stance(graph, rng)])
-    graph, tabled = (stance_graph(robot=robot) for _ in range(2))  # without cached results
-    assert isinstance(tabled, ImplicitGraph)
-    node_table(tabled)
-    tabled.successors(states[0])
-    rows = []
-    for state in states:
-        began = time.perf_counter()
-        nodes = len(graph.neighbouring_nodes(state.stance)[0])
-        known = time.perf_counter()
-        steps = len(graph.successors(state).limb)
-        checked = time.perf_counter()
-        graph.neighbouring_nodes(state.stance)
-        again = time.perf_counter()
-        assert len(tabled.successors(state).limb) == steps
-        tabled_end = time.perf_counter()
-        times = known - began, checked - known, again - checked, tabled_end - again
-        rows.append((nodes, steps, *times))
-    names = ("nodes", "steps", "nodes_s", "steps_s", "again_s", "tabled_s")
-    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Array]:
@@ -133,34 +97,22 @@ def executed(graph: ImplicitGraph, plan: Plan) -> bool:
     return execute(graph, plan).failure is None
 
 
-FAN = (
-    "robot | neighbours that are nodes, median | steps, mean | without steps | nodes, new [ms] | "
-    "steps, new [ms] | nodes, known [ms] | steps, tabled [ms]"
-)
 TASKS = (
     "robot | cost | tasks | plans | none exists | undecided | first plan [s] | within 0.5 s | "
     "within 2 s | first over last | bound | the least | within 1.5 | steps | replanned [s] | "
     "carried out"
 )
-"""Heads of the tables."""
+"""Head of the table."""
 
 
 def measured(tasks: int, seconds: float, others: int, workers: int) -> dict[str, Any]:
     """Return the results of all robots: `others` tasks are for other methods, too."""
-    fans = {}
-    for robot in ROBOTS:
-        graph = stance_graph(robot=robot)
-        assert isinstance(graph, ImplicitGraph)
-        graph.sets()  # for other methods
-        node_table(graph)
-        fans[robot] = fan(robot)
     given = {"robot": ROBOTS, "seconds": [seconds], "others": [others]}
     rows = study_rows("many_limbs:task_results", tasks, workers, **given)
     names = ("distance", *COSTS, "methods")
     return {
         "workers": workers,
         "seconds": seconds,
-        "fan": fans,
         "tasks": {
             robot: [
                 {name: row[name] for name in names if row.get(name) is not None}
@@ -190,12 +142,6 @@ this](start_up.md)). Measured on two cores, tasks in parallel: {data.get("worker
 
 ![Share of tasks with a plan over time](many_limbs.png)
 
-## Steps next to a random stance
-
-*Without steps*: share of the stances that no step leaves. *Tabled*: time for the steps of a new \
-stance when all nodes are in a table.
-
-{table(FAN, (fan_row(robot, data["fan"][robot]) for robot in ROBOTS))}
 ## Random tasks
 
 *None exists*: tasks that are proved to have no plan; shares leave them out. *Undecided*: neither \
@@ -207,14 +153,6 @@ first plan by the same planner once a point is occupied that the plan grasps hal
 95 %.
 
 {table(TASKS, tasks)}{section(measured, data["seconds"])}"""
-
-
-def fan_row(robot: str, found: dict[str, Any]) -> list[str]:
-    """Return the row of a robot in the table of steps."""
-    steps, names = np.array(found["steps"]), ("nodes_s", "steps_s", "again_s", "tabled_s")
-    times = [f"{1e3 * np.median(found[name]):.1f}" for name in names]
-    nodes, without = f"{np.median(found['nodes']):.0f}", f"{(steps == 0).mean():.0%}"
-    return [f"`{robot}`", nodes, f"{steps.mean():.1f}", without, *times]
 
 
 def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:

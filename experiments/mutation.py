@@ -63,127 +63,96 @@ class Mutant(NamedTuple):
         return hashlib.sha256(f"{seed} {self.key}".encode()).hexdigest()
 
 
-class _Sites(ast.NodeVisitor):
-    """Visitor that collects the faults of one file."""
-
-    def __init__(self) -> None:
-        self.found: list[tuple[ast.AST, str, ast.AST | str, str, bool]] = []
-        self.names: list[str] = []
-        self.compiled = False
-
-    def add(self, node: ast.AST, operator: str, after: ast.AST | str) -> None:
-        self.found.append((node, operator, after, ".".join(self.names), self.compiled))
-
-    def scope(self, node: ast.FunctionDef | ast.ClassDef) -> None:
-        """Visit a body without docstring, annotations and decorators, but with default values."""
-        self.names.append(node.name)
-        before = self.compiled
-        if isinstance(node, ast.FunctionDef):
-            marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
-            self.compiled = before or bool(marks & MARKS)
-            for default in (*node.args.defaults, *node.args.kw_defaults):
-                if default is not None:
-                    self.visit(default)
-        for inner in node.body:
-            self.visit(inner)
-        self.names.pop()
-        self.compiled = before
-
-    visit_FunctionDef = visit_ClassDef = scope
-
-    def leave(self, node: ast.AST) -> None:
-        """Leave a node unchanged."""
-
-    visit_Raise = visit_Assert = visit_JoinedStr = visit_Import = visit_ImportFrom = leave
-
-    def visit_Expr(self, node: ast.Expr) -> None:
-        if not isinstance(node.value, ast.Constant):
-            self.generic_visit(node)
-
-    def visit_If(self, node: ast.If) -> None:
-        if ast.unparse(node.test) != "TYPE_CHECKING":
-            self.generic_visit(node)
-
-    def visit_Assign(self, node: ast.Assign) -> None:
-        if not any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets):
-            self.visit(node.value)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        if node.value is not None:
-            self.visit(node.value)
-
-    def visit_Compare(self, node: ast.Compare) -> None:
-        for k, sign in enumerate(node.ops):
-            other = COMPARED.get(type(sign))
-            if other is not None:
-                ops = [other() if i == k else op for i, op in enumerate(node.ops)]
-                self.add(node, "comparison", ast.Compare(node.left, ops, node.comparators))
-        self.generic_visit(node)
-
-    def visit_BinOp(self, node: ast.BinOp) -> None:
-        other = COMPUTED.get(type(node.op))
-        texts = (ast.JoinedStr, ast.Constant)
-        text = any(
-            isinstance(side, texts) and not isinstance(getattr(side, "value", ""), int | float)
-            for side in (node.left, node.right)
-        )
-        if other is not None and not text:
-            self.add(node, "arithmetic", ast.BinOp(node.left, other(), node.right))
-        self.generic_visit(node)
-
-    def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        other = COMPUTED.get(type(node.op))
-        if other is not None:
-            after = f"{ast.unparse(node.target)} {_sign(other())}= {ast.unparse(node.value)}"
-            self.add(node, "arithmetic", after)
-        self.visit(node.value)
-
-    def visit_Constant(self, node: ast.Constant) -> None:
-        value = node.value
-        if isinstance(value, bool):
-            self.add(node, "constant", repr(not value))
-        elif isinstance(value, int):
-            self.add(node, "constant", repr(value + 1))
-        elif isinstance(value, float):
-            self.add(node, "constant", repr(2.0 * value if value else 1.0))
-
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
-        if isinstance(node.op, ast.Not | ast.USub | ast.Invert):
-            self.add(node, "negation", node.operand)
-        self.generic_visit(node)
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> None:
-        other = ast.Or() if isinstance(node.op, ast.And) else ast.And()
-        self.add(node, "and / or", ast.BoolOp(other, node.values))
-        self.generic_visit(node)
-
-    def visit_Call(self, node: ast.Call) -> None:
-        name = node.func
-        called = name.id if isinstance(name, ast.Name) else getattr(name, "attr", "")
-        if called in OPPOSITE:
-            other: ast.expr = ast.Name(OPPOSITE[called])
-            if isinstance(name, ast.Attribute):
-                other = ast.Attribute(name.value, OPPOSITE[called])
-            self.add(name, "min / max", other)
-        two = node.args[:2]
-        starred = any(isinstance(arg, ast.Starred) for arg in two)
-        if len(two) == 2 and not starred and ast.dump(two[0]) != ast.dump(two[1]):
-            swapped = ast.Call(node.func, [two[1], two[0], *node.args[2:]], node.keywords)
-            if called not in {"isinstance", "getattr", "hasattr"}:
-                self.add(node, "order of arguments", swapped)
-        if called not in {"NewType", "TypeVar", "ParamSpec"}:
-            self.generic_visit(node)
-
-    def visit_Return(self, node: ast.Return) -> None:
-        if node.value is None:
-            return
-        if not self.compiled and not isinstance(node.value, ast.Constant):
-            self.add(node.value, "returned value", "None")
-        self.visit(node.value)
+def faults(node: ast.AST, compiled: bool) -> Iterator[tuple[ast.AST, str, ast.AST | str]]:
+    """Yield the node, the kind and the replacement of each fault that can be planted at a node."""
+    match node:
+        case ast.Compare(left, ops, comparators):
+            for k, sign in enumerate(ops):
+                if other := COMPARED.get(type(sign)):
+                    changed = [*ops[:k], other(), *ops[k + 1 :]]
+                    yield node, "comparison", ast.Compare(left, changed, comparators)
+        case ast.BinOp(left, op, right) if type(op) in COMPUTED:
+            if not any(map(_is_text, (left, right))):
+                yield node, "arithmetic", ast.BinOp(left, COMPUTED[type(op)](), right)
+        case ast.AugAssign(target, op, value) if type(op) in COMPUTED:
+            after = ast.AugAssign(target, COMPUTED[type(op)](), value)
+            yield node, "arithmetic", ast.unparse(after)
+        case ast.Constant(bool(value)):
+            yield node, "constant", repr(not value)
+        case ast.Constant(int(value)):
+            yield node, "constant", repr(value + 1)
+        case ast.Constant(float(value)):
+            yield node, "constant", repr(2.0 * value if value else 1.0)
+        case ast.UnaryOp(ast.Not() | ast.USub() | ast.Invert(), operand):
+            yield node, "negation", operand
+        case ast.BoolOp(op, values):
+            yield node, "and / or", ast.BoolOp(ast.Or() if isinstance(op, ast.And) else ast.And(),
+                                               values)  # fmt: skip
+        case ast.Call(function, args, keywords):
+            called = _called(node)
+            if called in OPPOSITE:
+                named, other_name = isinstance(function, ast.Name), OPPOSITE[called]
+                by_name: ast.expr = ast.Name(other_name)
+                yield (
+                    function,
+                    "min / max",
+                    (by_name if named else ast.Attribute(function.value, other_name)),
+                )
+            if len(args) > 1 and not any(isinstance(arg, ast.Starred) for arg in args[:2]):
+                same = ast.dump(args[0]) == ast.dump(args[1])
+                if not same and called not in {"isinstance", "getattr", "hasattr"}:
+                    swapped = ast.Call(function, [args[1], args[0], *args[2:]], keywords)
+                    yield node, "order of arguments", swapped
+        case ast.Return(ast.expr() as value):
+            if not compiled and not isinstance(value, ast.Constant):
+                yield value, "returned value", "None"
 
 
-def _sign(operator: ast.operator) -> str:
-    return ast.unparse(ast.BinOp(ast.Name("a"), operator, ast.Name("b")))[2:-2]
+def _is_text(side: ast.AST) -> bool:
+    """Return whether an operand is text."""
+    number = isinstance(getattr(side, "value", ""), int | float)
+    return isinstance(side, ast.JoinedStr | ast.Constant) and not number
+
+
+def _called(node: ast.Call) -> str:
+    """Return the name of the function that is called."""
+    name = node.func
+    return name.id if isinstance(name, ast.Name) else getattr(name, "attr", "")
+
+
+def parts(node: ast.AST) -> list[ast.AST]:
+    """Return the parts of a node in which faults are planted."""
+    match node:
+        case ast.FunctionDef(args=args, body=body):
+            defaults = [one for one in (*args.defaults, *args.kw_defaults) if one is not None]
+            return [*defaults, *body]
+        case ast.ClassDef(body=body):
+            return list(body)
+        case ast.Raise() | ast.Assert() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+            return []
+        case ast.Expr(ast.Constant()) | ast.If(ast.Name("TYPE_CHECKING")):
+            return []
+        case ast.Assign(targets=[ast.Name("__all__")]):
+            return []
+        case ast.Call() if _called(node) in {"NewType", "TypeVar", "ParamSpec"}:
+            return []
+        case ast.Assign() | ast.AnnAssign() | ast.AugAssign() | ast.Return():
+            return [] if node.value is None else [node.value]
+    return list(ast.iter_child_nodes(node))
+
+
+def sites(
+    node: ast.AST, names: tuple[str, ...] = (), compiled: bool = False
+) -> Iterator[tuple[ast.AST, str, ast.AST | str, str, bool]]:
+    """Yield the faults below a node, with the function around them and whether it is compiled."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        names = (*names, node.name)
+        marks = {mark.id for mark in node.decorator_list if isinstance(mark, ast.Name)}
+        compiled = compiled or (isinstance(node, ast.FunctionDef) and bool(marks & MARKS))
+    for found in faults(node, compiled):
+        yield *found, ".".join(names), compiled
+    for part in parts(node):
+        yield from sites(part, names, compiled)
 
 
 def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
@@ -192,10 +161,8 @@ def mutants_of(root: Path, path: str) -> Iterator[Mutant]:
     lines = [0]
     for line in source.splitlines(keepends=True):
         lines.append(lines[-1] + len(line))
-    sites, seen = _Sites(), dict[tuple[str, str, str], int]()
-    for node in ast.parse(source).body:
-        sites.visit(node)
-    for node, operator, after, function, compiled in sites.found:
+    seen = dict[tuple[str, str, str], int]()
+    for node, operator, after, function, compiled in sites(ast.parse(source)):
         assert isinstance(node, ast.expr | ast.stmt)
         assert node.end_lineno is not None
         assert node.end_col_offset is not None

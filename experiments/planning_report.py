@@ -108,9 +108,8 @@ LIBRARIES = "program | method | median | 95 % | build [s] | memory [MB] | lower 
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
-    host, known, single = data["machine"], data["table"], data["single"]
+    host, known = data["machine"], data["table"]
     packages = ", ".join(f"{name} {number}" for name, number in host["packages"].items())
-    touching = 100 * single["touching"]
     return f"""# Planning benchmark
 
 {host["processor"]}, {host["cores"]} cores, Python {host["python"]}, {packages}.
@@ -128,11 +127,6 @@ drawn in the cabin. *Search* is the part of the median without start and motion.
 changes of the world has a prepared goal. Times in ms.
 
 {table(SERIES, series(data))}
-One configuration, both limbs against the cabin, the body, themselves and each other, takes \
-{single["ours"]:.2f} us in the compiled kernel on one core and {single["mujoco"]:.1f} us in MuJoCo \
-(kinematics and collision pipeline, called from Python), over the same \
-{single["configurations"]} configurations, of which {touching:.0f} % are in contact.
-
 ## The same table in graph libraries
 
 The same tasks in the same run, base cost: nodes are the stances, edges the valid steps, the goal a

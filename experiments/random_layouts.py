@@ -9,6 +9,7 @@ Each fixed task has a layout of its own. The protocol is that of `docs/benchmark
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 import gymnasium
@@ -18,7 +19,7 @@ from tqdm import tqdm
 
 import mlivr_gym  # noqa: F401
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
-from mlivr_gym.agents.evaluation import EvaluationTask, bootstrap
+from mlivr_gym.agents.evaluation import Evaluation, EvaluationTask, bootstrap
 from mlivr_gym.agents.policies import Policy, baseline_policy
 from mlivr_gym.envs.env import MlivrEnv
 
@@ -31,10 +32,10 @@ POLICIES: dict[str, Policy] = {
 """The policies by name."""
 
 
-def drawn(env: MlivrEnv, count: int) -> tuple[list[EvaluationTask], list[int]]:
-    """Return the fixed tasks and the fewest steps of each."""
+def fixed_tasks(env: MlivrEnv, numbers: Iterable[int]) -> tuple[list[EvaluationTask], list[int]]:
+    """Return fixed tasks and the fewest steps of each."""
     tasks, fewest = [], []
-    for k in range(count):
+    for k in numbers:
         info = env.reset(options={"task": k})[1]
         occupied = env.graph.ids(sorted(env.graph.occupied))
         tasks.append(EvaluationTask(info["stance"], tuple(env.goal.tolist()), occupied))
@@ -42,24 +43,31 @@ def drawn(env: MlivrEnv, count: int) -> tuple[list[EvaluationTask], list[int]]:
     return tasks, fewest
 
 
+def protocol(
+    env: MlivrEnv, policy: Policy, tasks: list[EvaluationTask], fewest: list[int]
+) -> tuple[dict[str, Any], Evaluation]:
+    """Return success, steps over the fewest, and base translation, with the whole evaluation."""
+    result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
+    ratio = (result.steps / np.array(fewest))[result.success]
+    moved = result.base_translation[result.success]
+    return {
+        "success": result.success_rate,
+        "over_fewest": float(ratio.mean()) if len(ratio) else None,
+        "base_translation_m": float(moved.mean()) if len(moved) else None,
+    }, result
+
+
 def measured(tasks: int) -> dict[str, Any]:
     """Return the results of each policy."""
     env = gymnasium.make("MLIVR-Random-v0", disable_env_checker=True).unwrapped
     assert isinstance(env, MlivrEnv)
-    fixed, fewest = drawn(env, tasks)
+    fixed, fewest = fixed_tasks(env, range(tasks))
     rows = {}
-    for name, policy in POLICIES.items():
-        with tqdm(total=tasks, desc=name) as bar:
-            found = evaluate(
-                env, policy, fixed, max_steps=MOST_STEPS, progress=lambda done: bar.update()
-            )
-        ratio = (found.steps / np.array(fewest))[found.success]
-        rows[name] = {
-            "success": found.success_rate,
+    for name, policy in tqdm(POLICIES.items()):
+        figures, found = protocol(env, policy, fixed, fewest)
+        rows[name] = figures | {
             "success_interval": bootstrap(found.success.astype(float)),
-            "over_fewest": float(ratio.mean()),
             "steps": float(found.steps[found.success].mean()),
-            "base_translation_m": float(found.base_translation[found.success].mean()),
         }
     shares = [len(task.occupied) / len(env.graph.grasp_map) for task in fixed]
     return {

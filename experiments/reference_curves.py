@@ -1,17 +1,16 @@
 """Train reference learning curves on `MLIVR-JEM-Far-v0`: behaviour cloning, DAgger and masked PPO.
 
-    python experiments/reference_curves.py [--methods dagger ...] [--seeds 3] [--out results]
+    python experiments/reference_curves.py [--seeds 3] [--out results]
 
 The protocol is that of `docs/benchmark.md`: fixed tasks, step limit of an episode, metrics and
 budget. Each method and seed is trained with the hyperparameters that ship with the package, in 7 to
-17 minutes. Runs are added to `reference_curves.json`, and a run that it holds is not repeated.
-Writes `reference_curves.md` and `reference_curves.png`.
+17 minutes. Writes `reference_curves.json`, `reference_curves.md` and `reference_curves.png`.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +18,17 @@ import gymnasium
 import numpy as np
 import torch
 from matplotlib.figure import Figure
-from reports import NOTHING, command_line, keep, publish, read, table
+from random_layouts import fixed_tasks, protocol
+from reports import NOTHING, experiment, study_rows, table
 from tqdm import tqdm
 
-from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
-from mlivr_gym.agents.evaluation import EvaluationTask
+from mlivr_gym.agents import ExpertPolicy, RandomPolicy
 from mlivr_gym.agents.hyperparameters import ImitationHyperparameters, load_hyperparameters
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
-from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import fixed_task
 from mlivr_gym.pictures.figures import save_figure
 
 METHODS = {"dagger": "DAgger", "bc": "cloning", "ppo": "masked PPO"}
@@ -42,9 +39,6 @@ TESTED = range(200)
 
 VALIDATED = range(1000, 1100)
 """Fixed tasks of the learning curves."""
-
-MOST_STEPS = 60
-"""Steps after which an episode counts as failed."""
 
 ROLLOUTS = 5
 """Rollouts of PPO between two points of a curve."""
@@ -59,52 +53,20 @@ def make_env() -> MlivrEnv:
     return env
 
 
-def tasks_of(env: MlivrEnv, numbers: range) -> list[EvaluationTask]:
-    """Return fixed tasks as `evaluate` takes them."""
-    found = []
-    for k in numbers:
-        task = fixed_task(env.tasks, env.graph, k, env.goal_tolerance)
-        found.append(EvaluationTask(env.graph.ids(task.start.stance), tuple(task.goal.tolist())))
-    return found
-
-
-def measure(
-    env: MlivrEnv, policy: Policy, tasks: Sequence[EvaluationTask], fewest: Sequence[int]
-) -> Measure:
-    """Return the metrics of the protocol: success, steps over the fewest, and base translation."""
-    result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
-    ratio = (result.steps / np.array(fewest))[result.success]
-    moved = result.base_translation[result.success]
-    return {
-        "success": result.success_rate,
-        "over_fewest": float(ratio.mean()) if len(ratio) else None,
-        "base_translation_m": float(moved.mean()) if len(moved) else None,
-    }
-
-
-def fewest_steps(env: MlivrEnv, tasks: Sequence[EvaluationTask]) -> list[int]:
-    """Return the fewest steps of each task, by the exact table."""
-    found: list[int] = evaluate(env, ExpertPolicy(), tasks, max_steps=MOST_STEPS).steps.tolist()
-    return found
-
-
 class Curve:
     """Learning curve of a policy."""
 
     def __init__(self, env: MlivrEnv, bar: tqdm) -> None:
         """Compute the validation tasks and their fewest steps."""
         self.env, self._bar = env, bar
-        self._tasks = tasks_of(env, VALIDATED)
-        self._fewest = fewest_steps(env, self._tasks)
+        self._given = fixed_tasks(env, VALIDATED)
         self.points: list[Measure] = []
 
     def add(self, actor_critic: Any, steps: int) -> None:
         """Evaluate an actor-critic of sb3-contrib after some environment steps."""
         actor_critic.set_training_mode(False)
         learned = LearnedPolicy(actor_critic, "pointer")
-        self.points.append(
-            {"steps": steps, **measure(self.env, learned, self._tasks, self._fewest)}
-        )
+        self.points.append({"steps": steps, **protocol(self.env, learned, *self._given)[0]})
         actor_critic.set_training_mode(True)
         self._bar.set_postfix(self.points[-1], refresh=False)
 
@@ -159,33 +121,40 @@ def improve(seed: int, curve: Curve, bar: tqdm) -> Any:
     return model.policy
 
 
-def run_of(method: str, seed: int) -> Measure:
-    """Train once, and evaluate on the tasks of the test."""
-    torch.manual_seed(seed)
+def run_of(task: int, method: str) -> Measure:
+    """Train once with the number of the task as seed, and evaluate on the tasks of the test."""
+    torch.set_num_threads(1)
+    torch.manual_seed(task)
     env, began = make_env(), time.perf_counter()
-    with tqdm(desc=f"{method} {seed}", mininterval=10.0) as bar:
+    with tqdm(desc=f"{method} {task}", mininterval=10.0) as bar:
         curve = Curve(env, bar)
         actor_critic = (
-            improve(seed, curve, bar) if method == "ppo" else imitate(method, seed, curve, bar)
+            improve(task, curve, bar) if method == "ppo" else imitate(method, task, curve, bar)
         )
     seconds = time.perf_counter() - began
     actor_critic.set_training_mode(False)
-    tasks = tasks_of(env, TESTED)
-    tested = measure(env, LearnedPolicy(actor_critic, "pointer"), tasks, fewest_steps(env, tasks))
+    learned = LearnedPolicy(actor_critic, "pointer")
+    tested, _ = protocol(env, learned, *fixed_tasks(env, TESTED))
     return {"curve": curve.points, "test": tested, "seconds": round(seconds, 1)}
 
 
 def anchors() -> dict[str, Measure]:
     """Evaluate the methods that need no training on the tasks of the test."""
     env = make_env()
-    tasks = tasks_of(env, TESTED)
-    fewest = fewest_steps(env, tasks)
-    makes: dict[str, Callable[[], Policy]] = {
-        "exact table": ExpertPolicy,
-        "random possible steps": lambda: RandomPolicy(0),
-    }
-    found = {name: measure(env, make(), tasks, fewest) for name, make in makes.items()}
+    tasks, fewest = fixed_tasks(env, TESTED)
+    policies = {"exact table": ExpertPolicy(), "random possible steps": RandomPolicy(0)}
+    found = {name: protocol(env, one, tasks, fewest)[0] for name, one in policies.items()}
     return found | {"fewest": {"mean": float(np.mean(fewest)), "most": int(np.max(fewest))}}
+
+
+def measured(seeds: int, workers: int) -> dict[str, Any]:
+    """Train each method with each seed."""
+    rows = study_rows("reference_curves:run_of", seeds, workers, method=list(METHODS))
+    data: dict[str, Any] = {"anchors": anchors()}
+    for row in rows:
+        run = {name: row[name] for name in ("curve", "test", "seconds")}
+        data.setdefault(row["method"], {})[str(row["task"])] = run
+    return data
 
 
 HEAD = (
@@ -261,24 +230,5 @@ def draw(data: dict[str, Any], path: Path) -> None:
     save_figure(figure, path)
 
 
-def main() -> None:
-    """Train the missing runs, and write page and figure."""
-    parser = command_line(__doc__)
-    parser.add_argument("--methods", nargs="*", choices=list(METHODS), default=list(METHODS))
-    parser.add_argument("--seeds", type=int, default=3, help="seeds of each")
-    args = parser.parse_args()
-    torch.set_num_threads(1)
-    data = read(args.out, "reference_curves")
-    if "anchors" not in data:
-        data["anchors"] = anchors()
-    for seed in range(args.seeds):
-        for method in args.methods:
-            if str(seed) not in data.setdefault(method, {}):
-                data[method][str(seed)] = run_of(method, seed)
-                keep(args.out, "reference_curves", data)
-    publish(args.out, "reference_curves", data, markdown)
-    draw(data, args.out / "reference_curves.png")
-
-
 if __name__ == "__main__":
-    main()
+    experiment("reference_curves", __doc__, measured, markdown, draw, seeds=3, workers=1)

@@ -1,6 +1,6 @@
 """Check the promises of the package against independent programs.
 
-    python experiments/truth.py [--parts walks execution ...] [--small] [--out results]
+    python experiments/truth.py [--walks 10000] [--workers 2] [--out results]
 
 * `walks`: random walks of legal steps must give complete motions.
 * `execution`: random walks, and single steps from random states, are carried out in MuJoCo.
@@ -10,8 +10,7 @@
 * `collisions`: MuJoCo and coal check stances, steps and plans that are called free, and count what
   is called blocked.
 
-Each part is written to `truth.json` when it is finished; `truth.md` reports all parts of that file.
-Options set the size of each part; `--small` divides all sizes by a hundred.
+Options set the size of each part. Writes `truth.json` and `truth.md`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from reports import CORES, command_line, counted, keep, publish, read, table
+from reports import CORES, counted, experiment, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
@@ -122,52 +121,31 @@ PARTS: dict[str, Callable[[Part], str]] = {
 """Names of the parts, and the functions that describe them."""
 
 SIZES = {
-    "walks": (10_000, "random walks whose motion is computed"),
-    "executed": (300, "walks carried out"),
-    "steps": (2000, "steps carried out"),
-    "queries": (1000, "queries of two limbs"),
-    "maps": (540, "small maps"),
-    "past": (1500, "steps past obstacles"),
-    "stances": (2000, "random free stances"),
-    "free": (300, "random free steps, sampled"),
-    "plans": (200, "random plans, sampled"),
-}
-"""Default size of each part, and what it counts."""
+    "walks": 10_000, "executed": 300, "steps": 2000, "queries": 1000, "maps": 540, "past": 1500,
+    "stances": 2000, "free": 300, "plans": 200,
+}  # fmt: skip
+"""Default numbers of random walks, walks and steps carried out, queries of two limbs, small maps,
+steps past obstacles, free stances, and free steps and plans that are sampled."""
 
 
 def markdown(known: dict[str, Part]) -> str:
-    """Return the report of the finished parts."""
-    parts = [describe(known[name]) for name, describe in PARTS.items() if name in known]
+    """Return the report."""
+    parts = [describe(known[name]) for name, describe in PARTS.items()]
     head = "# Checks against independent programs\n\nMade by `experiments/truth.py`.\n"
     return "\n".join([head, *parts])
 
 
-def main() -> None:
-    """Run the requested parts and write the report of all finished ones."""
-    parser = command_line(__doc__)
-    parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=list(PARTS))
-    for name, (number, meaning) in SIZES.items():
-        parser.add_argument(f"--{name}", type=int, default=number, help=meaning)
-    parser.add_argument("--small", action="store_true", help="a hundredth of everything")
-    parser.add_argument("--workers", type=int, default=CORES, help="processes")
-    args = parser.parse_args()
-    workers = args.workers
-    size = {name: max(3, getattr(args, name) // (100 if args.small else 1)) for name in SIZES}
-    studies: dict[str, Callable[[], Part]] = {
-        "walks": lambda: study_walks(size["walks"], workers),
-        "execution": lambda: study_execution(size["executed"], size["steps"], workers),
-        "optimality": lambda: study_optimality(size["queries"], max(3, size["queries"] // 10)),
-        "limbs": lambda: study_small_maps(size["maps"], workers),
-        "clearance": lambda: study_clearance(size["past"], workers),
-        "collisions": lambda: study_collisions(size["stances"], size["free"], size["plans"]),
+def measured(workers: int, **size: int) -> dict[str, Part]:
+    """Return the results of all parts."""
+    return {
+        "walks": study_walks(size["walks"], workers),
+        "execution": study_execution(size["executed"], size["steps"], workers),
+        "optimality": study_optimality(size["queries"], max(3, size["queries"] // 10)),
+        "limbs": study_small_maps(size["maps"], workers),
+        "clearance": study_clearance(size["past"], workers),
+        "collisions": study_collisions(size["stances"], size["free"], size["plans"]),
     }
-    known = read(args.out, "truth")
-    for name in args.parts:
-        known[name] = studies[name]()
-        keep(args.out, "truth", known)
-    publish(args.out, "truth", known, markdown)
-    print(markdown(known))
 
 
 if __name__ == "__main__":
-    main()
+    experiment("truth", __doc__, measured, markdown, workers=CORES, **SIZES)
