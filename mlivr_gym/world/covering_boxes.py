@@ -11,12 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.arguments import checked
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import NAME, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH, MIN_SIZE, as_triple
 from mlivr_gym.world.boxes import CORNER, Box
-from mlivr_gym.world.mesh_boxes import MOST_CUBES, RESOLUTION, merged_cells
+from mlivr_gym.world.mesh_boxes import MOST_CUBES, RESOLUTION
 
 MOST_POINTS = 10_000_000
 """Maximum number of points of a cloud."""
@@ -71,12 +71,37 @@ def point_cloud_boxes(
             f"points span {' x '.join(map(str, shape))} cubes of {resolution:g} m; at most "
             f"{MOST_CUBES:,} are allowed: choose a larger resolution"
         )
-    touched = np.zeros(shape, dtype=np.bool_)
-    touched[tuple((cells - first).T)] = True
-    low, high = (np.array(corners) for corners in zip(*merged_cells(touched), strict=True))
+    low, high = merged_runs(np.ravel_multi_index((cells - first).T, shape), shape)
     return Box.each_between(
         name, "obstacle", (first + low) * resolution, (first + high) * resolution
     )
+
+
+def merged_runs(cells: IntArray, shape: IntArray) -> tuple[IntArray, IntArray]:
+    """Return boxes of cells, each cell in one: their corners, shape (k, 3) each.
+
+    Neighbours along z become one box, then equal boxes that are neighbours along y, then along x.
+
+    Parameters
+    ----------
+    cells
+        Numbers of the cells in a grid, in any order and maybe repeated.
+    shape
+        Size of the grid, shape (3,).
+    """
+    low: IntArray = np.stack(np.unravel_index(np.unique(cells), shape), axis=1)
+    high = low + 1
+    for axis, others in ((2, (0, 1)), (1, (0, 2)), (0, (1, 2))):
+        columns = [low[:, axis], *(c[:, k] for k in others for c in (high, low))]
+        order = np.lexsort(columns)
+        low, high = low[order], high[order]
+        same = low[1:, axis] == high[:-1, axis]
+        for k in others:
+            same &= (low[1:, k] == low[:-1, k]) & (high[1:, k] == high[:-1, k])
+        begins = np.flatnonzero(np.append(True, ~same))
+        ends = np.append(begins[1:], len(low)) - 1
+        low, high = low[begins], np.where(np.arange(3) == axis, high[ends], high[begins])
+    return low, high
 
 
 @checked({"name": NAME, "start": CORNER, "end": CORNER, "radius": POSITIVE}, ShapeError)

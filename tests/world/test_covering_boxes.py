@@ -36,6 +36,9 @@ def test_each_point_lies_in_a_box_and_no_box_is_far_from_the_points(seed, count,
     away, _ = cKDTree(points).query(drawn_inside(boxes, 200, rng))
     assert away.max() <= np.sqrt(3.0) * resolution + 1e-9
     assert len({box.id for box in boxes}) == len(boxes)
+    # Each cube with a point lies in one box alone.
+    cubes = len(np.unique(np.floor(points / resolution), axis=0))
+    np.testing.assert_allclose(np.prod(2.0 * halves, axis=1).sum(), cubes * resolution**3)
 
 
 @given(SEEDS, st.floats(0.01, 0.4), st.booleans())
