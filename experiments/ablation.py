@@ -1,24 +1,25 @@
 """Switch off each part of the search for three and four limbs in turn, and measure its worth.
 
-    python experiments/ablation.py --variant NAME [--out results] [--tasks 50] [--seconds 2]
+    python experiments/ablation.py [--out results] [--tasks 50] [--seconds 2]
 
 Random tasks on the JEM with collisions checked and the step cost: without obstacles, with a box on
 the straight line to the goal, and with such a box and ten occupied points. All variants get the
-same tasks. A call measures one variant, with at
-most ten minutes of planning, adds it to `ablation.json` and
-writes `ablation.md`.
+same tasks. Writes `ablation.json` and `ablation.md`; takes at most 90 minutes.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import cache
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from many_limbs import random_task
-from reports import command_line, publish, read, table
+from reports import experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
@@ -33,61 +34,48 @@ ROBOTS = ("mlivr3", "mlivr4")
 WORLDS = ("free", "box", "box and ten points")
 
 
-def _no_node_table() -> None:
-    searches.node_table = lambda graph: None  # type: ignore[attr-defined]
+Patch = tuple[Any, str, Any]
+"""An object, the name of one of its attributes, and the value that switches a part off."""
+
+STAGES, AMONG = table_search.STAGES, table_search.OBSTACLE_STAGES
+NO_TABLE: list[Patch] = [(searches, "node_table", lambda graph: None)]
 
 
-def _no_stance_sets() -> None:
-    _no_node_table()
-    ImplicitGraph.sets = lambda self, *args, **kinds: None  # type: ignore[method-assign,assignment]
+def stages(free: Sequence[Any], among: Sequence[Any]) -> list[Patch]:
+    """Return the patches that set the stages of a search, without and among obstacles."""
+    patches = {"STAGES": tuple(free), "OBSTACLE_STAGES": tuple(among)}
+    return [(table_search, name, value) for name, value in patches.items()]
 
 
-def _cheapest_path_alone() -> None:
-    table_search.STAGES = table_search.OBSTACLE_STAGES = table_search.STAGES[-2:]
+VARIANTS: dict[str, list[Patch]] = {
+    "all": [],
+    "only the stages of the cheapest path": stages(STAGES[-2:], STAGES[-2:]),
+    "no probe for an enclosed start": stages(STAGES, AMONG[2:]),
+    "no stage of weight 1 / 2 among obstacles": stages(STAGES, (*AMONG[:2], *AMONG[3:])),
+    "no stage of weight 1 / 1.1": stages(
+        (*STAGES[:-3], *STAGES[-2:]), (*AMONG[:-3], *AMONG[-2:])
+    ),
+    "no node table": NO_TABLE,
+    "neither node table nor stance sets": [
+        *NO_TABLE, (ImplicitGraph, "sets", lambda self, *args, **kinds: None),
+    ],
+    "no node table, queues by estimate and lower bound alone": [
+        *NO_TABLE, (implicit_search, "COST_TO_GO_INFLATION", 1.0),
+    ],
+    "no node table, queue by lower bound alone": [
+        *NO_TABLE,
+        (implicit_search._ImplicitSearch, "_next_queue", lambda self: self.by_lower_bound),
+    ],
+}  # fmt: skip
+"""Variants, and what switches their parts of the search off."""
+
+Task = tuple[State, Array, list[Box], list[int]]
+"""Start, goal, boxes and occupied points."""
 
 
-def _no_enclosure_probe() -> None:
-    table_search.OBSTACLE_STAGES = table_search.OBSTACLE_STAGES[2:]
-
-
-def _no_half_weight() -> None:
-    probe, proof, _, *others = table_search.OBSTACLE_STAGES
-    table_search.OBSTACLE_STAGES = (probe, proof, *others)
-
-
-def _no_middle_weight() -> None:
-    for name in ("STAGES", "OBSTACLE_STAGES"):
-        stages = getattr(table_search, name)
-        setattr(table_search, name, (*stages[:-3], *stages[-2:]))
-
-
-def _no_inflation() -> None:
-    _no_node_table()
-    implicit_search.COST_TO_GO_INFLATION = 1.0
-
-
-def _by_lower_bound() -> None:
-    _no_node_table()
-    search: Any = implicit_search._ImplicitSearch
-    search._next_queue = lambda self: self.by_lower_bound
-
-
-VARIANTS: dict[str, Callable[[], None]] = {
-    "all": lambda: None,
-    "only the stages of the cheapest path": _cheapest_path_alone,
-    "no probe for an enclosed start": _no_enclosure_probe,
-    "no stage of weight 1 / 2 among obstacles": _no_half_weight,
-    "no stage of weight 1 / 1.1": _no_middle_weight,
-    "no node table": _no_node_table,
-    "neither node table nor stance sets": _no_stance_sets,
-    "no node table, queues by estimate and lower bound alone": _no_inflation,
-    "no node table, queue by lower bound alone": _by_lower_bound,
-}
-"""Variants, and the functions that switch parts of the search off."""
-
-
-def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[Box], list[int]]]:
-    """Return start, goal, boxes and occupied points of random tasks whose start can be held."""
+@cache
+def drawn(robot: str, world: str, count: int) -> list[Task]:
+    """Return random tasks whose start can be held."""
     graph, found = stance_graph(robot=robot), []
     seed = 0
     while len(found) < count:
@@ -115,25 +103,49 @@ def tasks(robot: str, world: str, count: int) -> list[tuple[State, Array, list[B
     return found
 
 
-def solved(robot: str, world: str, count: int, seconds: float) -> list[dict[str, Any]]:
-    """Plan the tasks and return time, cost and bound of each result."""
-    out = []
-    for start, goal, boxes, taken in tasks(robot, world, count):
-        graph = stance_graph(robot=robot)
-        graph.add_obstacles(boxes)
-        graph.occupy(taken)
+def plan_once(robot: str, task: Task, variant: str, seconds: float) -> dict[str, Any]:
+    """Plan a task with a variant; return time, cost and bound."""
+    start, goal, boxes, taken = task
+    graph = stance_graph(robot=robot)
+    graph.add_obstacles(boxes)
+    graph.occupy(taken)
+    with ExitStack() as stack:
+        for patched in VARIANTS[variant]:
+            stack.enter_context(patch.object(*patched))
         began = time.perf_counter()
         found = Planner(graph).plan(start.stance, goal.tolist(), "steps", time_limit=seconds)
-        out.append(
-            {
-                "seconds": time.perf_counter() - began,
-                "reason": found.reason,
-                "first": found.improvements[0].time if found.improvements else None,
-                "steps": len(found.plan.steps) if found.plan else None,
-                "bound": found.plan.statistics.bound if found.plan else None,
-            }
-        )
-    return out
+    return {
+        "seconds": time.perf_counter() - began,
+        "reason": found.reason,
+        "first": found.improvements[0].time if found.improvements else None,
+        "steps": len(found.plan.steps) if found.plan else None,
+        "bound": found.plan.statistics.bound if found.plan else None,
+    }
+
+
+@cache
+def warm_up(robot: str, variant: str) -> None:
+    """Compile, and unpack the table."""
+    plan_once(robot, drawn(robot, WORLDS[0], 1)[0], variant, 2.0)
+
+
+def planned(
+    task: int, robot: str, world: str, variant: str, count: int, limit: float
+) -> dict[str, Any]:
+    """Plan one of `count` tasks with a variant, with a time limit [s]."""
+    warm_up(robot, variant)
+    return {"found": plan_once(robot, drawn(robot, world, count)[task], variant, limit)}
+
+
+def measured(tasks: int, seconds: float, workers: int) -> dict[str, Any]:
+    """Plan all tasks with all variants, each in processes of its own, which share no table."""
+    data: dict[str, Any] = {"seconds": seconds}
+    given = {"robot": ROBOTS, "world": WORLDS, "count": [tasks], "limit": [seconds]}
+    for variant in VARIANTS:
+        for row in study_rows("ablation:planned", tasks, workers, variant=[variant], **given):
+            by_variant = data.setdefault(f"{row['robot']}, {row['world']}", {})
+            by_variant.setdefault(variant, []).append(row["found"])
+    return data
 
 
 def markdown(rows: dict[str, Any]) -> str:
@@ -171,28 +183,7 @@ def decided(found: list[dict[str, Any]]) -> int:
     return sum(one["steps"] is not None or one["reason"] in PROVED_IMPOSSIBLE for one in found)
 
 
-def main() -> None:
-    """Measure one variant."""
-    parser = command_line(__doc__)
-    parser.add_argument("--tasks", type=int, default=50)
-    parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--variant", choices=list(VARIANTS))
-    parser.add_argument("--name")
-    parser.add_argument("--remark", help="what is to be known of how this variant was measured")
-    given = parser.parse_args()
-    rows = read(given.out, "ablation")
-    name, rows["seconds"] = given.name or given.variant, given.seconds
-    if given.remark:
-        rows.setdefault("remarks", []).append(f"* {name}: {given.remark}")
-    VARIANTS[given.variant]()
-    for robot in ROBOTS:
-        solved(robot, WORLDS[0], 1, given.seconds)  # compiles, and unpacks the table
-        for world in WORLDS:
-            found = solved(robot, world, given.tasks, given.seconds)
-            rows.setdefault(f"{robot}, {world}", {})[name] = found
-            publish(given.out, "ablation", rows, markdown, indent=None)
-            print(robot, world, name, sum(o["first"] is not None for o in found), flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    experiment(
+        "ablation", __doc__, measured, markdown, indent=None, tasks=50, seconds=2.0, workers=1
+    )

@@ -30,11 +30,7 @@ WALKS = (
     "controller | pace | s a step | outcome | grasp force [N] | grasp torque [N m] | "
     "joint torque [N m] | torque RMS, peak (mean) [N m] | base error [mm] | capture [mm]"
 )
-TIME_STEPS = (
-    "time step | torque RMS, peak [N m] | grasp force [N] | base error [mm] | capture [mm] | "
-    "impulse [%]"
-)
-"""Heads of the tables."""
+"""Head of the table."""
 
 
 def walk_row(row: dict[str, Any]) -> list[str]:
@@ -69,19 +65,6 @@ carried out, {mean:.1f} s a step (median {median:.1f}, longest {most:.1f}); larg
 {row["largest_capture_distance_mm"]:.2f} mm, grasp force {row["peak_grasp_force_N"]:.1f} N, grasp \
 torque {row["peak_grasp_torque_N_m"]:.1f} N m.
 {failures}"""
-
-
-def time_step_row(step: str, row: dict[str, Any]) -> list[str]:
-    """Return the table row of the walk simulated with a time step."""
-    captured = row["largest_capture_distance_mm"]
-    return [
-        step,
-        f"{row['peak_torque_rms_N_m']:.4f}",
-        f"{row['peak_grasp_force_N']:.3f}",
-        f"{row['largest_base_error_mm']:.4f}",
-        "-" if captured is None else f"{captured:.4f}",
-        f"{100 * row['impulse_error']:.1f}",
-    ]
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -126,15 +109,6 @@ steps with no rounded corner.
 One limit varied, the others at their defaults (`pace.png`):
 
 {table("limit | s a step at each value", fronts)}
-## Time step
-
-The walk at the default limits with feedforward; the controller acts at each time step. \
-*Impulse*: largest difference of the
-grasp's impulse and the robot's momentum in the first step, as a share of the largest momentum; \
-it is 0 by Newton's law, and the
-error of the first-order integrator is proportional to the time step.
-
-{table(TIME_STEPS, (time_step_row(*item) for item in data["time_steps"].items()))}
 ## Speed
 
 {speed["steps_a_second"]:.1f} steps per second at the default pace, on one core: \

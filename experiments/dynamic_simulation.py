@@ -1,12 +1,11 @@
-"""Simulate plans in MuJoCo: Case 3 at several paces, random plans, varied limits and time steps.
+"""Simulate plans in MuJoCo: Case 3 at several paces, random plans, and varied limits.
 
     python experiments/dynamic_simulation.py [--out results] [--plans 50]
 
 Case 3 is executed by each controller at each pace. Random plans are executed at each pace by the
 full controller. Without simulation, the duration of their steps is computed for varied limits of
-joints and grasps. Case 3 is repeated with several time steps, and the speed of the simulation is
-measured. Writes `dynamic_simulation.json` and `.md`, `dynamic_simulation.png`,
-`dynamic_simulation_fast.png` and `pace.png`.
+joints and grasps. The speed of the simulation is measured. Writes `dynamic_simulation.json` and
+`.md`, `dynamic_simulation.png`, `dynamic_simulation_fast.png` and `pace.png`.
 """
 
 from __future__ import annotations
@@ -22,8 +21,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from dynamic_report import markdown, pace_figure
-from reports import case_3, command_line, publish
-from scipy.integrate import cumulative_trapezoid
+from reports import case_3, experiment
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
@@ -34,7 +32,6 @@ from mlivr_gym.motion.time_scaling import Durations, duration_of
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.controller import CONTROLLERS
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import Execution, execute
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.path_dynamics import segment_dynamics
@@ -50,9 +47,6 @@ PACES: dict[str, Limits | Durations] = {
     "fast": Limits(),
 }
 """Paces of execution; the paper's is 50 s a step."""
-
-TIME_STEPS = (0.004, 0.002, 0.001, 0.0005)
-"""Time steps of the simulation [s]."""
 
 VARIED = {
     "grasp_force": (10.0, 20.0, 30.0, 45.0, 60.0, 90.0, 150.0),
@@ -88,35 +82,20 @@ def figures(execution: Execution) -> dict[str, Any]:
     }
 
 
-def walks(graph: StanceGraph, plan: Plan, out: Path) -> list[dict[str, Any]]:
+def executed(graph: StanceGraph, plan: Plan, controller: str, pace: str) -> Execution:
+    """Execute a plan with a controller at a pace."""
+    setup = Setup(PACES[pace], CONTROLLERS[controller])
+    simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
+    return execute(graph, plan, setup.timing, simulation=simulation)
+
+
+def walks(graph: StanceGraph, plan: Plan) -> list[dict[str, Any]]:
     """Execute the same walk with each controller at each pace."""
-    rows = []
-    for name, controller in CONTROLLERS.items():
-        for pace, timing in PACES.items():
-            setup = Setup(timing, controller)
-            simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
-            execution = execute(graph, plan, timing, simulation=simulation)
-            rows.append({"controller": name, "pace": pace, **figures(execution)})
-            print(f"{name}, {pace}: {outcome_text(execution)}", flush=True)
-            file = {("paper", "paper"): "", ("full", "fast"): "_fast"}.get((name, pace))
-            if file is not None:
-                simulation_figure(
-                    execution.recording,
-                    execution.captures,
-                    execution.failure,
-                    out / f"dynamic_simulation{file}.png",
-                    f"Case 3, controller: {name}, pace: {pace}",
-                )
-    return rows
-
-
-def outcome_text(execution: Execution) -> str:
-    """Return one line on the outcome of an execution."""
-    if execution.failure is None:
-        error, seconds = 1e3 * execution.peaks.base_error, execution.simulated_time
-        return f"done in {seconds:.1f} s, base error {error:.1f} mm"
-    failure = execution.failure
-    return f"{failure.kind} in step {failure.step + 1}: {failure.message}"
+    return [
+        {"controller": name, "pace": pace, **figures(executed(graph, plan, name, pace))}
+        for name in CONTROLLERS
+        for pace in PACES
+    ]
 
 
 def drawn_plans(graph: StanceGraph, count: int, seed: int = SEED) -> list[Plan]:
@@ -221,37 +200,6 @@ def shortest_fixed(graph: StanceGraph, plan: Plan) -> dict[str, float]:
     return {"as_limits_need_s": max(needed), "as_the_paper_s": max(paper)}
 
 
-def time_steps(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
-    """Execute the fast walk with several time steps, in each of which the controller acts."""
-    rows = {}
-    for step in TIME_STEPS:
-        controller = replace(CONTROLLERS["feedforward"], period=step)
-        setup = Setup(Limits(), controller, Physics(timestep=step))
-        simulation = setup.simulation(graph.grasp_map, graph.robot)
-        execution = execute(graph, plan, Limits(), simulation=simulation)
-        rows[f"{1e3 * step:g} ms"] = {
-            **figures(execution),
-            "impulse_error": impulse_error(graph, plan, setup),
-        }
-        print(f"time step {1e3 * step:g} ms: {outcome_text(execution)}", flush=True)
-    return rows
-
-
-def impulse_error(graph: StanceGraph, plan: Plan, setup: Setup) -> float:
-    """Return the largest difference of momentum and grasp impulse in the first step, relative."""
-    simulation = setup.simulation(graph.grasp_map, plan.world.robot, plan.world.obstacles)
-    simulation.reset(*plan.configuration(0), graph.indices(plan.stances[0]))
-    trajectory = step_trajectory(graph, plan, 0, setup.timing, setup.physics.timestep)
-    recording = simulation.execute(trajectory).recording
-    held = 1 - plan.steps[0].limb
-    frame = simulation.data.site(f"limb{held}/anchor").xmat.reshape(3, 3)
-    impulse = cumulative_trapezoid(
-        recording.grasp_forces[:, held] @ frame.T, recording.times, axis=0, initial=0.0
-    )
-    gained = recording.momenta - recording.momenta[0]
-    return float(np.abs(impulse - gained).max() / np.linalg.norm(gained, axis=1).max())
-
-
 def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
     """Return the processor time of steps at the default pace, and of a bare loop of `mj_step`."""
     simulation = Setup().simulation(graph.grasp_map, graph.robot)
@@ -279,26 +227,30 @@ def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Run everything and write results, page and figures."""
-    parser = command_line(__doc__)
-    parser.add_argument("--plans", type=int, default=50)
-    args = parser.parse_args()
-    args.out.mkdir(parents=True, exist_ok=True)
+def measured(plans: int) -> dict[str, Any]:
+    """Return the results of all parts."""
     (case, plan), graph = case_3(), stance_graph()
-    plans = drawn_plans(graph, args.plans)
-    data = {
+    drawn = drawn_plans(graph, plans)
+    return {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
-        "walks": walks(case, plan, args.out),
+        "walks": walks(case, plan),
         "shortest_fixed": shortest_fixed(case, plan),
-        "random_plans": random_plans(graph, plans),
-        "pace": pace(graph, plans),
-        "time_steps": time_steps(case, plan),
-        "overhead": overhead(graph, plans[:10]),
+        "random_plans": random_plans(graph, drawn),
+        "pace": pace(graph, drawn),
+        "overhead": overhead(graph, drawn[:10]),
     }
-    pace_figure(data, args.out / "pace.png")
-    publish(args.out, "dynamic_simulation", data, markdown)
+
+
+def draw(data: dict[str, Any], path: Path) -> None:
+    """Draw Case 3 with two controllers, and the durations within varied limits."""
+    graph, plan = case_3()
+    for end, name, pace in (("", "paper", "paper"), ("_fast", "full", "fast")):
+        done = executed(graph, plan, name, pace)
+        title = f"Case 3, controller: {name}, pace: {pace}"
+        file = path.with_stem(path.stem + end)
+        simulation_figure(done.recording, done.captures, done.failure, file, title)
+    pace_figure(data, path.with_stem("pace"))
 
 
 if __name__ == "__main__":
-    main()
+    experiment("dynamic_simulation", __doc__, measured, markdown, draw, plans=50)

@@ -45,35 +45,19 @@ PLAIN = ("kinematics/test_base_path.py", "kinematics/test_certificate.py",
          "collisions/test_against_boxes.py", "robot/test_limb.py")  # fmt: skip
 """Tests that are quick without compilation; faults in kernels of their folders meet them first."""
 
-FILES = ("test_files.py", "test_fuzzed_files.py", "test_values.py", "test_settings.py",
-         "test_errors.py", "world", "motion/test_plan_files.py")  # fmt: skip
-
-STRATA: dict[str, dict[str, tuple[str, ...]]] = {
-    "kinematics": {
-        "mlivr_gym/kinematics": ("kinematics", "postures", "robot"),
-        "mlivr_gym/postures": ("postures", "kinematics/test_certificate.py", "stances"),
-        "mlivr_gym/robot": ("robot", "kinematics", "test_fuzzed_files.py"),
-    },
-    "collisions": {"mlivr_gym/collisions": ("collisions", "stances")},
-    "stances and search": {
-        "mlivr_gym/stances": ("stances", "planners", "collisions/test_obstacles.py", "envs"),
-        "mlivr_gym/transitions": ("transitions", "stances", "planners", "motion"),
-        "planners": ("planners", "motion", "agents/test_policies.py"),
-    },
-    "environment": {"mlivr_gym/envs": ("envs", "agents/test_sb3_env.py")},
-    "simulation": {
-        "mlivr_gym/simulation": ("simulation", "envs/test_env.py", "cli/test_simulate.py"),
-        "mlivr_gym/motion": ("motion", "simulation", "test_fuzzed_files.py"),
-    },
-    "agents": {"agents": ("agents",)},
-    "command line and files": {
-        "mlivr_gym/cli": ("cli", "agents/test_commands.py", "test_errors.py"),
-        "mlivr_gym/world": ("world", *FILES, "pictures"),
-        **dict.fromkeys(("mlivr_gym/files.py", "mlivr_gym/values.py", "mlivr_gym/settings.py"),
-                        FILES),
-    },
+STRATA = {
+    "kinematics": ("mlivr_gym/kinematics", "mlivr_gym/postures", "mlivr_gym/robot"),
+    "collisions": ("mlivr_gym/collisions",),
+    "stances and search": ("mlivr_gym/stances", "mlivr_gym/transitions", "planners"),
+    "environment": ("mlivr_gym/envs",),
+    "simulation": ("mlivr_gym/simulation", "mlivr_gym/motion"),
+    "agents": ("agents",),
+    "command line and files": (
+        "mlivr_gym/cli", "mlivr_gym/world", "mlivr_gym/files.py", "mlivr_gym/values.py",
+        "mlivr_gym/settings.py",
+    ),
 }  # fmt: skip
-"""Strata: test folders and files for each source folder or file."""
+"""Folders and files of each stratum."""
 
 LONG = ("envs/test_env.py", "planners/test_algorithm1.py", "envs/test_against_model.py",
         "planners/test_planner.py", "envs/test_actions.py",
@@ -106,22 +90,18 @@ def shares(count: int, seed: int) -> dict[str, list[Mutant]]:
     return {name: drawn(name, size, seed) for name, size in zip(STRATA, sizes, strict=True)}
 
 
-def tests_of(stratum: str, path: str) -> list[str]:
-    """Return the test files of a module: named after it, importing it, others, long ones last."""
-    place = next(place for place in STRATA[stratum] if path.startswith(place))
-    files: list[Path] = []
-    for entry in STRATA[stratum][place]:
-        base = ROOT / "tests" / entry
-        files += [base] if base.is_file() else sorted(base.glob("test_*.py"))
+def tests_of(path: str) -> list[str]:
+    """Return the tests of a module: named after it, importing it, of its folder; long ones last."""
     module = path.removeprefix("mlivr_gym/").removesuffix(".py").replace("/", ".")
     imported = re.compile(rf"mlivr_gym\.{re.escape(module)}\b")
-
-    def order(file: Path) -> tuple[bool, bool, bool, str]:
+    found = []
+    for file in (ROOT / "tests").rglob("test_*.py"):
         name = file.relative_to(ROOT / "tests").as_posix()
         named = file.stem == f"test_{Path(path).stem}"
-        return name in LONG, not named, not imported.search(file.read_text(encoding="utf-8")), name
-
-    return [file.relative_to(ROOT).as_posix() for file in sorted(set(files), key=order)]
+        imports = bool(imported.search(file.read_text(encoding="utf-8")))
+        if named or imports or file.parent.name == Path(path).parent.name:
+            found.append((name in LONG, not named, not imports, f"tests/{name}"))
+    return [test for *_, test in sorted(found)]
 
 
 class Tree:
@@ -265,7 +245,7 @@ def main() -> None:
         again = known and args.again and not known["caught"] and mutant.key not in equal
         if (known and known["digest"] == digest(mutant) and not again) or time.time() > ends:
             continue
-        done = tree.run(mutant, tests_of(name, mutant.path))
+        done = tree.run(mutant, tests_of(mutant.path))
         word = {True: "caught", False: "SURVIVED", None: "undecided"}[done["caught"]]
         if done["caught"] is not None:
             results[mutant.key] = {"stratum": name, "digest": digest(mutant), **done}
