@@ -23,6 +23,7 @@ from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE, GraspMap, as_map
 
 CELL = 1.0
@@ -50,6 +51,9 @@ def plan_in_corridor(
     cost: str = "steps",
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",
     settings: Settings | None = None,
+    *,
+    obstacles: Sequence[Box] = (),
+    occupied: Sequence[str] = (),
     **options: Any,
 ) -> CorridorPlan:
     """Plan on a large map without computing the stances of the whole of it.
@@ -64,13 +68,18 @@ def plan_in_corridor(
         Goal position of the base [m].
     cost
         As for `Planner.plan`.
+    obstacles
+        Boxes in addition to those of the map.
+    occupied
+        Ids of points that no limb may grasp.
     **options
         Further arguments of `Planner.plan`.
 
     Returns
     -------
     CorridorPlan
-        The result in the first corridor that has a plan, otherwise that of the whole map.
+        The result in the first corridor that has a plan, otherwise that of the whole map. Its plan
+        is one of the whole map, of which it has the fingerprint.
 
     Raises
     ------
@@ -87,6 +96,7 @@ def plan_in_corridor(
     world, robot = as_map(grasp_map), robot_spec(robot)
     named = STANCE.read(start, FieldPath("start", StanceError))
     held = [world.index(point) for point in named]
+    taken = [world.ids[k] for k in sorted({world.index(point) for point in occupied})]
     target = world.check_goal(goal)
     route = route_of(world.positions, held[0], target, robot.span)
     tree = scipy.spatial.cKDTree(route)
@@ -102,10 +112,18 @@ def plan_in_corridor(
             graph = stance_graph(part, robot, settings)
         except RobotError:  # no stance among so few points
             continue
+        graph.add_obstacles(obstacles)
+        graph.occupy([point for point in taken if point in part.ids])
         result = Planner(graph).plan(start, target, cost, **options)
         if result.plan is not None:
+            made = replace(
+                result.plan.world, map_fingerprint=world.fingerprint, occupied=tuple(taken)
+            )
+            result = replace(result, plan=replace(result.plan, world=made))
             return CorridorPlan(result, graph, False)
     whole = stance_graph(world, robot, settings)
+    whole.add_obstacles(obstacles)
+    whole.occupy(taken)
     return CorridorPlan(Planner(whole).plan(start, target, cost, **options), whole, True)
 
 

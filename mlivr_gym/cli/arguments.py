@@ -210,26 +210,34 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
 
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
+    graph = stance_graph(chosen_map(args), robot_spec(args.robot), chosen_settings(args))
+    if "box" in args:
+        boxes, occupied = chosen_obstacles(args)
+        graph.add_obstacles(boxes)
+        graph.occupy(occupied)
+    return graph
+
+
+def chosen_settings(args: argparse.Namespace) -> Settings:
+    """Return the settings of the arguments."""
     _check_world(args)
-    settings = Settings(
+    return Settings(
         limb_threshold=args.limb_threshold,
         base_threshold=args.base_threshold,
         clearance=args.clearance,
         **_switched_off(args),
     )
-    graph = stance_graph(chosen_map(args), robot_spec(args.robot), settings)
-    if "box" in args:
-        boxes = [
-            Box.between(f"box{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(args.box)
-        ]
-        occupied = list(args.occupied)
-        if args.obstacles:
-            more, points = load_obstacles(args.obstacles)
-            boxes.extend(more)
-            occupied.extend(points)
-        graph.add_obstacles(boxes)
-        graph.occupy(occupied)
-    return graph
+
+
+def chosen_obstacles(args: argparse.Namespace) -> tuple[list[Box], list[str]]:
+    """Return the boxes and the occupied points of the arguments."""
+    boxes = [Box.between(f"box{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(args.box)]
+    occupied = list(args.occupied)
+    if args.obstacles:
+        more, points = load_obstacles(args.obstacles)
+        boxes.extend(more)
+        occupied.extend(points)
+    return boxes, occupied
 
 
 def chosen_task(

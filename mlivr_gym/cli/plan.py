@@ -10,6 +10,9 @@ from mlivr_gym.cli.arguments import (
     COMPARED_COSTS,
     Add,
     chosen_graph,
+    chosen_map,
+    chosen_obstacles,
+    chosen_settings,
     chosen_task,
     command,
     option,
@@ -18,13 +21,15 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
-from mlivr_gym.errors import NoPlanError
+from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.additions import one_more_limb, points_to_add
+from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
@@ -47,15 +52,21 @@ def add_command(add: Add) -> None:
     option(parser, "--refined", text)
     text = "if there is no plan, try what would help: points added on rails, one limb more"
     option(parser, "--suggest", text)
+    text = "compute only the stances near a route to the goal, and those of the whole map only if "
+    option(parser, "--corridor", f"{text}there is no plan; needs --start and --goal")
 
 
 def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write the requested files."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(args.out, *pictures, inputs=input_files(args))
-    with Progress("building the stance graph", quiet=args.quiet):
-        graph = chosen_graph(args)
-    result = find_plan(graph, args)
+    graph: StanceGraph
+    if args.corridor:
+        graph, result = find_plan_in_corridor(args)
+    else:
+        with Progress("building the stance graph", quiet=args.quiet):
+            graph = whole = chosen_graph(args)
+        result = find_plan(whole, args)
     plan = result.unwrap()
     if args.refined:
         with Progress("refining the plan", quiet=args.quiet):
@@ -70,7 +81,7 @@ def run(args: argparse.Namespace) -> None:
         from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
 
         title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
-        plan_figure(graph.grasp_map, plan, args.picture, result.tree, title)
+        plan_figure(chosen_map(args), plan, args.picture, result.tree, title)
         print(f"picture: {pictures[0]}, {pictures[1]}")
 
 
@@ -190,10 +201,46 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
         found = suggestions(graph, start, goal, args) if "suggest" in args and args.suggest else []
         raise NoPlanError("; ".join([result.message, cause.message, *found]))
-    plan = result.unwrap()
     if best is not None:
-        plan = best.plan
-        result = replace(result, plan=plan)
+        result = replace(result, plan=best.plan)
+    print_plan(graph, result, start, goal)
+    return result
+
+
+def find_plan_in_corridor(
+    args: argparse.Namespace,
+) -> tuple[StanceGraph, PlanningResult]:
+    """Plan near a route from start to goal of the arguments, and print the plan."""
+    if args.start is None or args.goal is None:
+        raise SettingError("--corridor needs --start and --goal")
+    if args.cost in COMPARED_COSTS:
+        raise SettingError(f"--cost {args.cost} compares several plans; leave out --corridor")
+    refuse_without_effect(args, "with --corridor", "refined", "suggest")
+    boxes, occupied = chosen_obstacles(args)
+    with Progress("planning near a route", quiet=args.quiet):
+        found = plan_in_corridor(
+            chosen_map(args), args.start, args.goal, args.cost, args.robot, chosen_settings(args),
+            obstacles=boxes, occupied=occupied, regrasp_price=args.regrasp_price,
+            **search_options(args),
+        )  # fmt: skip
+    graph, result = found.graph, found.result
+    whole = ", the whole map" if found.is_whole else ""
+    print(f"stances of {len(graph.grasp_map)} points were computed{whole}")
+    print_plan(graph, result, tuple(args.start), tuple(args.goal))
+    return graph, result
+
+
+def print_plan(
+    graph: StanceGraph, result: PlanningResult, start: tuple[str, ...], goal: tuple[float, ...]
+) -> None:
+    """Print a plan.
+
+    Raises
+    ------
+    NoPlanError
+        If there is none.
+    """
+    plan = result.unwrap()
     print(
         f"from {' '.join(start)} to {goal}: {result.message}, "
         f"minimum w_m {plan.w_m_min:.3f}, minimum w_b {plan.w_b_min:.5f}"
@@ -213,4 +260,3 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "
         "for the query"
     )
-    return result

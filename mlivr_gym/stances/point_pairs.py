@@ -17,9 +17,9 @@ FEW_POINTS = 1000
 """Number of points up to which all pairs are compared, which is quicker than to import SciPy's
 tree."""
 
-MOST_PAIRS = 2_000_000
-"""Largest number of ordered pairs of points: the JEM with points every 0.03 m would take
-gigabytes."""
+MOST_PAIRS, MOST_STEPS = 10_000_000, 4_000_000_000
+"""Largest number of ordered pairs of points, and of steps between them: the JEM with points every
+0.03 m would take gigabytes, while a long row of modules has few steps for its pairs."""
 
 
 def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
@@ -28,7 +28,7 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     Raises
     ------
     MapError
-        If there are more than `MOST_PAIRS`.
+        If there are more than `MOST_PAIRS`, or about more than `MOST_STEPS` between them.
     """
     positions, limit = grasp_map.positions, span + 1e-9
     if len(positions) <= FEW_POINTS:
@@ -38,10 +38,12 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     else:
         tree = scipy.spatial.cKDTree(positions)
         count = int(tree.count_neighbors(tree, limit)) - len(positions)
-    if count > MOST_PAIRS:
+    steps = 2 * count**2 // len(positions)
+    if count > MOST_PAIRS or steps > MOST_STEPS:
         raise MapError(
-            f"map {grasp_map.name!r} has {count} pairs of points within the span of {span:g} m; "
-            f"at most {MOST_PAIRS} can be used: choose a larger spacing or a smaller span"
+            f"map {grasp_map.name!r} has {count} pairs of points within the span of {span:g} m, "
+            f"with about {steps} steps between them; at most {MOST_PAIRS} and {MOST_STEPS} can be "
+            "used: choose a larger spacing or a smaller span"
         )
     if len(positions) > FEW_POINTS:
         pairs = tree.query_pairs(limit, output_type="ndarray").astype(np.int64)

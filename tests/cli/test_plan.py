@@ -8,6 +8,7 @@ import pytest
 from mlivr_gym import stance_graph
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners.corridor import plan_in_corridor
 
 
 def test_plan_with_defaults(run):
@@ -105,3 +106,28 @@ def test_boxes_and_occupied_points_change_the_plan_and_stay_in_its_file(run, tmp
     round_it = plan("--occupied", taken, other)
     assert round_it.world.occupied == tuple(sorted([taken, other], key=jem.index))
     assert not any(taken in stance for stance in round_it.stances)
+
+
+def test_a_plan_in_a_corridor_is_that_of_the_library(run, tmp_path, jem):
+    file = tmp_path / "plan.json"
+    start = ("D2a:4", "D2b:4")
+    words = ["--start", *start, "--goal", "6.0", "0", "0.42", "--cost", "steps", "--corridor"]
+    code, text, _ = run("plan", *words, "--occupied", "D3a:3", "--out", str(file))
+    assert code == 0
+    found = plan_in_corridor("jem", start, (6.0, 0.0, 0.42), occupied=["D3a:3"])
+    assert f"stances of {len(found.graph.grasp_map)} points were computed\n" in text
+    assert Plan.load(file, jem).stances == found.result.unwrap().stances
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--corridor", "--corridor needs --start and --goal"),
+        ("--start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --refined", "--refined has no effect"),
+        ("--start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --cost time", "leave out --corridor"),
+    ],
+)
+def test_what_a_corridor_cannot_do_is_refused(run, words, message):
+    code, _, error = run(f"plan {words}")
+    assert code == 2
+    assert message in error

@@ -4,10 +4,12 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from mlivr_gym import GraspMap, Settings, robot_spec, stance_graph
+from mlivr_gym import Box, GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, StanceError, UnknownPointError
-from mlivr_gym.planners import Planner
+from mlivr_gym.motion.plan_parts import World
+from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.corridor import around, plan_in_corridor, route_of
+from mlivr_gym.planners.walks import count_steps
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
@@ -25,6 +27,24 @@ def test_the_plan_is_a_walk_of_the_whole_map(checked_graph):
     base = checked_graph.posture_of(state).base_position[0]
     np.testing.assert_allclose(plan.motion.base_positions[-1], base, atol=1e-9)
     assert len(plan.steps) >= len(Planner(checked_graph).plan(START, GOAL, "steps").plan.steps)
+
+
+def test_a_plan_is_one_of_the_whole_map_among_its_obstacles(jem, tmp_path):
+    """It is read with the whole map, and is a walk of the whole graph among the obstacles."""
+    free = plan_in_corridor("jem", START, GOAL).result.unwrap()
+    taken = free.steps[0].to_point
+    box = Box.between("crate", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
+    found = plan_in_corridor("jem", START, GOAL, obstacles=[box], occupied=[taken, "A6b:7"])
+    assert not found.is_whole
+    plan = found.result.unwrap()
+    assert all(taken not in stance for stance in plan.stances)
+    plan.save(tmp_path / "plan.json")
+    assert Plan.load(tmp_path / "plan.json", jem).stances == plan.stances
+    graph = stance_graph(jem)
+    graph.add_obstacles([box])
+    graph.occupy([taken, "A6b:7"])
+    assert plan.world == World.of(graph)
+    assert count_steps(graph, plan.stances) == len(plan.steps)
 
 
 def test_boxes_that_are_left_out_touch_no_stance_of_the_corridor(jem, checked_graph):

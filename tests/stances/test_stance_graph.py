@@ -183,7 +183,10 @@ def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
 
 
 def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem):
-    words = r"map 'jem' has 42\d{5} pairs of points within the span of 2.4 m; at most 2000000"
+    words = (
+        r"map 'jem' has 42\d{5} pairs of points within the span of 2.4 m, with about 10\d{9} steps "
+        r"between them; at most 10000000 and 4000000000"
+    )
     with pytest.raises(MapError, match=words):
         stance_graph(jem_map(spacing=0.02))
 
