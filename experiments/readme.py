@@ -32,7 +32,6 @@ import robots
 import simulation_figures
 import station_places
 from reports import NOTHING, ROOT, table
-from table1 import study_markdown
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
@@ -227,10 +226,7 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-REPORTS: dict[str, Callable[[Any], str]] = {
-    "table1": table_markdown,
-    "table1_study": study_markdown,
-}
+REPORTS: dict[str, Callable[[Any], str]] = {"table1": table_markdown}
 """Functions that make reports; others are called `markdown` in the script of the report's name."""
 
 BY_HAND = ("mutants",)

@@ -20,6 +20,7 @@ import numpy as np
 from reports import experiment, table
 
 from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym.engines import executor_of
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
@@ -28,7 +29,6 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.studies.engines import executor_of
 
 START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
 """Stances between which the robots walk, two racks to port."""
@@ -71,7 +71,7 @@ def all_measured() -> dict[str, Any]:
     """Return what is measured of each robot the second time, in a process of its own."""
     data = {}
     for name in 2 * NAMES:
-        with executor_of("local", 1, None, print) as executor:
+        with executor_of("local", 1) as executor:
             data[name] = executor.submit(measured, name).result()
     return data
 

@@ -30,7 +30,7 @@ LAYERS = (
     {"world"},
     {"kinematics", "settings", "files"},
     {"arguments"},
-    {"schema"},
+    {"schema", "engines"},
     {"values", "extras"},
     {"compiled", "errors"},
     {"envs_assets", "_version", "_headless", "arrays"},

@@ -11,9 +11,9 @@ from typing import Any
 
 from mlivr_gym.cli.arguments import Add, check_counts, command, option, refuse_without_effect
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
 from mlivr_gym.studies.design import StudyDesign
-from mlivr_gym.studies.engines import ENGINES
 
 
 def add_command(add: Add) -> None:

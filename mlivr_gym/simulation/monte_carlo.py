@@ -5,13 +5,12 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 from scipy.stats import binomtest
 
 from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.engines import executor_of
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.robot.specification import RobotSpec
@@ -149,8 +148,8 @@ def execute_many(
         for work in works:
             yield from _outcomes(work)
         return
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        for outcomes in pool.map(_outcomes, works):
+    with executor_of("local", count) as executor:
+        for outcomes in executor.map(_outcomes, works):
             yield from outcomes
 
 

@@ -15,13 +15,13 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from pathlib import Path
 
 from mlivr_gym import __version__
+from mlivr_gym.engines import ENGINES, executor_of
 from mlivr_gym.errors import SettingError, path_shown
 from mlivr_gym.extras import require
 from mlivr_gym.files import FileError, read_json, write_whole
 from mlivr_gym.schema import Choice, FieldPath
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.studies.design import RunBlock, StudyDesign, is_function
-from mlivr_gym.studies.engines import ENGINES, executor_of
 from mlivr_gym.studies.rows import Row, columns_of, function_run, rows_of
 
 DESIGN, RESULT, BLOCKS = "design.json", "study.parquet", "blocks"

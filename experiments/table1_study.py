@@ -1,13 +1,10 @@
-"""Reproduce the paper's Table I, check its relations, and measure what the step check adds.
+"""Measure what the check of steps adds to the paper's Table I, and what a price of regrasps does.
 
-    python experiments/table1.py [--out results] [--pairs 200]
-    python experiments/table1.py --picture [--out results]
+    python experiments/table1_study.py [--out results] [--pairs 200]
 
-Plans all four cases in all modes. Then two studies on random tasks follow: how many plans that
-check nodes alone cannot be executed, and how a price for each regrasp trades steps for base
-translation. Writes `table1.json`, `table1.md` and a picture of each case, then `table1_study.json`,
-`table1_study.md` and `pareto.png`; pictures also as SVG. `--picture` only redraws `pareto.png` from
-`table1_study.json`. Exits with an error if a relation of the paper does not hold.
+Table I itself is made by `mlivr-gym table1 --out results`. Two studies on random tasks: how many
+plans that check nodes alone cannot be executed, and how a price for each regrasp trades steps for
+base translation. Writes `table1_study.json`, `table1_study.md` and `pareto.png`.
 """
 
 from __future__ import annotations
@@ -17,13 +14,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import command_line, publish, read, table, two_limb_graph
+from reports import experiment, table, two_limb_graph
 from tqdm import tqdm
 
 from mlivr_gym import State
-from mlivr_gym.cli.table1 import broken_relations, run_cases
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.paper import CASES, MODES
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.checked_steps import join
@@ -99,8 +94,14 @@ def pareto(pairs: int) -> list[dict[str, float]]:
     return rows
 
 
-def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
+def measured(pairs: int) -> dict[str, Any]:
+    """Return the results of both studies."""
+    return {"transition_study": transition_study(pairs), "pareto": pareto(pairs)}
+
+
+def draw_pareto(study: dict[str, Any], path: Path) -> None:
     """Draw the results of `pareto`, with the translation in percent above its minimum."""
+    rows, pairs = study["pareto"], study["transition_study"]["pairs"]
     metres = np.array([row["base_translation"] for row in rows])
     steps, least = np.array([row["steps"] for row in rows]), metres.min()
     over = 100.0 * (metres / least - 1.0)
@@ -122,10 +123,10 @@ def draw_pareto(rows: list[dict[str, float]], pairs: int, path: Path) -> None:
     axes.text(0.98, 0.96, words, transform=axes.transAxes, **corner)
     axes.margins(x=0.15, y=0.15)
     axes.spines[["top", "right"]].set_visible(False)
-    save_figure(figure, path)
+    save_figure(figure, path.with_stem("pareto"))
 
 
-def study_markdown(study: dict[str, Any]) -> str:
+def markdown(study: dict[str, Any]) -> str:
     """Return the page of both studies."""
     counts, pairs = study["transition_study"], study["transition_study"]["pairs"]
     base, steps = (
@@ -149,24 +150,5 @@ step a support limb would have to let go or pass a singularity. With steps check
 {table("price of a regrasp [m] | steps | base translation [m]", rows)}"""
 
 
-def main() -> None:
-    """Run everything and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--pairs", type=int, default=200, help="random pairs of the study")
-    parser.add_argument("--picture", action="store_true", help="only redraw `pareto.png`")
-    args = parser.parse_args()
-    study, failed = read(args.out, "table1_study"), []
-    if not args.picture:
-        with tqdm(total=len(CASES) * len(MODES), desc="cases planned") as bar:
-            _, data = run_cases(args.out, lambda done: bar.update(done - bar.n))
-        study = {"transition_study": transition_study(args.pairs), "pareto": pareto(args.pairs)}
-        publish(args.out, "table1_study", study, study_markdown)
-        print(study_markdown(study))
-        failed = broken_relations(data)
-    draw_pareto(study["pareto"], study["transition_study"]["pairs"], args.out / "pareto.png")
-    if failed:
-        raise SystemExit(f"relations that do not hold: {failed}")
-
-
 if __name__ == "__main__":
-    main()
+    experiment("table1_study", __doc__, measured, markdown, draw_pareto, pairs=200)

@@ -1,4 +1,4 @@
-"""Engines of studies: what computes their blocks, as an executor of `concurrent.futures`."""
+"""Engines: what computes many runs at once, as an executor of `concurrent.futures`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ RETRIES = 3
 def executor_of(
     engine: str | Executor,
     workers: int | None,
-    scheduler: str | None,
-    notify: Callable[[str], None],
+    scheduler: str | None = None,
+    notify: Callable[[str], None] = print,
 ) -> Iterator[Executor]:
-    """Yield an executor that computes blocks.
+    """Yield an executor.
 
     Parameters
     ----------
