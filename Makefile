@@ -69,7 +69,6 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/study.py
 	$(BIN)/python experiments/arm_branches.py
 	$(BIN)/python experiments/robots.py
-	$(BIN)/python experiments/time_cost.py
 	$(BIN)/python experiments/pace_film.py
 	$(BIN)/python experiments/environment_films.py
 	$(BIN)/python experiments/overview.py
