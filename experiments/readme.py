@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import benchmark_env
+import cargo
 import closed_loop
 import comparison_report
 import disturbances
@@ -199,6 +200,7 @@ def parts(results: Path) -> dict[str, str]:
         "benchmark_planning": planning_report.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
+        "cargo": cargo.masses(data("cargo")),
         "public_arms": public_arms.markdown(data("public_arms")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),

@@ -12,7 +12,8 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
-from mlivr_gym.robot.specification import ROBOTS, robot_spec
+from mlivr_gym.robot.cargo import carrying
+from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -115,6 +116,8 @@ def world_arguments() -> argparse.ArgumentParser:
     parser = _parent_parser()
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
+    text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
+    option(parser, "--cargo KG X Y Z", text, type=float)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
     option(parser, "--map MAP", text)
     option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
@@ -208,9 +211,14 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
     return as_map(args.map)
 
 
+def chosen_robot(args: argparse.Namespace) -> RobotSpec:
+    """Return the robot of `--robot` with the cargo of `--cargo`."""
+    return carrying(robot_spec(args.robot), _cargo(args))
+
+
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
-    graph = stance_graph(chosen_map(args), robot_spec(args.robot), chosen_settings(args))
+    graph = stance_graph(chosen_map(args), chosen_robot(args), chosen_settings(args))
     if "box" in args:
         boxes, occupied = chosen_obstacles(args)
         graph.add_obstacles(boxes)
@@ -307,6 +315,11 @@ def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> No
             raise SettingError(f"--{name.replace('_', '-')} has no effect {why}; leave it out")
 
 
+def _cargo(args: argparse.Namespace) -> dict[str, Any] | None:
+    """Return the cargo of `--cargo` as plain data."""
+    return args.cargo and {"mass": args.cargo[0], "size": args.cargo[1:]}
+
+
 def _check_world(args: argparse.Namespace) -> None:
     """Refuse thresholds or a clearance whose check is switched off."""
     if args.no_manipulability:
@@ -338,6 +351,8 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     given = {name: getattr(args, name) for name in names if name in args}
     changed = {name: value for name, value in given.items() if value != args.default(name)}
+    if getattr(args, "cargo", None):
+        changed["cargo"] = _cargo(args)
     return changed | _switched_off(args)
 
 

@@ -12,6 +12,7 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_map,
     chosen_obstacles,
+    chosen_robot,
     chosen_settings,
     chosen_task,
     command,
@@ -219,8 +220,8 @@ def find_plan_in_corridor(
     boxes, occupied = chosen_obstacles(args)
     with Progress("planning near a route", quiet=args.quiet):
         found = plan_in_corridor(
-            chosen_map(args), args.start, args.goal, args.cost, args.robot, chosen_settings(args),
-            obstacles=boxes, occupied=occupied, regrasp_price=args.regrasp_price,
+            chosen_map(args), args.start, args.goal, args.cost, chosen_robot(args),
+            chosen_settings(args), obstacles=boxes, occupied=occupied, regrasp_price=args.regrasp_price,
             **search_options(args),
         )  # fmt: skip
     graph, result = found.graph, found.result

@@ -18,7 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import FLUSH
 from mlivr_gym.collisions.allowed_collisions import BODY
 from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
-from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb
+from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb, cargo_capsules
 from mlivr_gym.collisions.placement import Placed, place_in_body
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
@@ -286,9 +286,10 @@ def _edges(box: Box) -> Array:
 
 
 def mount_names(robot: RobotSpec) -> list[str]:
-    """Return the names of the capsules fixed to the body, limb by limb."""
+    """Return the names of the capsules fixed to the body, limb by limb, then those of the cargo."""
     counts = [sum(c.link == "base" for c in mount.capsules or ()) for mount in robot.mounted]
-    return [f"limb{i}/base/{m}" for i, count in enumerate(counts) for m in range(count)]
+    names = [f"limb{i}/base/{m}" for i, count in enumerate(counts) for m in range(count)]
+    return names + [f"cargo/{m}" for m in range(len(cargo_capsules(robot)[1]))]
 
 
 @lru_cache(maxsize=8)

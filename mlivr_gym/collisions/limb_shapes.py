@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
 
 MOST_MOUNTS = MOST_CAPSULES * MOST_LIMBS
 """Maximum number of capsules that are fixed to the body."""
+
+CARGO_CELLS = 4
+"""Capsules that cover the cargo along each of its two shorter edges: fewer would protrude more."""
 
 OFFSET_PAIRS = {(3, 5): 2, (4, 6): 1}
 """Pairs of links two joints apart that an offset can separate, and the axis of that offset.
@@ -149,7 +153,7 @@ class LimbShapes:
     pairs
         Pairs of capsules of one limb that are compared, shape (k, 2).
     mounts
-        Capsules fixed to the body, records of `BodyCapsule`.
+        Capsules fixed to the body, records of `BodyCapsule`; those that cover the cargo come last.
     """
 
     def __init__(self, spec: RobotSpec) -> None:
@@ -225,6 +229,13 @@ class LimbShapes:
                 for other in range(spec.limbs):
                     robot["limbs"][other]["first_link"][count] = same if other == limb else 2
                 count += 1
+        ends, radii = cargo_capsules(spec)
+        for axis, radius in zip(ends, radii, strict=True):
+            row = robot["mounts"][count]
+            row["ends"][:], row["radius"] = axis, radius
+            robot["base_capsules"][4 + count] = row
+            robot["limbs"]["first_link"][: spec.limbs, count] = 2
+            count += 1
         robot["mount_count"], robot["base_capsule_count"] = count, 4 + count
 
     def never(self, limb: int) -> list[tuple[str, str]]:
@@ -273,32 +284,43 @@ def _common_folds(spec: RobotSpec) -> Array:
     return folds
 
 
-def box_capsules(half: Array) -> tuple[Array, Array]:
-    """Return four capsules that together contain a box, see `cube_capsules`.
+def cargo_capsules(spec: RobotSpec) -> tuple[Array, Array]:
+    """Return capsules that contain the cargo: ends (k, 2, 3) in the body frame, radii (k,) [m]."""
+    if spec.cargo is None:
+        return np.zeros((0, 2, 3)), np.zeros(0)
+    ends, radii = box_capsules(0.5 * spec.cargo.edges, CARGO_CELLS)
+    return ends + spec.cargo_centre, radii
 
-    They run along the longest edge, each in a quarter of the box.
+
+def box_capsules(half: Array, cells: int = 2) -> tuple[Array, Array]:
+    """Return capsules that together contain a box, four of them as in `cube_capsules`.
+
+    They run along the longest edge, each in one of `cells` by `cells` parts of the box.
 
     Parameters
     ----------
     half
         Half edges [m], shape (3,).
+    cells
+        Number of capsules along each of the other two edges.
 
     Returns
     -------
     tuple[Array, Array]
-        Ends, shape (4, 2, 3), and radii, shape (4,) [m].
+        Ends, shape (cells^2, 2, 3), and radii, shape (cells^2,) [m].
     """
-    if (half == half[0]).all():
+    if cells == 2 and (half == half[0]).all():
         return cube_capsules(float(half[0]))
     along = int(np.argmax(half))
     across = [k for k in range(3) if k != along]
-    short = 0.5 * float(half.min())
-    ends = np.zeros((4, 2, 3))
+    short = float(half.min()) / cells
+    ends = np.zeros((cells * cells, 2, 3))
     ends[:, :, along] = short - half[along], half[along] - short
-    for k, (a, b) in enumerate(((-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5))):
+    places = (2.0 * np.arange(cells) + 1.0) / cells - 1.0
+    for k, (a, b) in enumerate(product(places.tolist(), repeat=2)):
         ends[k, :, across] = np.array([a, b])[:, None] * half[across][:, None]
-    radius = float(np.sqrt((0.25 * half[across] ** 2).sum() + short * short))
-    return ends, np.full(4, radius)
+    radius = float(np.sqrt(((half[across] / cells) ** 2).sum() + short * short))
+    return ends, np.full(cells * cells, radius)
 
 
 def cube_capsules(half: float) -> tuple[Array, Array]:

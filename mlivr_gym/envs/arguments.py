@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Reader, Validators
+from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, SEED, Reader, Validators, WithError
 from mlivr_gym.envs.dynamics import DYNAMICS, simulation_part
 from mlivr_gym.envs.grasp_failure import GRASP_FAILURE
 from mlivr_gym.envs.reset_options import RESET_OPTIONS
 from mlivr_gym.envs.rewards import REWARD
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.envs.viewer import RENDER_FPS
+from mlivr_gym.errors import RobotError
 from mlivr_gym.pictures.rendering import HEIGHT, WIDTH
+from mlivr_gym.robot.cargo import CARGO
 from mlivr_gym.robot.specification import ROBOT_OR_NAME
 from mlivr_gym.schema import Choice, FieldPath, Flag, Integer, OrNone, Tuples
 from mlivr_gym.settings import SETTINGS
@@ -37,6 +39,7 @@ EPISODE_STEPS = Integer(1, 2**62)
 ENV_ARGUMENTS: Validators = {
     **SETTINGS.validators,
     "robot": ROBOT_OR_NAME,
+    "cargo": WithError(RobotError, OrNone(CARGO)),
     "map": MAP,
     "goal_tolerance": NOT_NEGATIVE,
     "reward": REWARD,

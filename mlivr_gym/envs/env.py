@@ -32,6 +32,7 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import TASKS, LayoutTasks, TaskGenerator, fewest_steps
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
+from mlivr_gym.robot.cargo import Cargo, carrying
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import CLEARANCE, Settings
@@ -147,6 +148,7 @@ class MlivrEnv(StanceGraphEnv):
     | argument | default | meaning |
     |---|---|---|
     | `robot` | `"mlivr2"` | name, path of a JSON file, `RobotSpec`, or plain data |
+    | `cargo` | None | `Cargo` on the body, or `{"mass": kg, "size": m}`; None: that of the robot |
     | `map` | None | name in `PLACES`, path of a file, `GraspMap`, or plain data; None: the JEM |
     | `manipulability` | True | whether stances must meet both thresholds |
     | `transitions` | True | whether steps are checked; if not, all are taken as valid |
@@ -226,6 +228,7 @@ class MlivrEnv(StanceGraphEnv):
         render_mode: str | None = None,
         width: int = 640,
         height: int = 360,
+        cargo: Cargo | dict[str, Any] | None = None,
     ) -> None:
         """Build the stance graph and the spaces; the class describes the arguments.
 
@@ -243,7 +246,7 @@ class MlivrEnv(StanceGraphEnv):
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,
             clearance=clearance,
         )  # fmt: skip
-        graph = stance_graph(as_map(map), robot_spec(robot), settings)
+        graph = stance_graph(as_map(map), carrying(robot_spec(robot), cargo), settings)
         layouts = isinstance(self.tasks, LayoutTasks)
         if layouts and graph.limbs > 2:
             raise SettingError(

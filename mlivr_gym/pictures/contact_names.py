@@ -36,8 +36,8 @@ def shape_name(name: str, boxes: Mapping[str, Box]) -> str:
             return f"{KINDS[box.kind]} {box.id.split('/')[0]}"
         return f"{box.face} {KINDS[box.kind]}"
     limb, *link = name.split("/")
-    if not link:
-        return "body"
+    if not limb.startswith("limb"):
+        return limb  # the body or the cargo
     part = {"base": "mount"}.get(link[0], link[0].replace("_", " "))
     return f"{part} of limb {limb.removeprefix('limb')}"
 

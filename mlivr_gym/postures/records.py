@@ -19,7 +19,8 @@ from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.manipulability import Inversion
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.specification import MOST_LIMBS, MOST_POSES
+from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.validators import MOST_POSES
 
 Limbs = Annotated[IntArray, (MOST_LIMBS,), np.int64]
 """An integer for each limb."""

@@ -7,6 +7,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.link_frames import axes_of
 
 
 def check_build(robot: DerivedFigures) -> None:
@@ -28,6 +29,44 @@ def check_build(robot: DerivedFigures) -> None:
     for i in range(robot.limbs):
         for j in range(i):
             _check_pair(robot, (i, j), (shoulders[i], shoulders[j]))
+
+
+def check_cargo(robot: DerivedFigures) -> None:
+    """Refuse cargo that overlaps bases of limbs, or what their shoulders sweep about joint 1.
+
+    No check of a posture compares these.
+    """
+    if robot.cargo is None:
+        return
+    centre, half = robot.cargo_centre, 0.5 * robot.cargo.edges
+    for i in range(robot.limbs):
+        shapes = {"base": _fixed_shapes(robot, i), "shoulder": _swept_shoulder(robot, i)}
+        for link, capsules in shapes.items():
+            for axis, radius in capsules:
+                samples = axis[0] + np.linspace(0.0, 1.0, 9)[:, None] * (axis[1] - axis[0])
+                away = np.maximum(np.abs(samples - centre) - half, 0.0)
+                inside = radius - float(np.linalg.norm(away, axis=1).min())
+                if inside > 0.0:
+                    raise RobotError(
+                        f"cargo of {' by '.join(f'{edge:g}' for edge in robot.cargo.edges)} m with "
+                        f"its centre at {centre.tolist()} overlaps the {link} of limb {i} by "
+                        f"{inside:.3g} m, so that no posture can hold it; make it smaller, or move "
+                        "its centre"
+                    )
+
+
+def _swept_shoulder(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]:
+    """Return axes and radii of a shoulder's capsules at angles of joint 1, in the body frame."""
+    (offset, quaternion), swept = robot.every_limb[limb].link_offsets[0], []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
+        c, s = np.cos(angle), np.sin(angle)
+        turn = axes_of(quaternion) @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        for shape in robot.mounted[limb].capsules or ():
+            if shape.link == "shoulder":
+                axis = np.array([shape.start, shape.end]) @ turn.T + np.array(offset)
+                axis = robot.mount_positions[limb] + axis @ robot.mount_rotations[limb].T
+                swept.append((axis, shape.radius))
+    return swept
 
 
 def _check_pair(

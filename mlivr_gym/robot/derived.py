@@ -10,8 +10,10 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
+from mlivr_gym.robot.rigid import RigidBody, both, box_inertia
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MIN_SIZE, Triple
@@ -36,6 +38,7 @@ class DerivedFigures:
     dynamics: LimbDynamics | None
     mounts: tuple[Mount, ...] | None
     apart: tuple[tuple[str, str], ...]
+    cargo: Cargo | None
 
     @cached_property
     def mounted(self) -> tuple[Mount, ...]:
@@ -71,8 +74,11 @@ class DerivedFigures:
     def is_symmetric(self) -> bool:
         """Whether a robot is the same after a turn by one limb about the body's z axis.
 
-        Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube.
+        Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube. Cargo
+        must lie on the axis of two limbs.
         """
+        if self.cargo is not None and (self.limbs > 2 or self.cargo_centre[:2].any()):
+            return False
         return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
 
     def is_apart(self, first: str, second: str) -> bool:
@@ -116,6 +122,18 @@ class DerivedFigures:
         return np.broadcast_to(np.asarray(self.body_size, dtype=np.float64), 3).copy()
 
     @property
+    def body_solid(self) -> RigidBody:
+        """Mass, centre and inertia of the body with its cargo, in the body frame."""
+        inertia = self.body_inertia or box_inertia(self.body_mass, self.body_edges)
+        body = RigidBody(self.body_mass, self.body_centre, inertia)
+        return body if self.cargo is None else both(body, self.cargo.solid_on(self.body_edges))
+
+    @property
+    def cargo_centre(self) -> Array:
+        """Middle of the cargo in the body frame [m], shape (3,); that of the body without one."""
+        return np.zeros(3) if self.cargo is None else self.cargo.centre_on(self.body_edges)
+
+    @property
     def body_radius(self) -> float:
         """Distance of the body's corners from its middle [m]."""
         edges = self.body_edges
@@ -136,6 +154,10 @@ class DerivedFigures:
     def extent(self) -> float:
         """An upper bound of the distance of any part of the robot from the body's middle [m]."""
         farthest = self.body_radius
+        if self.cargo is not None:
+            # The capsules that cover the cargo protrude by less than a quarter of its edges.
+            corner = np.abs(self.cargo_centre) + 0.75 * self.cargo.edges
+            farthest = max(farthest, float(np.linalg.norm(corner)))
         for mount, limb in zip(self.mounted, self.every_limb, strict=True):
             away = self.mount_radius
             if self.mounts is not None:

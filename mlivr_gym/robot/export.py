@@ -103,6 +103,9 @@ def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
         if not link.parent:
             _sub(body, "freejoint", name=link.name)
             _sub(body, "geom", type="box", size=_text(0.5 * robot.body_edges))
+            if robot.cargo is not None:
+                place, half = robot.cargo_centre, 0.5 * robot.cargo.edges
+                _sub(body, "geom", type="box", pos=_text(place), size=_text(half))
         if link.joint is not None:
             joint = link.joint
             _sub(
@@ -141,6 +144,10 @@ def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
         if not link.parent:
             collision = _sub(element, "collision")
             _sub(_sub(collision, "geometry"), "box", size=_text(robot.body_edges))
+            if robot.cargo is not None:
+                collision = _sub(element, "collision")
+                _sub(collision, "origin", xyz=_text(robot.cargo_centre), rpy="0 0 0")
+                _sub(_sub(collision, "geometry"), "box", size=_text(robot.cargo.edges))
         for capsule in link.capsules:
             _add_capsule(element, capsule)
         if link.parent:
@@ -159,8 +166,7 @@ def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
 def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
     """Yield the links of a robot, each after the one that carries it."""
     none = np.zeros(3)
-    body = RigidBody(robot.body_mass, robot.body_centre, robot.body_inertia or _box_inertia(robot))
-    yield WrittenLink("base", "", none, np.eye(3), body, (), None)
+    yield WrittenLink("base", "", none, np.eye(3), robot.body_solid, (), None)
     mounts = zip(robot.mount_positions, robot.mount_rotations, strict=True)
     for i, (position, rotation) in enumerate(mounts):
         dynamics, limb = robot.dynamics_of(i), robot.every_limb[i]
@@ -193,12 +199,6 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
 def _triple(dynamics: LimbDynamics, link: int) -> tuple[float, float, float]:
     x, y, z = dynamics.centres[link]
     return (x, y, z)
-
-
-def _box_inertia(robot: DerivedFigures) -> tuple[float, ...]:
-    """Return the inertia of the body as a homogeneous box [kg m^2]."""
-    square = robot.body_edges**2
-    return (*(robot.body_mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0)
 
 
 def _fields(robot: DerivedFigures, fields: dict[str, Any]) -> str:

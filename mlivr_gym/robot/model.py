@@ -25,6 +25,7 @@ The robot's shapes meet each other and the surroundings; boxes never meet.
 """
 
 BODY_COLOUR, GRIPPER_COLOUR = (0.93, 0.93, 0.95, 1), (0.15, 0.15, 0.17, 1)
+CARGO_COLOUR = (0.80, 0.62, 0.38, 1)
 STEEL_COLOUR, DISC_COLOUR = (0.70, 0.72, 0.75, 1), (0.1, 0.1, 0.12, 1)
 
 SHORTEST = 1e-6
@@ -109,10 +110,15 @@ def _add_base(spec: Any, robot: DerivedFigures) -> Any:
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=[0, 0, half[2]],
         size=[0.6 * half[:2].min(), 0.004, 0], rgba=DISC_COLOUR, mass=0, contype=0, conaffinity=0,
     )  # fmt: skip
-    if robot.body_inertia is not None:
+    if robot.cargo is not None:
+        base.add_geom(
+            name="cargo", type=mujoco.mjtGeom.mjGEOM_BOX, pos=robot.cargo_centre,
+            size=0.5 * robot.cargo.edges, rgba=CARGO_COLOUR, material="matt", mass=0, **_TOUCHES,
+        )  # fmt: skip
+    if robot.body_inertia is not None or robot.cargo is not None:
         base.explicitinertial = True
-        base.mass, base.ipos = robot.body_mass, robot.body_centre
-        base.fullinertia = list(robot.body_inertia)
+        solid = robot.body_solid
+        base.mass, base.ipos, base.fullinertia = solid.mass, solid.centre, list(solid.inertia)
     return base
 
 

@@ -82,7 +82,9 @@ MOUNT = Struct(
 
 
 def without_empty_looks(data: dict[str, Any]) -> dict[str, Any]:
-    """Return plain data of a robot with `visuals` only where there are any."""
+    """Return plain data of a robot with `visuals` and `cargo` only where there are any."""
+    if data["cargo"] is None:
+        del data["cargo"]
     parts = [data, *(data["mounts"] or ())]
     for part in parts:
         if part["visuals"] is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,18 +49,43 @@ def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> Rigid
         centre = data.xpos[body] + turn @ model.body_ipos[body]
         axes = turn @ _matrix(model.body_iquat[body])
         parts.append((mass, centre, axes @ np.diag(model.body_inertia[body]) @ axes.T))
-    mass = sum(part[0] for part in parts)
+    mass, centre, inertia = _sum(parts)
     if not mass:
         return RigidBody(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-    centre = sum((m * c for m, c, _ in parts), np.zeros(3)) / mass
-    inertia = np.zeros((3, 3))
-    for m, c, about in parts:
-        away = c - centre
-        inertia += about + m * ((away @ away) * np.eye(3) - np.outer(away, away))
     turn = frame[:3, :3].T
     inertia = turn @ inertia @ turn.T
     x, y, z = (turn @ (centre - frame[:3, 3])).tolist()
     return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+
+
+def _sum(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
+    """Return mass, centre and inertia about it of parts in one frame (parallel axis theorem)."""
+    mass = sum(part[0] for part in parts)
+    centre = sum((m * c for m, c, _ in parts), np.zeros(3)) / (mass or 1.0)
+    inertia = np.zeros((3, 3))
+    for m, c, about in parts:
+        away = c - centre
+        inertia += about + m * ((away @ away) * np.eye(3) - np.outer(away, away))
+    return mass, centre, inertia
+
+
+def both(first: RigidBody, second: RigidBody) -> RigidBody:
+    """Return two bodies in one frame as one."""
+    parts = []
+    for body in (first, second):
+        matrix = np.zeros((3, 3))
+        for (row, column), value in zip(PAIRS, body.inertia, strict=True):
+            matrix[row, column] = matrix[column, row] = value
+        parts.append((body.mass, np.array(body.centre), matrix))
+    mass, centre, inertia = _sum(parts)
+    x, y, z = centre.tolist()
+    return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+
+
+def box_inertia(mass: float, edges: Array) -> tuple[float, ...]:
+    """Return the inertia of a homogeneous box about its middle [kg m^2]."""
+    square = edges**2
+    return (*(mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0)
 
 
 def _matrix(quaternion: Array) -> Array:

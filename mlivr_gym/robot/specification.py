@@ -21,7 +21,9 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.build_checks import check_cargo
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.export import as_mjcf, as_urdf
@@ -41,25 +43,16 @@ from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks, without_empty_looks
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
-from mlivr_gym.robot.validators import APART, PairOf, SizeOrEdges
+from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
-SMALLEST_BODY = 1e-3
-"""Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
-
 MOST_LIMBS = 8
 """Largest number of limbs of a robot."""
 
-MOST_FOLDS = 4
-"""Largest number of entries of `RobotSpec.folds`."""
-
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
 """Stands for the folds of the limb's family, `Limb.default_folds`."""
-
-MOST_POSES = 64
-"""Largest number of candidate heights or rolls; the robots that ship have four and five."""
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 """Endings of the files that `from_file` reads."""
@@ -130,6 +123,8 @@ class RobotSpec(DerivedFigures):
         Where the figures come from, for readers.
     visuals
         Meshes that show a limb in pictures; None for those that ship, or for its capsules.
+    cargo
+        Load that is fixed to the body; None for none.
 
     Examples
     --------
@@ -161,6 +156,7 @@ class RobotSpec(DerivedFigures):
     body_inertia: tuple[float, ...] | None = None
     source: str = ""
     visuals: tuple[Visual, ...] | None = None
+    cargo: Cargo | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -174,6 +170,7 @@ class RobotSpec(DerivedFigures):
         if self.body_inertia is not None:
             check_inertia(self.body_inertia, FieldPath("body_inertia", RobotError))
         check_moving(self.capsules, FieldPath("", RobotError))
+        check_cargo(self)
         if self.span <= self.grasp_separation:
             raise RobotError(
                 f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}"
@@ -326,7 +323,7 @@ ROBOT = Struct(
         "lift": SIZE,
         "folds": Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
         "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
-        "body_size": SizeOrEdges(SMALLEST_BODY),
+        "body_size": SizeOrEdges(),
         "body_mass": Tuples((), *MASSES, "kg"),
         "gripper_mass": Tuples((), 0.0, MASSES[1], "kg"),
         "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
@@ -336,6 +333,7 @@ ROBOT = Struct(
         "body_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
         "source": Text(0),
         "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
+        "cargo": OrNone(CARGO),
     },
 )
 """Fields of a `RobotSpec`."""

@@ -19,6 +19,16 @@ APART = (
 """Pairs of links that lie beside each other, by lengths that no joint angle changes."""
 
 
+SMALLEST_BODY = 1e-3
+"""Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
+
+MOST_FOLDS = 4
+"""Largest number of entries of `RobotSpec.folds`."""
+
+MOST_POSES = 64
+"""Largest number of candidate heights or rolls; the robots that ship have four and five."""
+
+
 @dataclass(frozen=True)
 class PairOf:
     """Validator of one of several pairs of names, in either order.
@@ -50,7 +60,7 @@ class SizeOrEdges:
         Smallest edge [m].
     """
 
-    least: float
+    least: float = SMALLEST_BODY
 
     @property
     def edge(self) -> Tuples:
