@@ -221,8 +221,8 @@ def find_plan_in_corridor(
     with Progress("planning near a route", quiet=args.quiet):
         found = plan_in_corridor(
             chosen_map(args), args.start, args.goal, args.cost, chosen_robot(args),
-            chosen_settings(args), obstacles=boxes, occupied=occupied, regrasp_price=args.regrasp_price,
-            **search_options(args),
+            chosen_settings(args), obstacles=boxes, occupied=occupied,
+            regrasp_price=args.regrasp_price, **search_options(args),
         )  # fmt: skip
     graph, result = found.graph, found.result
     whole = ", the whole map" if found.is_whole else ""
