@@ -167,34 +167,22 @@ Forces, captures and errors: median, 95th percentile and maximum over the walks.
 
 
 def readme_text(data: dict[str, Any]) -> str:
-    """Return the paragraphs of the docs on the studies."""
-    lines = []
+    """Return the table of the docs: all disturbances at once, by controller."""
+    rows = []
     for name in CONTROLLERS:
-        rows = {field: data["studies"].get(f"{name}: {field}") for field in ("all", "none", *NAMES)}
-        whole, none = rows.pop("all"), rows.pop("none")
-        alone = {field: row for field, row in rows.items() if row is not None}
-        if whole is None or none is None:
-            continue
-        low, high = whole["interval"]
-        failing = [
-            f"{NAMES[field]} ({100 * (1.0 - row['share']):.0f} %)"
-            for field, row in alone.items()
-            if row["share"] < 1.0
-        ]
-        alone_text = (
-            f"Alone, these disturbances make walks fail: {', '.join(failing)}."
-            if failing
-            else f"Alone, none of the {len(alone)} disturbances makes a walk fail."
-        )
-        lines.append(
-            f"* {TITLES[name]}: all disturbances at once, {whole['carried_out']} of "
-            f"{whole['walks']} walks carried out (95 % confidence interval {100 * low:.1f} to "
-            f"{100 * high:.1f} %; "
-            f"{none['carried_out']} of {none['walks']} without any), {whole['walks_with_tries']} "
-            f"with a second attempt, grasp force at most {whole['grasp_force_N'][2]:.0f} N (95 % "
-            f"below {whole['grasp_force_N'][1]:.0f} N). {alone_text}\n"
-        )
-    return "".join(lines)
+        whole, none = (data["studies"][f"{name}: {field}"] for field in ("all", "none"))
+        low, high = (100 * share for share in whole["interval"])
+        rows.append([
+            TITLES[name], f"{whole['carried_out']} of {whole['walks']}",
+            f"{low:.1f} to {high:.1f} %", whole["walks_with_tries"],
+            "{1:.0f}, {2:.0f}".format(*whole["grasp_force_N"]),
+            f"{none['carried_out']} of {none['walks']}",
+        ])  # fmt: skip
+    head = (
+        "controller and pace | walks carried out with all disturbances | 95 % interval | with a "
+        "second attempt | grasp force, 95 % and largest [N] | carried out without disturbances"
+    )
+    return table(head, rows)
 
 
 def tornado(data: dict[str, Any], path: Path) -> None:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
 from collections import Counter
+from collections.abc import Iterable
 from functools import cache
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -113,34 +112,29 @@ def study_execution(walks: int, steps: int, workers: int) -> dict[str, Any]:
 
 
 class StateGraph:
-    """All states reachable from the stances of a graph, with their steps, for SciPy's Dijkstra.
+    """All states reachable from some states, with their steps, for SciPy's Dijkstra.
 
     It is computed by `successors` alone.
     """
 
-    def __init__(self, graph: TwoLimbGraph) -> None:
+    def __init__(self, graph: StanceGraph, starts: Iterable[State]) -> None:
         """Compute the successors of every state once."""
-        self.index: dict[State, int] = {}
-        todo = [graph.state(points.tolist()) for points in graph.points]
-        self.index = {state: k for k, state in enumerate(todo)}
-        rows, cols, moved = [], [], []
-        bar = tqdm(desc="states", mininterval=5.0)
-        for state in todo:
-            here = graph.base_position[graph.find(state.stance)]
+        self.states = list(starts)
+        self.index = {state: k for k, state in enumerate(self.states)}
+        rows, cols, moved, places = list[int](), list[int](), [np.zeros(0)], []
+        for state in tqdm(self.states, desc="states", mininterval=5.0):  # which grow
+            places.append(graph.posture_of(state).base_position[0])
             steps_from = graph.successors(state)
-            away = np.linalg.norm(steps_from.base_position - here, axis=1)
+            moved.append(np.linalg.norm(steps_from.base_position - places[-1], axis=1))
             for k in range(len(steps_from.limb)):
                 after = steps_from.after(state, k)
                 if after not in self.index:
-                    self.index[after] = len(todo)
-                    todo.append(after)
+                    self.index[after] = len(self.states)
+                    self.states.append(after)
                 rows.append(self.index[state])
                 cols.append(self.index[after])
-            moved.append(away)
-            bar.update()
-        bar.close()
-        self.places = np.array([graph.base_position[graph.find(s.stance)] for s in todo])
-        self.rows, self.cols, self.moved = np.array(rows), np.array(cols), np.concatenate(moved)
+        self.places, self.moved = np.array(places), np.concatenate(moved)
+        self.rows, self.cols = np.array(rows, dtype=int), np.array(cols, dtype=int)
 
     def costs(self, start: State, cost: Cost) -> Array:
         """Return the minimum cost from a state to every other one."""
@@ -157,7 +151,8 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     sparse = whole.subset(np.arange(len(whole)) % 2 == 0, "every second point")
     graph = two_limb_graph(sparse)
     step_tables(graph)
-    states, planner, rng = StateGraph(graph), Planner(graph), np.random.default_rng(4)
+    states = StateGraph(graph, [graph.state(points.tolist()) for points in graph.points])
+    planner, rng = Planner(graph), np.random.default_rng(4)
     out, worst, reached = Counter[str](), 0.0, 0
     for n in tqdm(range(starts), desc="queries", mininterval=5.0):
         name, price = COSTS[n % len(COSTS)]
@@ -190,26 +185,6 @@ def study_optimality(queries: int, starts: int) -> dict[str, Any]:
     }
 
 
-def plain_dijkstra(graph: StanceGraph, start: State, cost: Cost) -> dict[State, float]:
-    """Return the minimum cost to every reachable state, by `successors` and `heapq` alone."""
-    best, done, order = {start: 0.0}, dict[State, float](), count()
-    heap = [(0.0, next(order), start)]
-    while heap:
-        so_far, _, state = heapq.heappop(heap)
-        if state in done:
-            continue
-        done[state] = so_far
-        here, steps_from = graph.posture_of(state).base_position[0], graph.successors(state)
-        away = np.linalg.norm(steps_from.base_position - here, axis=1)
-        for k in range(len(steps_from.limb)):
-            after = steps_from.after(state, k)
-            total = so_far + cost.base_weight * float(away[k]) + cost.step_weight
-            if total < best.get(after, np.inf):
-                best[after] = total
-                heapq.heappush(heap, (total, next(order), after))
-    return done
-
-
 def small_map(rng: np.random.Generator) -> GraspMap:
     """Return a map of six points of the JEM that lie close to each other."""
     whole = jem_map()
@@ -237,20 +212,20 @@ def small_query(task: int) -> dict[str, Any]:
     # States that some step leaves are preferred, since the others test little.
     start = next((state for state in states[:40] if graph.successors(state)), states[0])
     cost = Cost.named(name, price)
-    truth = plain_dijkstra(graph, start, cost)
-    places = {state: graph.posture_of(state).base_position[0] for state in truth}
-    choice = [graph.posture_of(s).base_position[0] for s in states] if anywhere else places.values()
-    goal = list(choice)[int(rng.integers(len(choice)))]
-    reached = [truth[s] for s, place in places.items() if np.linalg.norm(place - goal) <= 0.05]
+    known = StateGraph(graph, [start])
+    costs = known.costs(start, cost)
+    choice = [graph.posture_of(s).base_position[0] for s in states] if anywhere else known.places
+    goal = choice[int(rng.integers(len(choice)))]
+    reached = costs[np.linalg.norm(known.places - goal, axis=1) <= 0.05]
     how: dict[str, Any] = {} if price is None else {"regrasp_price": price}
     found = Planner(graph).plan(start, goal, name, goal_tolerance=0.05, inflation=1.0, **how)
     world = "collisions" if collisions else "no collisions"
-    if (found.plan is None) != (not reached):
+    if (found.plan is None) != (not len(reached)):
         return {"outcome": f"{world}: existence differs", "off": np.inf}
     if found.plan is None:
         return {"outcome": f"{world}: neither finds a plan", "off": 0.0}
-    outcome = "no step leads away" if len(truth) == 1 else "both find one"
-    off = abs(found.plan.statistics.cost - min(reached))
+    outcome = "no step leads away" if len(known.states) == 1 else "both find one"
+    off = abs(found.plan.statistics.cost - reached.min())
     return {"outcome": f"{world}: {outcome}", "off": off}
 
 
