@@ -105,6 +105,7 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "mount_radius": robot.mount_radius,
             "characteristic_length": robot.characteristic_length,
             "body_size": robot.body_size,
+            **({} if robot.cargo is None else {"cargo": asdict(robot.cargo)}),
             "capsules_of_a_limb": len(robot.shapes),
             "masses_and_limits": robot.dynamics_source,
             **({"source": robot.source} if robot.source else {}),

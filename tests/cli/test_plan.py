@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
+from mlivr_gym.fastest import least_reaction_plan
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.corridor import plan_in_corridor
+from mlivr_gym.robot.cargo import Cargo
 
 
 def test_plan_with_defaults(run):
@@ -32,6 +34,28 @@ def test_plan_writes_plan_and_picture(run, tmp_path, jem):
     assert f"picture: {picture}, {tmp_path / 'plan.svg'}" in out
     assert (tmp_path / "plan.svg").read_text().startswith("<?xml")
     assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "plan.png", "plan.svg"}
+
+
+def test_the_plan_of_least_reaction_is_the_first_one_listed(run, tmp_path, checked_graph, jem):
+    file, goal = tmp_path / "plan.json", (4.0, 0.0, 0.42)
+    query = "--start D2a:4 D2b:4 --goal 4.0 0 0.42 --cost reaction"
+    code, out, _ = run(f"plan {query} --out {file}")
+    assert code == 0
+    impulses = [float(line.split(" N s")[0].split(",")[-1]) for line in out.splitlines()
+                if " N s" in line]  # fmt: skip
+    assert impulses == sorted(impulses)
+    best = least_reaction_plan(Planner(checked_graph), ("D2a:4", "D2b:4"), goal)[0].plan
+    assert Plan.load(file, jem).motion.steps == best.motion.steps
+
+
+def test_plan_and_info_take_cargo(run, tmp_path, jem):
+    file = tmp_path / "plan.json"
+    query = "--start D2a:4 D2b:4 --goal 4.0 0 0.42 --cargo 12 0.3 0.4 0.2"
+    assert run(f"plan {query} --out {file}")[0] == 0
+    assert Plan.load(file, jem).world.robot.cargo == Cargo(12.0, (0.3, 0.4, 0.2))
+    code, out, _ = run("info --json --cargo 12 0.3 0.4 0.2")
+    assert code == 0
+    assert json.loads(out)["robot"]["cargo"]["mass"] == 12.0
 
 
 @pytest.mark.parametrize(
