@@ -72,14 +72,6 @@ def write_assets(files: dict[str, Callable[[], dict[str, Any]]]) -> None:
         write_whole(ROOT / "envs_assets" / f"{name}.json", text)
 
 
-def publish(
-    out: Path, name: str, data: Any, markdown: Callable[[Any], str], indent: int | None = 1
-) -> None:
-    """Write the results of an experiment as JSON, and the page that `markdown` makes of them."""
-    keep(out, name, data, indent)
-    write_whole(out / f"{name}.md", markdown(data))
-
-
 def experiment(
     name: str,
     description: str | None,
@@ -111,10 +103,11 @@ def experiment(
     """
     parser = command_line(description)
     for option, default in options.items():
-        flag = f"--{option.replace('_', '-')}"
-        parser.add_argument(
-            flag, type=type(default), default=default, help="(default: %(default)s)"
-        )
+        if default is False:
+            parser.add_argument(f"--{option}", action="store_true")
+        else:
+            kind, text = type(default), "(default: %(default)s)"
+            parser.add_argument(f"--{option}", type=kind, default=default, help=text)
     parser.add_argument("--report", action="store_true", help="only write page and figure")
     given = vars(parser.parse_args())
     out, report = given.pop("out"), given.pop("report")
@@ -128,7 +121,7 @@ def experiment(
         draw(data, out / f"{name}.png")
 
 
-CORES = len(os.sched_getaffinity(0))
+CORES = os.cpu_count() or 1
 """Number of processor cores, which is the default number of processes."""
 
 

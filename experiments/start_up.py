@@ -1,13 +1,13 @@
 """Measure what the first use of an installation compiles and how long it takes, for each path.
 
-    python experiments/start_up.py [--out results] [--compiled] [NAME ...]
+    python experiments/start_up.py [--out results] [--compiled]
 
 A path is a command or a short program. Each path runs in new processes twice: with empty caches and
 the ready-made machine code, and again with everything cached. The paths of `COMPILED_TOO`, with
 `--compiled` all paths, also run with empty caches and without the ready-made code, which takes a
 minute each. Counted are the compiled functions; measured are wall-clock and processor time, and the
 load of the machine is reported. Bytecode of the package exists, as after `pip install`. Writes
-`start_up.json` and `start_up.md` in some minutes; with names, only those paths are measured again.
+`start_up.json` and `start_up.md` in some minutes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from reports import NOTHING, ROOT, command_line, publish, read, table
+from reports import NOTHING, ROOT, experiment, table
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 
@@ -173,27 +173,21 @@ The commands are:
 {"".join(commands)}"""
 
 
-def main() -> None:
-    """Measure the paths and write results and page."""
-    parser = command_line(__doc__)
-    parser.add_argument("names", nargs="*", choices=[*PATHS, []], help="paths (default: all)")
-    parser.add_argument("--compiled", action="store_true", help="compile everything, too")
-    args = parser.parse_args()
-    before = read(args.out, "start_up").get("paths", {}) if args.names else {}
+def all_measured(compiled: bool) -> dict[str, Any]:
+    """Measure all paths, with the load of the machine."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    python, loads = platform.python_version(), []
+    python, loads, paths = platform.python_version(), list[float](), {}
     compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
-    for path in args.names or PATHS:
-        before[path] = measured(path, args.compiled or path in COMPILED_TOO)
+    for path in PATHS:
+        paths[path] = measured(path, compiled or path in COMPILED_TOO)
         loads.append(os.getloadavg()[0])
-        print(path, before[path], flush=True)
-    data = {
+        print(path, paths[path], flush=True)
+    return {
         "machine": f"{cores} cores, Python {python}, Numba {numba.__version__}",
         "load": max(loads) - 1.0,
-        "paths": {path: before[path] for path in PATHS if path in before},
+        "paths": paths,
     }
-    publish(args.out, "start_up", data, markdown)
 
 
 if __name__ == "__main__":
-    main()
+    experiment("start_up", __doc__, all_measured, markdown, compiled=False)

@@ -11,7 +11,6 @@ It is proved to have at most 1.2 times the fewest steps possible on the points t
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -21,7 +20,7 @@ import time
 from typing import Any
 
 from matplotlib.figure import Figure
-from reports import NOTHING, ROOT, command_line, keep, publish, read, table
+from reports import NOTHING, ROOT, experiment, table
 from tqdm import tqdm
 
 INFLATION, TIME_LIMIT = 1.2, 300.0
@@ -110,6 +109,14 @@ def in_process(labs: int, method: str) -> dict[str, Any]:
     return row | found
 
 
+def all_measured() -> dict[str, Any]:
+    """Return the figures of all plans."""
+    todo = [(0, "whole"), (0, "corridor")]
+    todo += [(n, "corridor") for n in LABS] + [(n, "whole") for n in LABS if n <= MOST_WHOLE]
+    todo += [(n, TO_TENTH) for n in LABS if n > SHORT]
+    return {"rows": [in_process(*one) for one in tqdm(todo)]}
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the report."""
     rows = []
@@ -190,26 +197,9 @@ def draw(data: dict[str, Any], path: Any) -> None:
     save_figure(figure, path, vector=False)
 
 
-def main() -> None:
-    """Run the experiment, or one plan of it."""
-    if "--one" in sys.argv:
-        one = argparse.ArgumentParser()
-        one.add_argument("--one", nargs=3)
-        labs, method, began = one.parse_args().one
-        print(json.dumps(measured(int(labs), method, float(began))))
-        return
-    arguments = command_line(__doc__).parse_args()
-    todo = [(0, "whole"), (0, "corridor")]
-    todo += [(n, "corridor") for n in LABS] + [(n, "whole") for n in LABS if n <= MOST_WHOLE]
-    todo += [(n, TO_TENTH) for n in LABS if n > SHORT]
-    data = read(arguments.out, "whole_station") or {"rows": []}
-    known = {(row["labs"], row["method"]) for row in data["rows"]}
-    for labs, method in tqdm([one for one in todo if one not in known]):
-        data["rows"].append(in_process(labs, method))
-        keep(arguments.out, "whole_station", data)
-    publish(arguments.out, "whole_station", data, markdown)
-    draw(data, arguments.out / "whole_station.png")
-
-
 if __name__ == "__main__":
-    main()
+    if "--one" in sys.argv:
+        labs, method, began = sys.argv[2:]
+        print(json.dumps(measured(int(labs), method, float(began))))
+    else:
+        experiment("whole_station", __doc__, all_measured, markdown, draw)
