@@ -12,6 +12,7 @@ if __name__ == "agents":
 from mlivr_gym.agents.evaluation import Evaluation, EvaluationTask, evaluate
 from mlivr_gym.agents.policies import (
     ExpertPolicy,
+    LookingPolicy,
     PlanPolicy,
     Policy,
     RandomPolicy,
@@ -23,6 +24,7 @@ __all__ = [
     "Evaluation",
     "EvaluationTask",
     "ExpertPolicy",
+    "LookingPolicy",
     "PlanPolicy",
     "Policy",
     "RandomPolicy",

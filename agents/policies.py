@@ -7,10 +7,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.rewards import BaseReward, StepReward
+from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
@@ -18,6 +20,7 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -94,7 +97,7 @@ class ExpertPolicy:
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
-        self._goal: tuple[bytes, float] = b"", 0.0
+        self._key: tuple[bytes, float, bytes] = b"", 0.0, b""
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return an optimal action for the reward of the environment, the first one if several are.
@@ -110,11 +113,11 @@ class ExpertPolicy:
                 f"the expert policy needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
             )
         moves = env.table_moves()
-        goal = (env.goal.tobytes(), env.goal_tolerance)
-        if self._moves is not moves or self._goal != goal:
-            risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
+        risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
+        key = (env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
+        if self._moves is not moves or self._key != key:
             cost = cost_of(env)
-            self._moves, self._goal = moves, goal
+            self._moves, self._key = moves, key
             goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)
         if env.state.pose is not None:
@@ -129,6 +132,38 @@ class ExpertPolicy:
         )[0]
         # If no action leads to the goal, the first valid one is taken.
         return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
+
+
+class LookingPolicy:
+    """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
+
+    Attributes
+    ----------
+    policy
+        Policy that chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
+        `failure_probability` are what the robot knows.
+    looks
+        Whether it looks.
+    """
+
+    def __init__(self, policy: Policy, looks: bool = True) -> None:
+        """Take the policy that chooses the steps."""
+        self.policy, self.looks = policy, looks
+
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the action to take; see `Policy.act`.
+
+        Raises
+        ------
+        SettingError
+            If the environment is not an `UnknownMapEnv`.
+        """
+        InstanceOf(UnknownMapEnv).read(env, FieldPath("env", SettingError))
+        assert isinstance(env, UnknownMapEnv)
+        action = self.policy.act(env, observation, mask[:-1])
+        point = action % len(env.graph.grasp_map)
+        look = self.looks and not env.seen[point] and point in env.in_sight()
+        return len(mask) - 1 if look else action
 
 
 def cost_of(env: MlivrEnv) -> Cost:
@@ -150,7 +185,7 @@ def cost_of(env: MlivrEnv) -> Cost:
 class PlanPolicy:
     """Policy that follows plans, and plans again when the stance is not the one expected.
 
-    It also plans again when an episode begins or the goal has changed.
+    It also plans again when an episode begins, or the goal or the world has changed.
 
     Attributes
     ----------
@@ -169,14 +204,16 @@ class PlanPolicy:
         self._find = find
         self._actions: list[int] = []
         self._expected: tuple[int, ...] | None = None
-        self._goal: bytes = b""
+        self._goal, self._version = b"", -1
         self.plans = 0
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the next action of the plan, or an invalid action if no plan is found."""
-        if env.state.stance != self._expected or env.goal.tobytes() != self._goal or env.steps == 0:
+        known = env.goal.tobytes() == self._goal and env.graph.version == self._version
+        if env.state.stance != self._expected or not known or env.steps == 0:
             self._actions = (self._find(env) or [])[::-1]
-            self._goal, self.plans = env.goal.tobytes(), self.plans + 1
+            self._goal, self._version = env.goal.tobytes(), env.graph.version
+            self.plans += 1
         if not self._actions:
             self._expected = None
             return int(np.flatnonzero(~mask)[0])

@@ -12,14 +12,8 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import NONE
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.envs.tasks import (
-    MAX_WALK_STEPS,
-    Task,
-    TaskGenerator,
-    WalkTasks,
-    draw_task,
-    longest_axis,
-)
+from mlivr_gym.envs.task import Task, TaskGenerator
+from mlivr_gym.envs.tasks import MAX_WALK_STEPS, WalkTasks, draw_task, longest_axis
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.stances.step_tables import state_of

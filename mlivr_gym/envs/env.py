@@ -19,6 +19,7 @@ from mlivr_gym.envs.arguments import ENV_ARGUMENTS
 from mlivr_gym.envs.batch import draw_task_with_tables
 from mlivr_gym.envs.dynamics import check_dynamics, step_executor
 from mlivr_gym.envs.grasp_failure import failure_probabilities, state_after_failure
+from mlivr_gym.envs.layout_tasks import LayoutTasks, fewest_steps
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TotalReward
@@ -29,7 +30,8 @@ from mlivr_gym.envs.snapshots import (
 )
 from mlivr_gym.envs.stance_graph_env import StanceGraphEnv
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.tasks import TASKS, LayoutTasks, TaskGenerator, fewest_steps
+from mlivr_gym.envs.task import TaskGenerator
+from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.cargo import Cargo, carrying
@@ -89,7 +91,7 @@ class MlivrEnv(StanceGraphEnv):
     | `base_quaternion` | `Box(4)` | orientation of the base w, x, y, z, with w >= 0 | 1 |
     | `goal` | `Box(3)` | goal position of the base | m |
     | `branches` | `MultiBinary(16 N)` | inverse kinematics branches and flips of each limb | |
-    | `occupied` | `MultiBinary(m)` | occupied points, with `tasks="random"` only | |
+    | `occupied` | `MultiBinary(m)` | occupied points, with `LayoutTasks` only | |
 
     ## Rewards
     `reward="steps"` gives -1 for each action. `reward="base"` gives minus the base displacement
@@ -110,9 +112,10 @@ class MlivrEnv(StanceGraphEnv):
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of valid steps joins them, `"far"`
     (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module, and `"random"`
-    (`MLIVR-Random-v0`) with a new layout of occupied points, which stays if both start and goal are
-    given. Tasks, grasp failures and disturbances are drawn from one random stream, which the seed
-    of `reset` starts, and which a reset without a seed continues. `reset(options=...)` takes:
+    (`MLIVR-Random-v0`) with a new layout of occupied points, as `"clutter"` does in clusters; it
+    stays if both start and goal are given. Tasks, grasp failures and disturbances are drawn from
+    one random stream, which the seed of `reset` starts, and which a reset without a seed continues.
+    `reset(options=...)` takes:
 
     * `start`: ids of the points held, and `goal`: x, y, z [m]; one that is not given is drawn.
     * `start_pose`: x, y, z [m] and quaternion w, x, y, z, and `start_joints`, shape (N, 6) [rad],
@@ -137,7 +140,7 @@ class MlivrEnv(StanceGraphEnv):
     | `action_mask` | 1 for each valid action, shape (N m,), int8 |
     | `is_success` | whether the base is in the goal region |
     | `invalid_action`, `grasp_failed` | whether the action was invalid, or its grasp failed |
-    | `fewest_steps` | with `tasks="random"`: steps of an optimal plan from the start, -1: none |
+    | `fewest_steps` | with `LayoutTasks`: steps of an optimal plan from the start, -1: none |
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
@@ -160,7 +163,7 @@ class MlivrEnv(StanceGraphEnv):
     | `reward` | `"steps"` | `"steps"`, `"base"`, or an `envs.rewards.Reward` |
     | `success_bonus` | 0.0 | reward added when the goal is reached |
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
-    | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, or a `TaskGenerator` |
+    | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, `"clutter"`, or a `TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
     | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"station"`, see `Setup.of` |
     | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"station"`, see `Setup.of` |
@@ -250,7 +253,7 @@ class MlivrEnv(StanceGraphEnv):
         layouts = isinstance(self.tasks, LayoutTasks)
         if layouts and graph.limbs > 2:
             raise SettingError(
-                f"tasks='random' needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
+                f"tasks with layouts need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
             )
         super().__init__(graph, goal_tolerance, render_mode, (width, height), layouts)
         self._executor: StepExecutor | None = None
@@ -342,8 +345,7 @@ class MlivrEnv(StanceGraphEnv):
             after = self.moves.take(state, action)
             reached = self.moves.stance_properties(after).base_position
             displacement = distance(reached, self._properties.base_position)
-            risk = self.failure_probability[point]
-            failed = bool(risk > 0.0 and self._stream.random() < risk)
+            failed = self._grasp_fails(point)
             if failed:
                 displacement *= 2.0
                 after = state_after_failure(self.graph, state, after, limb)
@@ -366,3 +368,8 @@ class MlivrEnv(StanceGraphEnv):
         self._record_event(action_caption(self.graph, (limb, point), valid, failed), simulated)
         ended = success or bool(self._simulation_info.get("failure"))
         return self._observation(), float(reward), ended, False, self._info(not valid, failed)
+
+    def _grasp_fails(self, point: int) -> bool:
+        """Return whether an attempt to grasp a point fails."""
+        risk = self.failure_probability[point]
+        return bool(risk > 0.0 and self._stream.random() < risk)

@@ -45,7 +45,9 @@ class Observation(TypedDict):
     """Whether each limb may be on each branch and flip, limb by limb, at `branch + 8 flip`, shape
     (16 N,), int8."""
     occupied: NotRequired[NDArray[np.int8]]
-    """Whether each point is occupied, shape (m,), int8; only with `tasks="random"`."""
+    """Whether each point is occupied, shape (m,), int8; only with `LayoutTasks`."""
+    unknown: NotRequired[NDArray[np.int8]]
+    """Whether each point was not seen yet, shape (m,), int8; only in `UnknownMapEnv`."""
 
 
 def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:

@@ -8,7 +8,8 @@ from typing import Any
 
 from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.tasks import FIXED_NUMBER, TaskGenerator, fixed_task
+from mlivr_gym.envs.task import TaskGenerator
+from mlivr_gym.envs.tasks import FIXED_NUMBER, fixed_task
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.schema import Anything, Fields, OrNone

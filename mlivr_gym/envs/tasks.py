@@ -1,93 +1,31 @@
 """Tasks: generators that draw starts and goals which a walk of valid steps connects.
 
-Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"`, `"far"` and
-`"random"` stand for `WalkTasks()`, `WalkTasks(far=True)` and `LayoutTasks()`.
+Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"`, `"far"`,
+`"random"` and `"clutter"` stand for `WalkTasks()`, `WalkTasks(far=True)`, `LayoutTasks()` and
+`LayoutTasks(clustered=True)`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array
+from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.envs.streams import Stream
+from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.errors import SettingError, StanceError, shortened
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.schema import Choice, FieldPath, Integer
-from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.step_tables import StepTables, state_of, step_tables
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
 MAX_WALK_STEPS = 12
 """Maximum number of steps of the walk by which `WalkTasks` finds a goal from its start."""
-
-OCCUPIED_SHARES = 0.3, 0.5
-"""Least and largest share of the points that `LayoutTasks` makes occupied."""
-
-
-class Task(NamedTuple):
-    """Start and goal of an episode."""
-
-    start: State
-    """State at the start."""
-    goal: Array
-    """Goal position of the base [m], shape (3,)."""
-
-
-class TaskGenerator(Protocol):
-    """Interface of a task generator.
-
-    Examples
-    --------
-    Tasks whose goal lies at least 2 m from the start:
-
-    >>> from mlivr_gym.envs.env import MlivrEnv
-    >>> class LongTasks:
-    ...     def draw(self, graph, rng, tolerance, start=None):
-    ...         return sample_task(graph, rng, 2.0, start)
-    >>> env = MlivrEnv(tasks=LongTasks())
-    >>> observation, info = env.reset(seed=0)
-    >>> bool(np.linalg.norm(observation["goal"] - info["base_position"]) > 2.0)
-    True
-    """
-
-    def draw(
-        self,
-        graph: StanceGraph,
-        rng: np.random.Generator,
-        tolerance: float,
-        start: State | None = None,
-    ) -> Task:
-        """Return a task whose goal can be reached from its start.
-
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        rng
-            Source of randomness.
-        tolerance
-            Radius of the goal region [m].
-        start
-            The start, or None to draw it.
-
-        Returns
-        -------
-        Task
-            The start, which is the given one if there is one, and the goal.
-
-        Raises
-        ------
-        StanceError
-            If no task is found.
-        """
 
 
 @dataclass(frozen=True)
@@ -126,101 +64,9 @@ class WalkTasks:
         return {"kind": "far" if self.far else "walk"}
 
 
-@dataclass(frozen=True)
-class LayoutTasks:
-    """Task generator that draws which points are occupied, and a start and goal joined by a plan.
-
-    The share of occupied points is uniform in `OCCUPIED_SHARES`, and each set of points of that
-    size is as likely as another; points of a start that is given stay free. They become the
-    occupied points of the graph. The goal is the base position of a random stance that is left, if
-    it lies in the cabin. The start is a random one of the stances outside the goal region from
-    which an exact search finds the goal. If there is none, all three are drawn again.
-    """
-
-    def draw(
-        self,
-        graph: StanceGraph,
-        rng: np.random.Generator,
-        tolerance: float,
-        start: State | None = None,
-    ) -> Task:
-        """Return a task, and occupy the points of its layout; see `TaskGenerator.draw`.
-
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs, or the start has a pose of its own.
-        StanceError
-            If no task is found; the graph then has the occupied points that it had before.
-        """
-        if start is not None and start.pose is not None:
-            raise SettingError("tasks='random' starts in the posture of a stance; give no pose")
-        before, points = graph.occupied, np.arange(len(graph.grasp_map))
-        low, high = graph.grasp_map.cabin
-        free = points if start is None else np.setdiff1d(points, start.stance)
-        for _ in range(TRIES):
-            count = round(rng.uniform(*OCCUPIED_SHARES) * len(points))
-            graph.vacate()
-            graph.occupy(rng.choice(free, min(count, len(free)), replace=False).tolist())
-            tables = step_tables(graph)
-            feasible = np.flatnonzero((tables.branch_sets != 0).all(axis=1))
-            if not len(feasible):
-                continue
-            goal = tables.base_position[rng.choice(feasible)]
-            if (goal < low).any() or (goal > high).any():
-                continue
-            fewest = _step_values(tables, goal, tolerance).of_stances(0)
-            starts = np.flatnonzero(np.isfinite(fewest) & (fewest > 0.0))
-            if start is not None:
-                starts = starts[(tables.points[starts] == start.stance).all(axis=1)]
-            if len(starts):
-                s = int(rng.choice(starts))
-                return Task(start or state_of(tables, s, tables.branch_sets[s]), goal)
-        graph.vacate()
-        graph.occupy(sorted(before))
-        raise StanceError(
-            f"no layout with a goal that can be reached was found on map {graph.grasp_map.name!r} "
-            f"in {TRIES} draws"
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which `TASKS` builds this generator."""
-        return {"kind": "random"}
-
-
-def _step_values(tables: StepTables, goal: Array, tolerance: float) -> TableValues:
-    """Return the fewest steps to a goal [m]."""
-    return TableValues(tables, in_goal_region(tables, goal[None], tolerance), Cost.named("steps"))
-
-
-def fewest_steps(moves: TableMoves, state: State, goal: Array, tolerance: float) -> int:
-    """Return the number of steps of an optimal plan, -1 if there is none.
-
-    Parameters
-    ----------
-    moves
-        The steps.
-    state
-        The start.
-    goal
-        Goal position [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
-    """
-    if _squared_lengths(moves.stance_properties(state).base_position - goal) <= tolerance**2:
-        return 0
-    values, steps = _step_values(moves.tables, goal, tolerance), moves.successors(state)
-    after = [steps.after(state, k) for k in range(len(steps.limb))]
-    s = np.array([moves.stance_at[one.stance] for one in after])
-    branch_sets = np.array([one.branch_sets for one in after])
-    actions = moves.action_mask(state).size
-    rest = values.of_actions(s, branch_sets, np.zeros(len(s), np.int64), actions).min(axis=1)
-    fewest = 1 + np.where(values.is_goal[0, s], 0.0, rest).min()
-    return int(fewest) if np.isfinite(fewest) else -1
-
-
 TASK_GENERATORS: dict[str, TaskGenerator] = {
     "walk": WalkTasks(), "far": WalkTasks(far=True), "random": LayoutTasks(),
+    "clutter": LayoutTasks(clustered=True),
 }  # fmt: skip
 """The task generators by name."""
 

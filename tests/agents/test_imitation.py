@@ -11,7 +11,7 @@ from mlivr_gym.agents.imitation import Imitation, optimal_set_loss
 from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import logits_and_value, make_actor_critic
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import Task
+from mlivr_gym.envs.task import Task
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State

@@ -10,7 +10,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
 from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import OCCUPIED_SHARES, LayoutTasks
+from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES, LayoutTasks
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, StanceError
 
@@ -125,7 +125,7 @@ def test_without_a_task_the_points_stay_as_they_were(env):
 def test_what_has_no_layouts_of_its_own_is_refused(small_map, env):
     with pytest.raises(SettingError, match=r"vectorization_mode='sync'"):
         MlivrVectorEnv(2, env=env)
-    with pytest.raises(SettingError, match="needs two limbs; robot 'mlivr3' has 3"):
+    with pytest.raises(SettingError, match="need two limbs; robot 'mlivr3' has 3"):
         MlivrEnv(map=small_map, robot="mlivr3", tasks="random")
     env.reset(seed=0)
     pose = [*env.graph.posture_of(env.state).base_position[0], 1.0, 0.0, 0.0, 0.0]

@@ -6,7 +6,8 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.tasks import Task, WalkTasks
+from mlivr_gym.envs.task import Task
+from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError
 from mlivr_gym.stances.random_states import random_state

@@ -1,0 +1,69 @@
+"""A task, and the interface of what draws tasks; `tasks` has the generators."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mlivr_gym.arrays import Array
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
+
+
+class Task(NamedTuple):
+    """Start and goal of an episode."""
+
+    start: State
+    """State at the start."""
+    goal: Array
+    """Goal position of the base [m], shape (3,)."""
+
+
+class TaskGenerator(Protocol):
+    """Interface of a task generator.
+
+    Examples
+    --------
+    Tasks whose goal lies at least 2 m from the start:
+
+    >>> from mlivr_gym.envs.env import MlivrEnv
+    >>> class LongTasks:
+    ...     def draw(self, graph, rng, tolerance, start=None):
+    ...         return sample_task(graph, rng, 2.0, start)
+    >>> env = MlivrEnv(tasks=LongTasks())
+    >>> observation, info = env.reset(seed=0)
+    >>> bool(np.linalg.norm(observation["goal"] - info["base_position"]) > 2.0)
+    True
+    """
+
+    def draw(
+        self,
+        graph: StanceGraph,
+        rng: np.random.Generator,
+        tolerance: float,
+        start: State | None = None,
+    ) -> Task:
+        """Return a task whose goal can be reached from its start.
+
+        Parameters
+        ----------
+        graph
+            The stance graph.
+        rng
+            Source of randomness.
+        tolerance
+            Radius of the goal region [m].
+        start
+            The start, or None to draw it.
+
+        Returns
+        -------
+        Task
+            The start, which is the given one if there is one, and the goal.
+
+        Raises
+        ------
+        StanceError
+            If no task is found.
+        """
