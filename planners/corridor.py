@@ -6,13 +6,13 @@ widened, up to the whole map; only the whole map proves that there is none.
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
@@ -28,6 +28,9 @@ from mlivr_gym.world.grasp_map import STANCE, GraspMap, as_map
 
 CELL = 1.0
 """Edge of the cells of the route [m]."""
+
+CHUNK = 256
+"""Number of points that are compared with all others at once."""
 
 WIDTHS = 1.5, 2.5
 """Distances from the route within which points belong to the corridor, in order [m]."""
@@ -99,8 +102,7 @@ def plan_in_corridor(
     taken = [world.ids[k] for k in sorted({world.index(point) for point in occupied})]
     target = world.check_goal(goal)
     route = route_of(world.positions, held[0], target, robot.span)
-    tree = scipy.spatial.cKDTree(route)
-    far = tree.query(world.positions)[0]
+    far = nearest_distances(world.positions, route)
     needed = np.linalg.norm(world.positions - target, axis=1) <= robot.reach + robot.mount_radius
     needed[held] = True
     for width in WIDTHS:
@@ -139,18 +141,8 @@ def route_of(positions: Array, first: int, goal: Array, span: float) -> Array:
     sums = np.zeros((count, 3))
     np.add.at(sums, inverse, positions)
     means = sums / np.bincount(inverse)[:, None]
-    tree = scipy.spatial.cKDTree(means)
-    pairs = tree.query_pairs(span, output_type="ndarray")
-    squares = ((means[pairs[:, 0]] - means[pairs[:, 1]]) ** 2).sum(axis=1)
-    hops = scipy.sparse.coo_matrix((squares, pairs.T), shape=(count, count))
-    here, end = int(inverse[first]), int(tree.query(goal)[1])
-    _, before = scipy.sparse.csgraph.dijkstra(
-        hops, directed=False, indices=here, return_predecessors=True
-    )
-    places = [goal, means[end]]
-    while end != here and before[end] >= 0:
-        end = int(before[end])
-        places.append(means[end])
+    here, end = int(inverse[first]), int(np.linalg.norm(means - goal, axis=1).argmin())
+    places = [goal, *means[_cheapest_hops(means, here, end, span)][::-1]]
     places.append(positions[first])
     line = [
         np.linspace(a, b, 2 + int(2.0 * np.linalg.norm(b - a) / CELL)) for a, b in pairwise(places)
@@ -160,9 +152,46 @@ def route_of(positions: Array, first: int, goal: Array, span: float) -> Array:
 
 def around(world: GraspMap, keep: BoolArray, robot: RobotSpec) -> GraspMap:
     """Return a map with some points, shape (m,), and the boxes that a robot there may touch."""
-    tree = scipy.spatial.cKDTree(world.positions[keep])
+    cells = (np.unique(np.floor(world.positions[keep] / CELL), axis=0) + 0.5) * CELL
     centres = np.array([box.centre for box in world.boxes]).reshape(-1, 3)
     radii = np.array([np.linalg.norm(box.half) for box in world.boxes])
-    close = tree.query(centres)[0] <= radii + robot.span + robot.extent
+    reach = robot.span + robot.extent + 0.5 * np.sqrt(3.0) * CELL
+    close = nearest_distances(centres, cells) <= radii + reach
     boxes = tuple(box for box, is_close in zip(world.boxes, close, strict=True) if is_close)
     return replace(world.subset(keep), boxes=boxes)
+
+
+def nearest_distances(points: Array, others: Array) -> Array:
+    """Return the distance of each point, shape (k, 3), to the nearest of others, (n, 3) [m].
+
+    All are compared with all, which for a corridor is quicker than to import SciPy's tree.
+    """
+    squares = [
+        ((points[k : k + CHUNK, None] - others) ** 2).sum(axis=2).min(axis=1)
+        for k in range(0, len(points), CHUNK)
+    ]
+    found: Array = np.sqrt(np.concatenate([np.zeros(0), *squares]))
+    return found
+
+
+def _cheapest_hops(means: Array, here: int, end: int, span: float) -> list[int]:
+    """Return the cells from one to another at the least sum of squared hops (Dijkstra 1959)."""
+    cost, before, queue = {here: 0.0}, {here: here}, [(0.0, here)]
+    while queue:
+        spent, cell = heapq.heappop(queue)
+        if cell == end:
+            break
+        if spent > cost[cell]:
+            continue
+        squares = ((means - means[cell]) ** 2).sum(axis=1)
+        for other in np.flatnonzero(squares <= span**2).tolist():
+            total = spent + float(squares[other])
+            if total < cost.get(other, np.inf):
+                cost[other], before[other] = total, cell
+                heapq.heappush(queue, (total, other))
+    if end not in before:
+        return [here, end]
+    path = [end]
+    while path[-1] != here:
+        path.append(before[path[-1]])
+    return path[::-1]

@@ -3,12 +3,13 @@
 import networkx as nx
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from mlivr_gym import Box, GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, StanceError, UnknownPointError
 from mlivr_gym.motion.plan_parts import World
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.corridor import around, plan_in_corridor, route_of
+from mlivr_gym.planners.corridor import around, nearest_distances, plan_in_corridor, route_of
 from mlivr_gym.planners.walks import count_steps
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -86,6 +87,15 @@ def test_a_route_goes_round_a_wall_by_many_short_hops():
     last = int(np.argmin(np.linalg.norm(np.array(means) - [0.25, 2.6, 0.5], axis=1)))
     for k in nx.dijkstra_path(net, first, last):
         assert np.linalg.norm(route - means[k], axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("count", [0, 1, 700])
+def test_distances_are_those_of_scipy(count):
+    rng = np.random.default_rng(0)
+    points, others = rng.normal(size=(count, 3)), rng.normal(size=(40, 3))
+    np.testing.assert_allclose(
+        nearest_distances(points, others), cKDTree(others).query(points)[0], rtol=1e-12
+    )
 
 
 def test_only_the_whole_map_proves_that_there_is_no_plan(jem):
