@@ -262,7 +262,7 @@ class MlivrEnv(StanceGraphEnv):
             self._executor = step_executor(graph, **parts, disturbances=disturbances)
         points = len(graph.grasp_map)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
-        if precompute:
+        if precompute or layouts:
             self.table_moves()
         self._stream, self._seeded = Stream(0), False
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +77,10 @@ class StepTables(NamedTuple):
         )
 
 
+_on_all_points: WeakKeyDictionary[TwoLimbGraph, StepTables] = WeakKeyDictionary()
+"""Steps of graphs without obstacles and occupied points."""
+
+
 def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
@@ -102,6 +107,11 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
         raise SettingError(
             f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
         )
+    known = None if graph.obstacles else _on_all_points.get(graph)
+    if known is not None:
+        occupied = np.zeros(len(graph.grasp_map), dtype=np.bool_)
+        occupied[list(graph.occupied)] = True
+        return without_points(known, occupied) if graph.occupied else known
     if graph.obstacles or graph.occupied:
         fill_rows(graph, progress)
     elif not graph.is_complete:
@@ -117,9 +127,12 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     points = graph.points.astype(np.int32)
     moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
     to_point = points[after, moving].astype(np.uint16)
-    return StepTables(
+    found = StepTables(
         points, graph.base_position, branch_sets, releasable, start, after, to_point, kept
     )
+    if not (graph.obstacles or graph.occupied):
+        _on_all_points[graph] = found
+    return found
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
