@@ -16,7 +16,7 @@ from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.task import TaskGenerator
 from mlivr_gym.envs.tasks import TASKS
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.transitions.state import State
@@ -53,6 +53,8 @@ class UnknownMapEnv(MlivrEnv):
         What a look costs, in the unit of the reward.
     seen
         Whether each point was seen, shape (m,).
+    layout
+        The points that are occupied, seen or not, which policies must not use.
     """
 
     @checked({"look_range": NOT_NEGATIVE, "look_cost": NOT_NEGATIVE, "tasks": TASKS})
@@ -83,7 +85,7 @@ class UnknownMapEnv(MlivrEnv):
         self.look_range, self.look_cost, self.looks = look_range, look_cost, 0
         points = len(self.graph.grasp_map)
         self.seen: BoolArray = np.zeros(points, dtype=np.bool_)
-        self._layout = self._known = self.graph.occupied
+        self.layout = self._known = self.graph.occupied
         self.action_space = spaces.Discrete(self.graph.limbs * points + 1)
         known: Any = self.observation_space
         self.observation_space = spaces.Dict(known.spaces | {"unknown": spaces.MultiBinary(points)})
@@ -97,9 +99,13 @@ class UnknownMapEnv(MlivrEnv):
         that have been made occupied in `graph` since then.
         """
         if self.graph.occupied == self._known:
-            self._occupy(self._layout)
-        super().reset(seed=seed, options=options)
-        self._layout, self.looks = self.graph.occupied, 0
+            self._occupy(self.layout)
+        try:
+            super().reset(seed=seed, options=options)
+        except MlivrError:
+            self._occupy(self._known)
+            raise
+        self.layout, self.looks = self.graph.occupied, 0
         self.seen[:] = False
         self._see(self.in_sight())
         return self._observation(), self._info(False)
@@ -125,7 +131,7 @@ class UnknownMapEnv(MlivrEnv):
 
     def _grasp_fails(self, point: int) -> bool:
         """Return whether a point is occupied in the layout."""
-        return point in self._layout
+        return point in self.layout
 
     def in_sight(self) -> IntArray:
         """Return the points that a look from the present base sees."""
@@ -136,7 +142,7 @@ class UnknownMapEnv(MlivrEnv):
         """Learn which of some points are occupied, and evaluate the present state again."""
         self.seen[points] = True
         self.failure_probability = np.where(self.seen, 0.0, PRIOR)
-        self._occupy(frozenset(p for p in self._layout if self.seen[p]))
+        self._occupy(frozenset(p for p in self.layout if self.seen[p]))
         self._known = self.graph.occupied
         self._refresh()
 

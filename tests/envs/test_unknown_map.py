@@ -12,7 +12,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.layout_tasks import CLUSTER_RADIUS, LayoutTasks
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.unknown_map import PRIOR, UnknownMapEnv
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import MlivrError, SettingError
 
 pytestmark = pytest.mark.usefixtures("cache")
 
@@ -147,13 +147,17 @@ def test_points_that_a_user_occupies_are_the_layout_of_the_next_episode(env):
     _, info = env.reset(seed=1)
     start, goal = info["stance"], env.goal.tolist()
     env.reset(seed=1, options={"start": start, "goal": goal})
-    same = env._layout
+    same = env.layout
     env.reset(seed=1)
-    assert env._layout == same  # the layout of the episode before, not only what was seen of it
+    assert env.layout == same  # the layout of the episode before, not only what was seen of it
+    told = env.graph.occupied
+    with pytest.raises(MlivrError):
+        env.reset(options={"goal": (1e3, 0.0, 0.0)})
+    assert env.graph.occupied == told  # a reset that is refused tells nothing
     free = [p for p in range(len(env.seen)) if p not in env.state.stance]
     task = EvaluationTask(start, tuple(goal), env.graph.ids(free[:3]))
     found = evaluate(env, LookingPolicy(ExpertPolicy()), [task])
-    assert env._layout == set(free[:3])
+    assert env.layout == set(free[:3])
     assert found.success.all()
 
 
