@@ -204,6 +204,7 @@ def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> 
     torch.save(actor_critic.state_dict(), buffer)
     path, weights = Path(path), buffer.getvalue()
     config = config | {"format": FORMAT, "rules": GRAPH_RULES}
+    config.pop("checksum", None)  # that of the file from which the configuration was read
     config |= {"checksum": checksum(config, weights)}
     write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
     write_whole(path.with_suffix(".pt"), weights)

@@ -2,8 +2,8 @@
 
     python experiments/unknown_map.py [--tasks 500] [--workers 2] [--out results]
 
-Each fixed task has a layout of its own. Writes `unknown_map.json` and `unknown_map.md`; takes an
-hour on two cores.
+Each fixed task has a layout of its own. First train the policy (`unknown_map_policy.py`). Writes
+`unknown_map.json` and `unknown_map.md`; takes half an hour on two cores.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, NOTHING, experiment, study_rows, table
+from reports import CORES, NOTHING, ROOT, experiment, study_rows, table
 
 import mlivr_gym  # noqa: F401
 from mlivr_gym.agents import LookingPolicy, RandomPolicy
@@ -21,6 +21,12 @@ from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.policy_names import policy_by_name
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
+
+TRAINED = ROOT / "runs" / "unknown_map"
+"""Path of the trained policy, without suffix."""
+
+TRAINING = {"rounds": 4, "states": 3000, "updates": 2000}
+"""Rounds of its training, and states and gradient steps of each."""
 
 MOST_ACTIONS = 60
 """Actions after which an episode counts as failed."""
@@ -30,6 +36,7 @@ POLICIES = {
     "expected": "the first step of least expected cost, if grasps of unknown points fail with the \
 prior probability, each time anew",
     "pretrained": "the pointer policy that ships, which was trained with known layouts",
+    "trained": "the same, trained further here by imitation of an expert that knows the layout",
     "greedy": "the step whose base is closest to the goal, to a stance not held before",
     "random": "any valid step",
 }
@@ -50,7 +57,9 @@ def made_env() -> UnknownMapEnv:
 @cache
 def steps_by(name: str) -> Policy:
     """Return what chooses the steps, by name, one for each process."""
-    names = {"optimistic": "astar", "expected": "expert", "greedy": "local"}
+    names = {
+        "optimistic": "astar", "expected": "expert", "greedy": "local", "trained": str(TRAINED),
+    }  # fmt: skip
     return policy_by_name(names.get(name, name), made_env())
 
 
@@ -94,6 +103,7 @@ def measured(tasks: int, workers: int) -> dict[str, Any]:
         "fewest": [min(fewest), max(fewest)],
         "fewest_mean": float(np.mean([row["fewest"] for row in rows])),
         "policies": found,
+        "training": TRAINING,
     }
 
 
@@ -123,6 +133,7 @@ def markdown(data: dict[str, Any]) -> str:
     )
     named = "\n".join(f"* **{name}**: {what}." for name, what in POLICIES.items())
     low, high = data["fewest"]
+    rounds, states, updates = data["training"].values()
     return f"""# Baselines on `MLIVR-JEM-Unknown-v0`
 
 Fixed tasks 0 to {data["tasks"] - 1}, each with a layout of its own. An attempt to grasp costs 1,
@@ -135,6 +146,7 @@ successful episodes. The steps are chosen thus:
 {named}
 
 {table(head, rows)}
+The trained policy had {rounds} rounds of {states} states and {updates} gradient steps.
 `experiments/unknown_map.py` makes this page.
 """
 

@@ -155,6 +155,12 @@ def test_a_checkpoint_with_another_checksum_or_none_is_refused(tmp_path, env, po
         load_policy(path, env)
 
 
+def test_a_policy_that_was_loaded_can_be_saved_and_loaded_again(tmp_path, env):
+    first = load_policy(kept(tmp_path, env), env)
+    save_policy(tmp_path / "again", first.actor_critic, first.config)
+    assert load_policy(tmp_path / "again", env).config == first.config
+
+
 def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     """Even with random weights; a beam that keeps every stance finds the fewest steps."""
     learned, planner = LearnedPolicy(policy, "pointer"), Planner(env.graph)
