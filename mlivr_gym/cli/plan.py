@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -188,9 +189,13 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
-    best = best_candidate(planner, start, goal, args)
+    best = None
+    with suppress(NoPlanError):  # the search below says why there is no plan
+        best = best_candidate(planner, start, goal, args)
     if best is not None:
         cost, price = best.cost, best.price
+    elif cost in COMPARED_COSTS:
+        cost = "steps"
     with Progress("states expanded", quiet=args.quiet) as progress:
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)

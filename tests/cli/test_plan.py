@@ -97,6 +97,12 @@ def test_no_plan_gives_one_sentence_and_code_3(run, arguments, words):
     assert err.count("\n") == 1
 
 
+def test_the_cause_is_told_whatever_the_cost(run):
+    told = {cost: run(f"plan --goal 9.5 0 0 --cost {cost}")[::2] for cost in ("steps", "time")}
+    assert told["time"] == told["steps"]
+    assert told["steps"][1].count(";") > 0
+
+
 def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, ladder_file):
     """On a map without a default goal; but a point that is not there is bad input."""
     code, _, err = run(f"plan --map {ladder_file} --start R0:0 R0:1 --occupied R0:0")
