@@ -28,6 +28,7 @@ class TaskGenerator(Protocol):
     Tasks whose goal lies at least 2 m from the start:
 
     >>> from mlivr_gym.envs.env import MlivrEnv
+    >>> from mlivr_gym.envs.tasks import sample_task
     >>> class LongTasks:
     ...     def draw(self, graph, rng, tolerance, start=None):
     ...         return sample_task(graph, rng, 2.0, start)
