@@ -1,12 +1,12 @@
 """Random layouts: occupied points, start and goal by seed, joined by a plan that is optimal."""
 
 import gymnasium
-import networkx as nx
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
+from state_graph import least_cost, reachable, within
 
 from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
@@ -65,29 +65,13 @@ def test_observation_and_mask_follow_the_layout(small_map, env):
         assert invalid["invalid_action"]
 
 
-def fewest_by_breadth_first_search(env):
-    """Over the states that `successors` of the graph gives, with the branches of each limb."""
-    graph, net, todo, seen = env.graph, nx.DiGraph(), [env.state], {env.state}
-    while todo:
-        state = todo.pop()
-        here = graph.posture_of(state).base_position[0]
-        if np.linalg.norm(here - env.goal) <= env.goal_tolerance:
-            net.add_edge(state, "goal")
-        steps = graph.successors(state)
-        for k in range(len(steps.limb)):
-            after = steps.after(state, k)
-            net.add_edge(state, after)
-            if after not in seen:
-                seen.add(after)
-                todo.append(after)
-    return nx.shortest_path_length(net, env.state, "goal") - 1
-
-
 def test_the_fewest_steps_are_those_of_networkx_and_the_expert_takes_them(env):
     for seed in range(3):
         observation, info = env.reset(seed=seed)
         fewest = info["fewest_steps"]
-        assert fewest == fewest_by_breadth_first_search(env) > 0
+        net = reachable(env.graph, env.state)
+        ends = within(net, env.goal, env.goal_tolerance)
+        assert fewest == least_cost(net, env.state, ends) > 0
         expert = ExpertPolicy()
         while not info["is_success"]:
             action = expert.act(env, observation, env.action_masks())

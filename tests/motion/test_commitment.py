@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from held_points import assert_held
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
@@ -34,18 +35,10 @@ def test_a_plan_can_be_executed(jem, small_map, limbs, seed):
     assert plan.w_b_min >= graph.base_threshold
     assert np.abs(plan.motion.joint_positions).max() <= 2 * np.pi + 1e-6 + 1e-12
     for k, stance in enumerate(plan.stances):
-        base = Rotation.from_quat(plan.motion.base_quaternions[k], scalar_first=True).as_matrix()
-        for i, point in enumerate(stance):
-            frame = forward_kinematics(plan.motion.joint_positions[k, i], robot.limb.lengths)[6]
-            tip = robot.mount_positions[i] + robot.mount_rotations[i] @ (
-                frame[:3, 3] + 0.05 * frame[:3, 2]
-            )
-            index = grasp_map.index(point)
-            np.testing.assert_allclose(
-                plan.motion.base_positions[k] + base @ tip, grasp_map.positions[index], atol=1e-6
-            )
-            axis = base @ robot.mount_rotations[i] @ frame[:3, 2]
-            np.testing.assert_allclose(axis, -grasp_map.normals[index], atol=1e-6)
+        assert_held(
+            robot, grasp_map, stance, plan.configuration(k),
+            lambda q: forward_kinematics(q, robot.limb.lengths)[6], 1e-6,
+        )  # fmt: skip
     for k, step in enumerate(plan.steps):
         ends = []
         for j in (k, k + 1):

@@ -2,12 +2,12 @@
 
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 from remembered import remembered
 from scipy.spatial.distance import pdist
+from state_graph import least_cost, reachable, within
 
 from mlivr_gym import Settings, State, stance_graph
 from mlivr_gym.errors import SettingError
@@ -19,10 +19,6 @@ from mlivr_gym.planners.query import Goal
 COSTS = [("base", None), ("steps", None), ("weighted", 0.1)]
 
 
-def stance_after(state, limb, point):
-    return (*state.stance[:limb], int(point), *state.stance[limb + 1 :])
-
-
 def random_query(graph, rng):
     """A stance, and a goal: the base of another, or now and then any place among them."""
     start, other = (int(s) for s in rng.integers(0, len(graph), 2))
@@ -31,40 +27,13 @@ def random_query(graph, rng):
     return graph.points[start].tolist(), np.clip(goal, *graph.grasp_map.cabin)
 
 
-def reachable(graph, start):
-    """All states that steps lead to from a start as a networkx graph, and their base positions.
-
-    Edges have the attribute `displacement`, that of the base [m].
-    """
-    out, positions, rest = (
-        nx.DiGraph(),
-        {start: graph.posture(start.stance).base_position[0]},
-        [start],
-    )
-    out.add_node(start)
-    while rest:
-        state = rest.pop()
-        for limb, point, position, branch_sets in zip(*graph.successors(state), strict=True):
-            after = State(stance_after(state, limb, point), tuple(branch_sets.tolist()))
-            if after not in positions:
-                positions[after] = position
-                rest.append(after)
-            away = float(np.linalg.norm(position - positions[state]))
-            out.add_edge(state, after, displacement=away)
-    return out, positions
-
-
-def least_costs(truth, positions, start, cost, goals):
+def least_costs(net, start, cost, goals):
     """Least cost to each goal by Dijkstra, inf where none of its states is reached."""
 
     def weight(_, __, edge):
-        return cost.base_weight * edge["displacement"] + cost.step_weight
+        return cost.base_weight * edge["base"] + cost.step_weight
 
-    lengths = nx.single_source_dijkstra_path_length(truth, start, weight=weight)
-    places = np.array(list(positions.values()))
-    costs = np.array([lengths.get(state, np.inf) for state in positions])
-    inside = [np.linalg.norm(places - goal, axis=1) <= 0.2 for goal in goals]
-    return [costs[some].min(initial=np.inf) for some in inside]
+    return [least_cost(net, start, within(net, goal, 0.2), weight) for goal in goals]
 
 
 def path_of(explored):
@@ -102,7 +71,7 @@ def explored_from(request, tiny_map):
         found = []
         for stance in starts[: 4 - limbs]:
             start = State(tuple(stance), tuple(graph.posture(stance).branch_sets[0].tolist()))
-            found.append((start, *reachable(graph, start)))
+            found.append((start, reachable(graph, start)))
         yield graph, found
 
 
@@ -111,11 +80,11 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
     graph, reached = explored_from
     rng, cost = np.random.default_rng(0), Cost.named(name, price)
     longer = missing = 0
-    for start, truth, positions in reached:
-        goals = rng.permutation(np.array(list(positions.values())))[:5]
+    for start, net in reached:
+        goals = rng.permutation(np.array([base for _, base in net.nodes(data="base")]))[:5]
         goals += rng.uniform(-0.15, 0.15, (5, 3))
         goals = [*goals, goals[0] + 1.0]
-        costs = least_costs(truth, positions, start, cost, goals)
+        costs = least_costs(net, start, cost, goals)
         for goal, expected in zip(goals, costs, strict=True):
             for heuristic in ("consistent", "zero"):
                 explored = algorithm1(graph, start, Goal(goal, 0.2, cost), heuristic)
@@ -126,7 +95,7 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
                     assert explored.costs[-1] == pytest.approx(expected, abs=1e-9)
                 if (name, heuristic) == ("steps", "zero"):
                     # Breadth first: no way found later is shorter.
-                    assert explored.generated <= len(truth)
+                    assert explored.generated <= len(net)
                 longer += len(path_of(explored)) > 2
                 missing += explored.status == SEARCH_EXHAUSTED
     assert longer >= 2

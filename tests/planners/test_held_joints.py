@@ -3,8 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from held_points import assert_held
 from robot_texts import FRANKA, GEN3, one_arm
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, Settings, stance_graph
 from mlivr_gym.envs.tasks import sample_task
@@ -46,13 +46,5 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
     to_base = ours(file.from_file_angles(there)[0]) @ np.linalg.inv(flange(there))
     assert len(plan.stances) > 1
     for stance in plan.stances:
-        position, quaternion, joints = graph.configuration(graph.state(stance))
-        base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        for i, (point, angles) in enumerate(zip(stance, file.to_file_angles(joints), strict=True)):
-            hand = to_base @ flange(angles)
-            tip = hand[:3, 3] + robot.tool_length * hand[:3, 2]
-            world = position + base @ (robot.mount_positions[i] + robot.mount_rotations[i] @ tip)
-            index = jem.index(point)
-            np.testing.assert_allclose(world, jem.positions[index], atol=1e-7)
-            axis = base @ robot.mount_rotations[i] @ hand[:3, 2]
-            np.testing.assert_allclose(axis, -jem.normals[index], atol=1e-7)
+        here = graph.configuration(graph.state(stance))
+        assert_held(robot, jem, stance, here, lambda q: to_base @ flange(file.to_file_angles(q)[0]))

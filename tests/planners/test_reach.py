@@ -6,6 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 from map_data import BRIDGE
+from state_graph import reachable
 
 from mlivr_gym import Box, GraspMap, Settings, stance_graph
 from mlivr_gym.cli.main import main
@@ -16,21 +17,10 @@ from mlivr_gym.stances.random_states import random_state
 
 def truth(graph, start):
     """Fewest steps to each point, by the distances of all states that can be reached."""
-    net, todo = nx.DiGraph(), [start]
-    net.add_node(start)
-    while todo:
-        state = todo.pop()
-        steps = graph.successors(state)
-        for k in range(len(steps.limb)):
-            after = steps.after(state, k)
-            if after not in net:
-                todo.append(after)
-            net.add_edge(state, after)
     fewest = np.full(len(graph.grasp_map), NOT_REACHED)
-    for state, distance in nx.single_source_shortest_path_length(net, start).items():
-        for point in state.stance:
-            if fewest[point] == NOT_REACHED or distance < fewest[point]:
-                fewest[point] = distance
+    distances = nx.single_source_shortest_path_length(reachable(graph, start), start)
+    for state, distance in sorted(distances.items(), key=lambda one: -one[1]):
+        fewest[[*state.stance]] = distance
     return fewest
 
 

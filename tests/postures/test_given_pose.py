@@ -3,10 +3,10 @@
 import re
 
 import gymnasium
-import networkx as nx
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from state_graph import least_cost, reachable, within
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
@@ -49,47 +49,19 @@ def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_g
     np.testing.assert_array_equal(steps.point, given.point)
 
 
-class Reached:
-    """Everything that steps lead to in one graph from given states, in one `networkx` graph.
-
-    Edges of `truth` have the attributes `base`, the displacement of the base [m], and `steps`, 1.
-    """
-
-    def __init__(self, graph):
-        self.graph, self.truth, self.places = graph, nx.DiGraph(), {}
-
-    def least_cost(self, first, goal, cost):
-        """Return the least cost of a walk from a state to a base close to the goal, by Dijkstra."""
-        self._follow(first)
-        costs = nx.single_source_dijkstra_path_length(self.truth, first, weight=cost)
-        close = (c for s, c in costs.items() if np.linalg.norm(self.places[s] - goal) <= 0.1)
-        return min(close, default=None)
-
-    def _follow(self, first):
-        todo = [] if first in self.places else [first]
-        if todo:
-            self.places[first] = self.graph.posture_of(first).base_position[0]
-            self.truth.add_node(first)
-        while todo:
-            state = todo.pop()
-            steps = self.graph.successors(state)
-            moved = np.linalg.norm(steps.base_position - self.places[state], axis=1)
-            for k, position in enumerate(steps.base_position):
-                after = steps.after(state, k)
-                if after not in self.places:
-                    todo.append(after)
-                    self.places[after] = position
-                self.truth.add_edge(state, after, base=float(moved[k]), steps=1)
+@pytest.fixture(scope="module")
+def smaller(small_map):
+    return stance_graph(small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller"))
 
 
 @pytest.fixture(scope="module")
-def reached(small_map):
-    smaller = small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller")
-    return Reached(stance_graph(smaller))
+def net(smaller):
+    """What steps lead to from the starts so far."""
+    return reachable(smaller)
 
 
 @pytest.mark.parametrize("cost", ["base", "steps"])
-def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, monkeypatch):
+def test_the_plan_starts_in_the_given_pose_and_costs_the_least(smaller, net, cost, monkeypatch):
     """Compare with networkx over `successors`, with an edge for every step that leaves the pose.
 
     Where a plan cannot be committed the planner excludes one of its steps, which `successors` does
@@ -103,8 +75,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, mo
         return parts
 
     monkeypatch.setattr(planner_module, "committed_motion", put_together)
-    graph = reached.graph
-    rng, found = np.random.default_rng(4), 0
+    graph, rng, found = smaller, np.random.default_rng(4), 0
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
         pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
@@ -114,8 +85,9 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(reached, cost, mo
         if result.reason == "start infeasible":
             continue
         first = graph.state(stance, pose)
-        truth = reached.least_cost(first, goal, cost)
-        assert (result.plan is None) == (truth is None), result.message
+        reachable(graph, first, known=net)
+        truth = least_cost(net, first, within(net, goal, 0.1), cost)
+        assert (result.plan is None) == np.isinf(truth), result.message
         if result.plan is not None and len(result.plan.steps):
             found += not any(not_executable)
             assert result.plan.statistics.cost >= truth - 1e-9

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from branches import angles_on, arm_of
+from held_points import assert_held
 from paper import NO_COLLISIONS
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
@@ -140,15 +140,11 @@ def test_max_step_bounds_every_step_of_three_limbs(jem):
 
 def test_configuration_reaches_every_held_point(graph):
     state = graph.state(("D1a:4", "D1b:4"))
-    position, quaternion, joints = graph.configuration(state)
-    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    for i, point in enumerate(state.stance):
-        frame = forward_kinematics(joints[i], graph.robot.limb.lengths)[6]
-        tip = frame[:3, 3] + graph.robot.tool_length * frame[:3, 2]
-        world = position + base @ (
-            graph.robot.mount_positions[i] + graph.robot.mount_rotations[i] @ tip
-        )
-        np.testing.assert_allclose(world, graph.grasp_map.positions[point], atol=1e-9)
+    lengths = graph.robot.limb.lengths
+    assert_held(
+        graph.robot, graph.grasp_map, state.stance, graph.configuration(state),
+        lambda q: forward_kinematics(q, lengths)[6], 1e-9,
+    )  # fmt: skip
 
 
 def test_narrow_joint_limits_take_steps_away_and_agree_with_neighbours_on_demand(small_map):
