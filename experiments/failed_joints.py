@@ -1,6 +1,6 @@
 """What a robot of two limbs still reaches when a joint of one limb has failed.
 
-    python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8]
+    python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8] [--workers 2]
 
 A joint of limb 0 is locked at its present angle, in drawn states of a robot on the JEM, collisions
 checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
@@ -12,11 +12,10 @@ is with the joint at its angle, and the goals at which they are. Writes `failed_
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from reports import NOTHING, experiment, table
+from reports import CORES, NOTHING, experiment, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
@@ -86,35 +85,37 @@ def reached_with_the_joint_held(
     return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
 
 
-def row_of(graph: TwoLimbGraph, states: Sequence[State], joint: int, goals: np.ndarray) -> Any:
-    """Return the shares of stances and goals that are left for one joint."""
+def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, Any]:
+    """Return the stances of a robot and the shares of them and of goals left by a failed joint."""
+    graph, rng = stance_graph(robot=robot, settings=SETTINGS), np.random.default_rng(0)
+    states = [random_state(graph, rng) for _ in range(starts)]
+    places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
     held = graph.robot.every_limb[0].held_joint
     count = reached_on_the_spot if held is None else reached_with_the_joint_held
+    out: dict[str, Any] = {"all": len(graph), "reason": None, "stances": None, "goals": None}
     try:
-        counts = np.array([count(graph, state, joint, goals) for state in states])
+        counts = np.array([count(graph, state, task + 1, places) for state in states])
     except RobotError as fault:
-        return {"stances": None, "goals": None, "reason": str(fault)}
-    stances, reached = counts.sum(axis=0) / (len(states) * np.array([len(graph), len(goals)]))
-    return {"stances": float(stances), "goals": float(reached)}
+        return out | {"reason": str(fault)}
+    shares = counts.sum(axis=0) / (starts * np.array([len(graph), goals]))
+    return out | dict(zip(("stances", "goals"), shares.tolist(), strict=True))
 
 
-def of_robot(name: str, starts: int, goals: int) -> dict[str, Any]:
-    """Return what is left of a robot for each joint of limb 0."""
-    graph, rng = stance_graph(robot=robot_spec(name), settings=SETTINGS), np.random.default_rng(0)
-    states = [random_state(graph, rng) for _ in range(starts)]
-    rows = graph.points[rng.integers(len(graph), size=goals)]
-    places = graph.postures(rows).base_position
-    joints = range(1, len(graph.robot.limb.joint_limits) + 1)
-    return {
-        "stances": len(graph),
-        "joints": {str(joint): row_of(graph, states, joint, places) for joint in joints},
-    }
-
-
-def measured(starts: int, goals: int) -> dict[str, Any]:
-    """Return what is left of each robot."""
-    found = {name: of_robot(name, starts, goals) for name in NAMES}
-    return {"starts": starts, "goals": goals, **found}
+def measured(starts: int, goals: int, workers: int) -> dict[str, Any]:
+    """Return what is left of each robot for each joint of limb 0."""
+    found: dict[str, Any] = {"starts": starts, "goals": goals}
+    given = {"starts": [starts], "goals": [goals]}
+    for name in NAMES:
+        joints = len(robot_spec(name).limb.joint_limits)
+        rows = study_rows("failed_joints:without_joint", joints, workers, robot=[name], **given)
+        found[name] = {
+            "stances": rows[0]["all"],
+            "joints": {
+                str(row["task"] + 1): {key: row[key] for key in ("stances", "goals", "reason")}
+                for row in rows
+            },
+        }
+    return found
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -135,4 +136,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8)
+    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8, workers=CORES)

@@ -1,6 +1,6 @@
 """Measure the places that ship, and draw a plan in those that are made of modules.
 
-    python experiments/places.py [--tasks 50] [--out results]
+    python experiments/places.py [--tasks 50] [--workers 2] [--out results]
 
 For each place: the number of stances, a lower bound of its diameter, and the mean number of steps
 of optimal plans for the fixed tasks of its environment. Writes `places.json` and the pictures
@@ -9,12 +9,12 @@ of optimal plans for the fixed tasks of its environment. Writes `places.json` an
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import ROOT, experiment, table, two_limb_graph
-from tqdm import tqdm
+from reports import CORES, ROOT, experiment, study_rows, table, two_limb_graph
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.pictures.camera import Camera
@@ -70,29 +70,40 @@ def diameter(graph: TwoLimbGraph) -> int:
     return longest
 
 
-def measured(name: str, tasks: int) -> dict[str, Any]:
+@lru_cache(1)
+def world_of(place: str) -> tuple[MlivrEnv, Planner]:
+    """Return the environment of a place, and a planner in it."""
+    made = gymnasium.make(f"mlivr_gym:{ENVIRONMENTS[place]}", disable_env_checker=True)
+    env: Any = made.unwrapped
+    return env, Planner(env.graph)
+
+
+def planned(task: int, place: str) -> dict[str, Any]:
+    """Return the number of steps of the plan for a task, and whether it is proved optimal."""
+    env, planner = world_of(place)
+    env.reset(options={"task": task})
+    query: Any = {"cost": "steps", "goal_tolerance": env.goal_tolerance}
+    found = planner.plan(env.state, env.goal, **query, limit=EXPANSIONS)
+    is_proved = found.plan is not None
+    if not is_proved:
+        found = planner.plan(env.state, env.goal, **query, inflation=INFLATION)
+    return {"steps": len(found.unwrap().steps), "is_proved": is_proved}
+
+
+def measured(place: str, tasks: int, workers: int) -> dict[str, Any]:
     """Return the figures of one place."""
-    identifier = f"mlivr_gym:{ENVIRONMENTS[name]}"
-    env = gymnasium.make(identifier, disable_env_checker=True).unwrapped
-    assert isinstance(env, MlivrEnv)
-    planner, steps, unproved = Planner(env.graph), [], 0
-    for k in tqdm(range(tasks), desc=name, mininterval=5.0):
-        env.reset(options={"task": k})
-        query: Any = {"cost": "steps", "goal_tolerance": env.goal_tolerance}
-        found = planner.plan(env.state, env.goal, **query, limit=EXPANSIONS)
-        if found.plan is None:
-            unproved += 1
-            found = planner.plan(env.state, env.goal, **query, inflation=INFLATION)
-        steps.append(len(found.unwrap().steps))
-    low, high = as_map(name).cabin
+    rows = study_rows("places:planned", tasks, workers, place=[place])
+    steps, graph = [row["steps"] for row in rows], world_of(place)[0].graph
+    assert isinstance(graph, TwoLimbGraph)
+    low, high = as_map(place).cabin
     return {
         "size": (high - low).tolist(),
-        "environment": ENVIRONMENTS[name],
-        "points": len(env.graph.grasp_map),
-        "stances": len(env.graph),
-        "diameter": diameter(env.graph),
+        "environment": ENVIRONMENTS[place],
+        "points": len(graph.grasp_map),
+        "stances": len(graph),
+        "diameter": diameter(graph),
         "tasks": tasks,
-        "unproved": unproved,
+        "unproved": sum(not row["is_proved"] for row in rows),
         "mean_steps": float(np.mean(steps)),
         "most_steps": max(steps),
     }
@@ -117,9 +128,9 @@ def draw(name: str) -> dict[str, Any]:
     return {"steps": len(plan.steps), "base_translation_m": plan.base_translation}
 
 
-def all_measured(tasks: int) -> dict[str, Any]:
+def all_measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return the figures of all places and of the plans that are drawn."""
-    places = {name: measured(name, tasks) for name in ENVIRONMENTS}
+    places = {name: measured(name, tasks, workers) for name in ENVIRONMENTS}
     return {"places": places, "plans": {name: draw(name) for name in QUERIES}}
 
 
@@ -146,4 +157,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("places", __doc__, all_measured, tasks=50)
+    experiment("places", __doc__, all_measured, tasks=50, workers=CORES)

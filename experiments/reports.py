@@ -9,6 +9,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -138,11 +139,14 @@ def spread(seconds: Sequence[float]) -> dict[str, float]:
     return {"median": float(median), "p95": float(p95), "count": len(seconds)}
 
 
-def study_rows(kind: str, tasks: int, workers: int, **factors: Sequence[Any]) -> list[Row]:
+def study_rows(
+    kind: str, tasks: int, workers: int | Executor, **factors: Sequence[Any]
+) -> list[Row]:
     """Return the rows of a study, which goes on where it was interrupted.
 
     `kind` names a function as `"script:function"`; it is called with the number of a task and a
-    level of each factor. The folder `runs/studies` holds the rows of studies that are not finished.
+    level of each factor. `workers` is the number of processes, or an executor. The folder
+    `runs/studies` holds the rows of studies that are not finished.
     """
     name = kind.partition(":")[2]
     design = StudyDesign.from_data(
@@ -156,7 +160,8 @@ def study_rows(kind: str, tasks: int, workers: int, **factors: Sequence[Any]) ->
             bar.total = total
             bar.update(done - bar.n)
 
-        run_study(design, folder, workers=workers, progress=progress)
+        given: Any = {"engine" if isinstance(workers, Executor) else "workers": workers}
+        run_study(design, folder, progress=progress, **given)
     rows = read_study(folder)
     shutil.rmtree(folder)
     faults = [row["error"] for row in rows if row["error"]]

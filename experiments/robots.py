@@ -13,14 +13,15 @@ executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the d
 from __future__ import annotations
 
 import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import experiment, table
+from reports import experiment, study_rows, table
 
 from mlivr_gym import robot_spec, stance_graph
-from mlivr_gym.engines import executor_of
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
@@ -40,7 +41,7 @@ SIZE = (420, 400)
 """Width and height of the picture of one robot [px]."""
 
 
-def measured(name: str) -> dict[str, Any]:
+def measured(task: int, name: str) -> dict[str, Any]:
     """Return what is measured of a robot."""
     robot, began = robot_spec(name), time.process_time()
     graph = stance_graph(robot=robot)
@@ -69,11 +70,14 @@ def measured(name: str) -> dict[str, Any]:
 
 def all_measured() -> dict[str, Any]:
     """Return what is measured of each robot the second time, in a process of its own."""
-    data = {}
-    for name in 2 * NAMES:
-        with executor_of("local", 1) as executor:
-            data[name] = executor.submit(measured, name).result()
-    return data
+    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as processes:
+        rows = study_rows("robots:measured", 2, processes, name=NAMES)
+    others = "run", "task", "name", "error"
+    return {
+        row["name"]: {key: value for key, value in row.items() if key not in others}
+        for row in rows
+        if row["task"]
+    }
 
 
 def markdown(data: dict[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """Compare plans of random tasks by steps, translation, time, and what the station feels of them.
 
-    python experiments/station_load.py [--out results] [--tasks 10]
+    python experiments/station_load.py [--out results] [--tasks 10] [--workers 2]
 
 Each plan is optimal for one cost and is carried out in MuJoCo at each pace. Writes
 `station_load.json`, `station_load.md`, and a picture of one walk, `station_load.png` and `.svg`.
@@ -8,13 +8,15 @@ Each plan is optimal for one cost and is carried out in MuJoCo at each pace. Wri
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import case_3, experiment, table
-from tqdm import tqdm
+from reports import CORES, case_3, experiment, study_rows, table
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.pictures.load_figure import load_figure
 from mlivr_gym.planners import Planner
@@ -22,6 +24,7 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import PACES
 from mlivr_gym.simulation.station_load import STATION_MASS, station_load
 from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.transitions.state import State
 
 SEED = 20270211
 """Seed of the random tasks."""
@@ -36,35 +39,38 @@ PACE_NAMES = ("fast", "gentle")
 """Paces, see `simulation.limits`."""
 
 
-def measured(tasks: int) -> dict[str, Any]:
-    """Return steps, translation [m], time [s], peak force [N], impulse [N s] and ratio of plans.
+def drawn(planner: Planner) -> Iterator[tuple[State, Array]]:
+    """Yield start and goal of random tasks that need enough steps."""
+    rng = np.random.default_rng(SEED)
+    while True:
+        start, goal = sample_task(planner.graph, rng, 0.2)
+        if len(planner.plan(start.stance, goal, "steps").unwrap().steps) >= FEWEST_STEPS:
+            yield start, goal
+
+
+def walk(task: int, cost: str, pace: str) -> dict[str, Any]:
+    """Return steps, translation [m], time [s], peak force [N], impulse [N s] and ratio of a plan.
 
     The impulse is the largest of any step, the ratio that of the acceleration to its limit.
     """
-    graph = stance_graph()
-    planner, rng, rows = Planner(graph), np.random.default_rng(SEED), list[dict[str, Any]]()
-    for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
-        steps = 0
-        while steps < FEWEST_STEPS:
-            start, goal = sample_task(graph, rng, 0.2)
-            steps = len(planner.plan(start.stance, goal, "steps").unwrap().steps)
-        for name, price in COSTS.items():
-            cost = name if price is None else "weighted"
-            plan = planner.plan(start.stance, goal, cost, regrasp_price=price).unwrap()
-            for pace in PACE_NAMES:
-                walked = execute(graph, plan, PACES[pace])
-                load = station_load(walked.recording)
-                rows.append(
-                    {
-                        "cost": name, "pace": pace, "failed": walked.failure is not None,
-                        "values": [
-                            len(plan.steps), plan.base_translation, walked.simulated_time,
-                            float(load.peak_forces.max()), float(load.impulses.max()),
-                            load.largest_ratio,
-                        ],
-                    }
-                )  # fmt: skip
-    return {"tasks": tasks, "walks": rows}
+    planner, price = Planner(stance_graph()), COSTS[cost]
+    start, goal = next(islice(drawn(planner), task, None))
+    name = cost if price is None else "weighted"
+    plan = planner.plan(start.stance, goal, name, regrasp_price=price).unwrap()
+    walked = execute(planner.graph, plan, PACES[pace])
+    load = station_load(walked.recording)
+    values = [
+        len(plan.steps), plan.base_translation, walked.simulated_time,
+        float(load.peak_forces.max()), float(load.impulses.max()), load.largest_ratio,
+    ]  # fmt: skip
+    return {"failed": walked.failure is not None, "values": values}
+
+
+def measured(tasks: int, workers: int) -> dict[str, Any]:
+    """Return the figures of all walks, see `walk`."""
+    rows = study_rows("station_load:walk", tasks, workers, cost=list(COSTS), pace=PACE_NAMES)
+    names = "cost", "pace", "failed", "values"
+    return {"tasks": tasks, "walks": [{name: row[name] for name in names} for row in rows]}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -113,4 +119,4 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("station_load", __doc__, measured, markdown, picture, tasks=10)
+    experiment("station_load", __doc__, measured, markdown, picture, tasks=10, workers=CORES)

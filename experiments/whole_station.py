@@ -1,6 +1,6 @@
 """Measure one plan across a station from a cold start, against the number of points.
 
-    python experiments/whole_station.py [--out results]
+    python experiments/whole_station.py [--out results] [--most 114]
 
 Each plan is made by a process of its own without cached tables; machine code is compiled before.
 Stations are rows of labs (`station_modules.py`), and the station that ships. The plan of
@@ -17,14 +17,11 @@ import os
 import resource
 import subprocess
 import sys
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from reports import NOTHING, ROOT, experiment, table
-from tqdm import tqdm
+from reports import NOTHING, ROOT, experiment, study_rows, table
 
 INFLATION, TIME_LIMIT = 1.2, 600.0
 """Suboptimality bound of the plans; time after which a process is ended [s]."""
@@ -53,6 +50,9 @@ NODE, THROUGH = "node/", (1.6, 5.0, 0.0)
 
 LENGTH = 8.5
 """Length of a lab [m]."""
+
+CACHE = ROOT / "runs" / "whole_station"
+"""Cache folder of the processes."""
 
 AIM = {"time": 2.0, "memory": 2.0}
 """Time [s] and memory [GB] aimed at for ten modules."""
@@ -140,33 +140,39 @@ def through_a_hatch(method: str, began: float) -> dict[str, Any]:
     }
 
 
-def in_process(labs: int, method: str, cache: Path) -> dict[str, Any]:
+def in_process(task: int, labs: int, method: str) -> dict[str, str]:
     """Return the figures of one plan in a new process, for which only machine code is cached."""
-    for file in cache.glob("*.npz"):
+    for file in CACHE.glob("*.npz"):
         file.unlink()
     command = [sys.executable, __file__, "--one", str(labs), method, repr(time.time())]
-    environment = os.environ | {"MLIVR_GYM_CACHE": str(cache)}
-    row: dict[str, Any] = {"station": not labs, "labs": labs, "method": method}
+    environment = os.environ | {"MLIVR_GYM_CACHE": str(CACHE)}
     try:
         out = subprocess.run(
             command, capture_output=True, text=True, env=environment, timeout=TIME_LIMIT
         )
     except subprocess.TimeoutExpired:
-        return row | {"fault": f"not finished within {TIME_LIMIT:g} s"}
+        return {"figures": json.dumps({"fault": f"not finished within {TIME_LIMIT:g} s"})}
     if out.returncode:
-        return row | {"fault": out.stderr.strip().splitlines()[-1]}
-    found: dict[str, Any] = json.loads(out.stdout.splitlines()[-1])
-    return row | found
+        return {"figures": json.dumps({"fault": out.stderr.strip().splitlines()[-1]})}
+    return {"figures": out.stdout.splitlines()[-1]}
 
 
-def all_measured() -> dict[str, Any]:
-    """Return the figures of all plans."""
-    todo = [(0, "whole"), (0, "corridor")]
-    todo += [(n, "corridor") for n in LABS] + [(n, "whole") for n in LABS if n <= MOST_WHOLE]
-    todo += [(n, TO_TENTH) for n in LABS if n > SHORT] + [(1, method) for method in LIMBED]
-    with tempfile.TemporaryDirectory() as cache:
-        in_process(2, "corridor", Path(cache))  # compiles
-        return {"rows": [in_process(*one, Path(cache)) for one in tqdm(todo)]}
+def all_measured(most: int) -> dict[str, Any]:
+    """Return the figures of all plans, in rows of at most some labs."""
+    labs = [n for n in LABS if n <= most]
+    todo = {
+        "corridor": [0, *labs],
+        "whole": [0, *(n for n in labs if n <= MOST_WHOLE)],
+        TO_TENTH: [n for n in labs if n > SHORT],
+    } | {method: [1] for method in LIMBED}
+    in_process(0, 2, "corridor")  # compiles
+    rows = []
+    for method in (method for method, some in todo.items() if some):
+        given = {"method": [method], "labs": todo[method]}
+        for row in study_rows("whole_station:in_process", 1, 1, **given):
+            shown = {"station": not row["labs"], "labs": row["labs"], "method": method}
+            rows.append(shown | json.loads(row["figures"]))
+    return {"rows": rows}
 
 
 def limbed_table(rows: list[dict[str, Any]]) -> str:
@@ -284,4 +290,4 @@ if __name__ == "__main__":
         )
         print(json.dumps(found))
     else:
-        experiment("whole_station", __doc__, all_measured, markdown, draw)
+        experiment("whole_station", __doc__, all_measured, markdown, draw, most=LABS[-1])
