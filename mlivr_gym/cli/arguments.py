@@ -8,11 +8,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from mlivr_gym.collisions.carrying import carrying_robot
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
-from mlivr_gym.robot.cargo import carrying
+from mlivr_gym.robot.cargo import Cargo, carrying
 from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.settings import Settings
@@ -118,6 +119,8 @@ def world_arguments() -> argparse.ArgumentParser:
     option(parser, "--robot ROBOT", text, "mlivr2")
     text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
     option(parser, "--cargo KG X Y Z", text, type=float)
+    text = "number of the limb that holds the cargo, folded, while the others walk (default: none)"
+    option(parser, "--cargo-limb LIMB", text, type=int)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
     option(parser, "--map MAP", text)
     option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
@@ -213,7 +216,12 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
 
 def chosen_robot(args: argparse.Namespace) -> RobotSpec:
     """Return the robot of `--robot` with the cargo of `--cargo`."""
-    return carrying(robot_spec(args.robot), _cargo(args))
+    robot = robot_spec(args.robot)
+    if args.cargo_limb is None:
+        return carrying(robot, _cargo(args))
+    if args.cargo is None:
+        raise SettingError("--cargo-limb has no effect without --cargo; leave it out")
+    return carrying_robot(robot, args.cargo_limb, Cargo(args.cargo[0], tuple(args.cargo[1:])))
 
 
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
@@ -351,7 +359,9 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     given = {name: getattr(args, name) for name in names if name in args}
     changed = {name: value for name, value in given.items() if value != args.default(name)}
-    if getattr(args, "cargo", None):
+    if getattr(args, "cargo_limb", None) is not None:
+        changed["robot"] = chosen_robot(args).to_dict()
+    elif getattr(args, "cargo", None):
         changed["cargo"] = _cargo(args)
     return changed | _switched_off(args)
 

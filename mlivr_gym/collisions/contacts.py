@@ -217,7 +217,7 @@ def _limb_box_distances(
         around = _boxes_nearby(limb, radius, boxes, clearance)
         for c, axis in enumerate(limb):
             for box in (boxes[b] for b in around[c]):
-                if c >= gripper and i in at_grasp and _lies_behind(box, *at_grasp[i]):
+                if c >= gripper and i in at_grasp and lies_behind(box, *at_grasp[i]):
                     continue
                 yield (
                     f"limb{i}/{names[c]}",
@@ -303,7 +303,7 @@ def _names(shapes: ShapesOfLimb) -> list[str]:
     return [f"{name}/{shapes.names[:c].count(name)}" for c, name in enumerate(shapes.names)]
 
 
-def _lies_behind(box: Box, point: Array, normal: Array) -> bool:
+def lies_behind(box: Box, point: Array, normal: Array) -> bool:
     """Return whether a box protrudes by at most `FLUSH` from the surface at a point."""
     reach = np.abs(np.array(box.rotation).T @ normal) @ np.array(box.half)
     return float((np.array(box.centre) - point) @ normal + reach) <= FLUSH

@@ -14,6 +14,7 @@ from mlivr_gym.kinematics.arm import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.limb import BACK
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
@@ -229,8 +230,7 @@ class LimbShapes:
                 for other in range(spec.limbs):
                     robot["limbs"][other]["first_link"][count] = same if other == limb else 2
                 count += 1
-        ends, radii = cargo_capsules(spec)
-        for axis, radius in zip(ends, radii, strict=True):
+        for axis, radius in zip(*cargo_capsules(spec), strict=True):
             row = robot["mounts"][count]
             row["ends"][:], row["radius"] = axis, radius
             robot["base_capsules"][4 + count] = row
@@ -285,11 +285,22 @@ def _common_folds(spec: RobotSpec) -> Array:
 
 
 def cargo_capsules(spec: RobotSpec) -> tuple[Array, Array]:
-    """Return capsules that contain the cargo: ends (k, 2, 3) in the body frame, radii (k,) [m]."""
+    """Return capsules that contain the cargo, then those of the locked limb that holds it.
+
+    Ends have shape (k, 2, 3), in the body frame, radii (k,) [m].
+    """
     if spec.cargo is None:
         return np.zeros((0, 2, 3)), np.zeros(0)
-    ends, radii = box_capsules(0.5 * spec.cargo.edges, CARGO_CELLS)
-    return ends + spec.cargo_centre, radii
+    ends, radii = cargo_box_capsules(spec.cargo, spec.cargo_frame)
+    held = spec.cargo.limb_capsules
+    axes, around = np.array([axis for _, axis, _ in held]), [radius for *_, radius in held]
+    return np.concatenate([ends, axes.reshape(-1, 2, 3)]), np.concatenate([radii, around])
+
+
+def cargo_box_capsules(cargo: Cargo, frame: Array) -> tuple[Array, Array]:
+    """Return capsules that contain the box of cargo whose middle has a frame (4, 4)."""
+    ends, radii = box_capsules(0.5 * cargo.edges, CARGO_CELLS)
+    return ends @ frame[:3, :3].T + frame[:3, 3], radii
 
 
 def box_capsules(half: Array, cells: int = 2) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.link_frames import axes_of
 
@@ -32,27 +33,47 @@ def check_build(robot: DerivedFigures) -> None:
 
 
 def check_cargo(robot: DerivedFigures) -> None:
-    """Refuse cargo that overlaps bases of limbs, or what their shoulders sweep about joint 1.
+    """Refuse cargo, or a locked limb, that overlaps bases of limbs or what their shoulders sweep.
 
     No check of a posture compares these.
     """
     if robot.cargo is None:
         return
-    centre, half = robot.cargo_centre, 0.5 * robot.cargo.edges
+    frame, half = robot.cargo_frame, 0.5 * robot.cargo.edges
+    where = (
+        f"cargo of {' by '.join(f'{edge:g}' for edge in robot.cargo.edges)} m with its centre at "
+        f"{frame[:3, 3].tolist()}"
+    )
+    held = [
+        (_samples(ends), radius)
+        for link, ends, radius in robot.cargo.limb_capsules
+        if LINKS.index(link) >= LINKS.index("upper_arm")
+    ]
     for i in range(robot.limbs):
         shapes = {"base": _fixed_shapes(robot, i), "shoulder": _swept_shoulder(robot, i)}
         for link, capsules in shapes.items():
             for axis, radius in capsules:
-                samples = axis[0] + np.linspace(0.0, 1.0, 9)[:, None] * (axis[1] - axis[0])
-                away = np.maximum(np.abs(samples - centre) - half, 0.0)
-                inside = radius - float(np.linalg.norm(away, axis=1).min())
-                if inside > 0.0:
-                    raise RobotError(
-                        f"cargo of {' by '.join(f'{edge:g}' for edge in robot.cargo.edges)} m with "
-                        f"its centre at {centre.tolist()} overlaps the {link} of limb {i} by "
-                        f"{inside:.3g} m, so that no posture can hold it; make it smaller, or move "
-                        "its centre"
-                    )
+                samples = _samples(axis)
+                local = (samples - frame[:3, 3]) @ frame[:3, :3]
+                away = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
+                inside = {where: radius - float(away.min())}
+                for other, around in held:
+                    gap = np.linalg.norm(samples[:, None] - other, axis=2).min()
+                    inside["the locked limb"] = radius + around - float(gap)
+                    if inside["the locked limb"] > 0.0:
+                        break
+                for name, depth in inside.items():
+                    if depth > 0.0:
+                        raise RobotError(
+                            f"{name} overlaps the {link} of limb {i} by {depth:.3g} m, so that no "
+                            "posture can hold it; make the cargo smaller, or move it"
+                        )
+
+
+def _samples(axis: Array) -> Array:
+    """Return nine points of an axis (2, 3), shape (9, 3)."""
+    points: Array = axis[0] + np.linspace(0.0, 1.0, 9)[:, None] * (axis[1] - axis[0])
+    return points
 
 
 def _swept_shoulder(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]:

@@ -1,4 +1,7 @@
-"""Cargo: a bag that is fixed to the body of a robot."""
+"""Cargo: a bag that is fixed to the body of a robot, or held by a limb whose joints are locked.
+
+A limb that carries a bag holds no point: it stands folded and, with the bag, is a part of the body.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,16 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.limb_dynamics import MASSES, check_inertia
+from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.link_masses import base_link, gripper_link
+from mlivr_gym.robot.mounts import MOUNT, Mount
 from mlivr_gym.robot.rigid import RigidBody, box_inertia
 from mlivr_gym.robot.validators import SizeOrEdges
 from mlivr_gym.schema import FieldPath, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple, as_triple
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -22,8 +30,42 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class LockedLimb:
+    """A limb whose joints are locked, so that it is a part of the body.
+
+    Attributes
+    ----------
+    mount
+        Place of the limb; its kinematics, capsules and dynamics must be given.
+    joints
+        Joint angles [rad].
+    """
+
+    mount: Mount
+    joints: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check every figure."""
+        place = FieldPath("cargo.limb", RobotError)
+        LOCKED_LIMB.check(self, place)
+        for name in ("limb", "capsules", "dynamics"):
+            if getattr(self.mount, name) is None:
+                raise place.field("mount").field(name).fault("is None; a locked limb needs it")
+
+    @property
+    def frames(self) -> Array:
+        """Frames of its base and its six links in the body frame, shape (7, 4, 4)."""
+        frame, limb = np.eye(4), self.mount.limb
+        assert limb is not None
+        frame[:3, :3], frame[:3, 3] = self.mount.rotation, self.mount.position
+        return np.asarray(frame @ link_frames(limb, np.array(self.joints)))
+
+
+@dataclass(frozen=True)
 class Cargo:
-    """A box that is fixed to the body of a robot, with its axes along those of the body.
+    """A box that is fixed to the body of a robot, or to the gripper of a locked limb.
+
+    Its axes are those of the body, or of the limb's flange.
 
     Attributes
     ----------
@@ -33,10 +75,14 @@ class Cargo:
         Edge of a cube, or the three edges of the box along x, y and z [m].
     centre
         Middle of the box, its centre of mass, in the body frame [m]; None for a box that lies on
-        the middle of the face towards +z, away from the points that the robot holds.
+        the middle of the face towards +z, away from the points that the robot holds. With `limb` in
+        the frame of its flange; None for a box held at the middle of a face.
     inertia
         Inertia about its middle, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a homogeneous
         box.
+    limb
+        The locked limb that holds the box, see `mlivr_gym.collisions.carrying.carrying_robot`; None
+        for a box on the body.
 
     Examples
     --------
@@ -51,6 +97,7 @@ class Cargo:
     size: float | Triple
     centre: Triple | None = None
     inertia: tuple[float, ...] | None = None
+    limb: LockedLimb | None = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -64,17 +111,55 @@ class Cargo:
         """Edges along x, y and z [m], shape (3,)."""
         return np.broadcast_to(np.asarray(self.size, dtype=np.float64), 3).copy()
 
-    def centre_on(self, body_edges: Array) -> Array:
-        """Return the middle of the box on a body of given edges, in its frame [m], shape (3,)."""
-        if self.centre is not None:
-            return np.array(self.centre)
-        return np.array([0.0, 0.0, 0.5 * float(body_edges[2] + self.edges[2])])
-
-    def solid_on(self, body_edges: Array) -> RigidBody:
-        """Return mass, centre and inertia on a body of given edges, in its frame."""
-        x, y, z = self.centre_on(body_edges).tolist()
+    @property
+    def solid(self) -> RigidBody:
+        """Mass, centre and inertia in the frame of its middle."""
         inertia = self.inertia or box_inertia(self.mass, self.edges)
-        return RigidBody(self.mass, (x, y, z), inertia)
+        return RigidBody(self.mass, (0.0, 0.0, 0.0), inertia)
+
+    def frame_on(self, body_edges: Array, tool_length: float) -> Array:
+        """Return the frame of its middle in the body frame, shape (4, 4).
+
+        It is given for a body of given edges and grippers of a given length [m].
+        """
+        frame = np.eye(4)
+        if self.limb is not None:
+            frame, middle = self.limb.frames[6].copy(), self.centre_below(tool_length)
+        else:
+            middle = self.centre_below(0.5 * float(body_edges[2]))
+        frame[:3, 3] += frame[:3, :3] @ middle
+        return frame
+
+    def centre_below(self, height: float) -> Array:
+        """Return its middle if a face lies at a height above the origin [m], shape (3,)."""
+        return np.array(self.centre or (0.0, 0.0, height + 0.5 * float(self.edges[2])))
+
+    @property
+    def limb_capsules(self) -> list[tuple[str, Array, float]]:
+        """Link, ends (2, 3) in the body frame and radius [m] of each capsule of the locked limb."""
+        if self.limb is None:
+            return []
+        frames, out = self.limb.frames, []
+        for shape in self.limb.mount.capsules or ():
+            frame = frames[min(LINKS.index(shape.link), 6)]
+            ends = np.array([shape.start, shape.end]) @ frame[:3, :3].T + frame[:3, 3]
+            out.append((shape.link, ends, shape.radius))
+        return out
+
+    def limb_solids(self, gripper_mass: float, tool_length: float) -> list[RigidBody]:
+        """Return base, links and gripper of the locked limb in the body frame, for a gripper."""
+        if self.limb is None:
+            return []
+        frames, dynamics = self.limb.frames, self.limb.mount.dynamics
+        assert dynamics is not None
+        links = [
+            RigidBody(mass, as_triple(np.array(centre)), inertia).moved(frame)
+            for mass, centre, inertia, frame in zip(
+                dynamics.masses, dynamics.centres, dynamics.inertias, frames[1:], strict=True
+            )
+        ]
+        gripper = gripper_link(gripper_mass, tool_length)
+        return [base_link(dynamics).moved(frames[0]), *links, gripper.moved(frames[6])]
 
 
 def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:
@@ -84,6 +169,12 @@ def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:
     return replace(robot, cargo=CARGO.read(cargo, FieldPath("cargo", RobotError)))
 
 
+LOCKED_LIMB = Struct(
+    LockedLimb,
+    {"mount": MOUNT, "joints": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")},
+)
+"""Fields of a `LockedLimb`."""
+
 CARGO = Struct(
     Cargo,
     {
@@ -91,6 +182,7 @@ CARGO = Struct(
         "size": SizeOrEdges(),
         "centre": OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")),
         "inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
+        "limb": OrNone(LOCKED_LIMB),
     },
 )
 """Fields of a `Cargo`."""

@@ -13,7 +13,7 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_rotations
-from mlivr_gym.robot.rigid import RigidBody, both, box_inertia
+from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MIN_SIZE, Triple
@@ -77,7 +77,7 @@ class DerivedFigures:
         Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube. Cargo
         must lie on the axis of two limbs.
         """
-        if self.cargo is not None and (self.limbs > 2 or self.cargo_centre[:2].any()):
+        if self.cargo is not None and (self.limbs > 2 or self.cargo_frame[:2, 3].any()):
             return False
         return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
 
@@ -123,15 +123,20 @@ class DerivedFigures:
 
     @property
     def body_solid(self) -> RigidBody:
-        """Mass, centre and inertia of the body with its cargo, in the body frame."""
+        """Mass, centre and inertia of the body with cargo and locked limb, in the body frame."""
         inertia = self.body_inertia or box_inertia(self.body_mass, self.body_edges)
         body = RigidBody(self.body_mass, self.body_centre, inertia)
-        return body if self.cargo is None else both(body, self.cargo.solid_on(self.body_edges))
+        if self.cargo is None:
+            return body
+        bag = self.cargo.solid.moved(self.cargo_frame)
+        return combined([body, bag, *self.cargo.limb_solids(self.gripper_mass, self.tool_length)])
 
     @property
-    def cargo_centre(self) -> Array:
-        """Middle of the cargo in the body frame [m], shape (3,); that of the body without one."""
-        return np.zeros(3) if self.cargo is None else self.cargo.centre_on(self.body_edges)
+    def cargo_frame(self) -> Array:
+        """Frame of the middle of the cargo in the body frame, shape (4, 4); of the body if none."""
+        if self.cargo is None:
+            return np.eye(4)
+        return self.cargo.frame_on(self.body_edges, self.tool_length)
 
     @property
     def body_radius(self) -> float:
@@ -156,8 +161,11 @@ class DerivedFigures:
         farthest = self.body_radius
         if self.cargo is not None:
             # The capsules that cover the cargo protrude by less than a quarter of its edges.
-            corner = np.abs(self.cargo_centre) + 0.75 * self.cargo.edges
+            frame = self.cargo_frame
+            corner = np.abs(frame[:3, :3].T @ frame[:3, 3]) + 0.75 * self.cargo.edges
             farthest = max(farthest, float(np.linalg.norm(corner)))
+            for _, ends, radius in self.cargo.limb_capsules:
+                farthest = max(farthest, float(np.linalg.norm(ends, axis=1).max()) + radius)
         for mount, limb in zip(self.mounted, self.every_limb, strict=True):
             away = self.mount_radius
             if self.mounts is not None:

@@ -22,8 +22,10 @@ from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
 from mlivr_gym.robot.link_frames import axes_of
-from mlivr_gym.robot.model import base_link, gripper_link, quaternion_of
+from mlivr_gym.robot.link_masses import base_link, gripper_link
+from mlivr_gym.robot.model import quaternion_of
 from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.values import as_triple
 
 FIELDS = (
     "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
@@ -104,8 +106,9 @@ def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
             _sub(body, "freejoint", name=link.name)
             _sub(body, "geom", type="box", size=_text(0.5 * robot.body_edges))
             if robot.cargo is not None:
-                place, half = robot.cargo_centre, 0.5 * robot.cargo.edges
-                _sub(body, "geom", type="box", pos=_text(place), size=_text(half))
+                place, half = robot.cargo_frame, 0.5 * robot.cargo.edges
+                turn = _text(quaternion_of(place[:3, :3]))
+                _sub(body, "geom", type="box", pos=_text(place[:3, 3]), quat=turn, size=_text(half))
         if link.joint is not None:
             joint = link.joint
             _sub(
@@ -146,7 +149,9 @@ def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
             _sub(_sub(collision, "geometry"), "box", size=_text(robot.body_edges))
             if robot.cargo is not None:
                 collision = _sub(element, "collision")
-                _sub(collision, "origin", xyz=_text(robot.cargo_centre), rpy="0 0 0")
+                place = robot.cargo_frame
+                turn = _text(_roll_pitch_yaw(place[:3, :3]))
+                _sub(collision, "origin", xyz=_text(place[:3, 3]), rpy=turn)
                 _sub(_sub(collision, "geometry"), "box", size=_text(robot.cargo.edges))
         for capsule in link.capsules:
             _add_capsule(element, capsule)
@@ -166,7 +171,12 @@ def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
 def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
     """Yield the links of a robot, each after the one that carries it."""
     none = np.zeros(3)
-    yield WrittenLink("base", "", none, np.eye(3), robot.body_solid, (), None)
+    held = () if robot.cargo is None else robot.cargo.limb_capsules
+    locked = tuple(
+        Capsule("base", as_triple(start), as_triple(end), radius)
+        for _, (start, end), radius in held
+    )
+    yield WrittenLink("base", "", none, np.eye(3), robot.body_solid, locked, None)
     mounts = zip(robot.mount_positions, robot.mount_rotations, strict=True)
     for i, (position, rotation) in enumerate(mounts):
         dynamics, limb = robot.dynamics_of(i), robot.every_limb[i]
@@ -190,7 +200,7 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
                 name, parent, np.array(origin), axes, mass, parts[LINKS[k + 1]], joint
             )
             parent = name
-        gripper = gripper_link(robot)
+        gripper = gripper_link(robot.gripper_mass, robot.tool_length)
         yield WrittenLink(
             f"limb{i}/gripper", parent, none, np.eye(3), gripper, parts["gripper"], None
         )

@@ -22,23 +22,31 @@ def axes_of(quaternion: LinkQuaternion) -> Array:
 
 
 def link_frames(limb: AnyLimb, angles: Array) -> Array:
-    """Return the frames of the base and the six links in the limb's base frame, shape (7, 4, 4).
+    """Return the frames of the base and the six links in the limb's base frame.
 
     Parameters
     ----------
     limb
         The limb.
     angles
-        Joint angles [rad], shape (6,).
+        Joint angles [rad], shape (..., 6).
+
+    Returns
+    -------
+    Array
+        Shape (..., 7, 4, 4).
     """
-    frames = np.empty((7, 4, 4))
-    frames[0] = np.eye(4)
+    frames = np.empty((*angles.shape[:-1], 7, 4, 4))
+    frames[..., 0, :, :] = np.eye(4)
     for k, (origin, quaternion) in enumerate(limb.link_offsets):
-        c, s = np.cos(angles[k]), np.sin(angles[k])
-        step = np.eye(4)
-        step[:3, :3] = axes_of(quaternion) @ [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
-        step[:3, 3] = origin
-        frames[k + 1] = frames[k] @ step
+        step = np.zeros((*angles.shape[:-1], 4, 4))
+        step[..., 0, 0] = step[..., 1, 1] = np.cos(angles[..., k])
+        step[..., 1, 0] = np.sin(angles[..., k])
+        step[..., 0, 1] = -step[..., 1, 0]
+        step[..., 2, 2] = step[..., 3, 3] = 1.0
+        step[..., :3, :3] = axes_of(quaternion) @ step[..., :3, :3]
+        step[..., :3, 3] = origin
+        frames[..., k + 1, :, :] = frames[..., k, :, :] @ step
     return frames
 
 

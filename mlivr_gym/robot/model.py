@@ -15,8 +15,9 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data, arm_dynamics, arm_of
-from mlivr_gym.robot.rigid import RigidBody, cylinder
+from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of
+from mlivr_gym.robot.link_masses import base_link, gripper_link
+from mlivr_gym.robot.rigid import RigidBody
 
 ROBOT, SURROUNDINGS = 1, 2
 """Bits of `contype` and `conaffinity`.
@@ -77,24 +78,6 @@ def known_dynamics(robot: DerivedFigures, limb: int) -> LimbDynamics:
     return robot.dynamics_of(limb) if known else arm_dynamics("ur5e")
 
 
-def base_link(dynamics: LimbDynamics) -> RigidBody:
-    """Return the link by which a limb is fixed to the body."""
-    mass, (radius, length) = dynamics.base_mass, dynamics.base_size
-    link = cylinder(mass, radius, length, 0.5 * length)
-    if dynamics.base_centre is not None:
-        link = link._replace(centre=dynamics.base_centre)
-    if dynamics.base_inertia is not None:
-        link = link._replace(inertia=dynamics.base_inertia)
-    return link
-
-
-def gripper_link(robot: DerivedFigures) -> RigidBody:
-    """Return the gripper of a limb, a cylinder from the flange to the grasp."""
-    radius = arm_data("ur5e")["gripper"]["radius"]
-    length = max(robot.tool_length, 0.01)
-    return cylinder(robot.gripper_mass, radius, length, 0.5 * robot.tool_length)
-
-
 def _add_base(spec: Any, robot: DerivedFigures) -> Any:
     """Add the robot's body, free to move, with a disc that marks its front."""
     import mujoco
@@ -112,9 +95,16 @@ def _add_base(spec: Any, robot: DerivedFigures) -> Any:
     )  # fmt: skip
     if robot.cargo is not None:
         base.add_geom(
-            name="cargo", type=mujoco.mjtGeom.mjGEOM_BOX, pos=robot.cargo_centre,
-            size=0.5 * robot.cargo.edges, rgba=CARGO_COLOUR, material="matt", mass=0, **_TOUCHES,
+            name="cargo", type=mujoco.mjtGeom.mjGEOM_BOX, pos=robot.cargo_frame[:3, 3],
+            quat=quaternion_of(robot.cargo_frame[:3, :3]), size=0.5 * robot.cargo.edges,
+            rgba=CARGO_COLOUR, material="matt", mass=0, **_TOUCHES,
         )  # fmt: skip
+        for k, (_, ends, radius) in enumerate(robot.cargo.limb_capsules):
+            base.add_geom(
+                name=f"cargo/limb/{k}", type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[*ends[0], *ends[1] + [0.0, 0.0, SHORTEST]], size=[radius, 0, 0],
+                rgba=STEEL_COLOUR, material="matt", mass=0, **_TOUCHES,
+            )  # fmt: skip
     if robot.body_inertia is not None or robot.cargo is not None:
         base.explicitinertial = True
         solid = robot.body_solid
@@ -162,7 +152,7 @@ def _add_gripper(flange: Any, robot: DerivedFigures, i: int) -> Any:
     flange.add_site(name=f"limb{i}/flange", **unseen)
     flange.add_site(name=f"limb{i}/grasp", pos=[0, 0, robot.tool_length], **unseen)
     gripper = flange.add_body(name=f"limb{i}/gripper")
-    _set_inertia(gripper, gripper_link(robot))
+    _set_inertia(gripper, gripper_link(robot.gripper_mass, robot.tool_length))
     return gripper
 
 

@@ -85,6 +85,8 @@ def without_empty_looks(data: dict[str, Any]) -> dict[str, Any]:
     """Return plain data of a robot with `visuals` and `cargo` only where there are any."""
     if data["cargo"] is None:
         del data["cargo"]
+    elif data["cargo"]["limb"] is None:
+        del data["cargo"]["limb"]
     parts = [data, *(data["mounts"] or ())]
     for part in parts:
         if part["visuals"] is None:

@@ -25,6 +25,13 @@ class RigidBody(NamedTuple):
     inertia: tuple[float, ...]
     """Inertia about it, in the order of `PAIRS` [kg m^2]."""
 
+    def moved(self, frame: Array) -> RigidBody:
+        """Return the body, given in a frame (4, 4), in the frame in which that one is given."""
+        turn = frame[:3, :3]
+        x, y, z = (frame[:3, 3] + turn @ np.array(self.centre)).tolist()
+        inertia = turn @ _inertia_matrix(self) @ turn.T
+        return RigidBody(self.mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+
 
 def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> RigidBody:
     """Return bodies of a model as one, as seen from a frame.
@@ -69,17 +76,19 @@ def _sum(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Arr
     return mass, centre, inertia
 
 
-def both(first: RigidBody, second: RigidBody) -> RigidBody:
-    """Return two bodies in one frame as one."""
-    parts = []
-    for body in (first, second):
-        matrix = np.zeros((3, 3))
-        for (row, column), value in zip(PAIRS, body.inertia, strict=True):
-            matrix[row, column] = matrix[column, row] = value
-        parts.append((body.mass, np.array(body.centre), matrix))
-    mass, centre, inertia = _sum(parts)
+def combined(parts: Iterable[RigidBody]) -> RigidBody:
+    """Return parts in one frame as one body."""
+    mass, centre, inertia = _sum([(p.mass, np.array(p.centre), _inertia_matrix(p)) for p in parts])
     x, y, z = centre.tolist()
     return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+
+
+def _inertia_matrix(body: RigidBody) -> Array:
+    """Return the inertia of a body about its centre as a matrix, shape (3, 3)."""
+    matrix = np.zeros((3, 3))
+    for (row, column), value in zip(PAIRS, body.inertia, strict=True):
+        matrix[row, column] = matrix[column, row] = value
+    return matrix
 
 
 def box_inertia(mass: float, edges: Array) -> tuple[float, ...]:

@@ -56,6 +56,11 @@ def test_plan_and_info_take_cargo(run, tmp_path, jem):
     code, out, _ = run("info --json --cargo 12 0.3 0.4 0.2")
     assert code == 0
     assert json.loads(out)["robot"]["cargo"]["mass"] == 12.0
+    code, out, _ = run("info --json --robot mlivr3 --cargo 12 0.3 0.4 0.2 --cargo-limb 1")
+    assert json.loads(out)["robot"]["limbs"] == 2
+    code, _, err = run("info --cargo-limb 1")
+    assert code
+    assert "--cargo-limb has no effect without --cargo" in err
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def test_body_and_cargo_have_the_inertia_that_mujoco_gives_two_boxes(cargo):
 @pytest.mark.parametrize("cargo", [ON_TOP, BESIDE, Cargo(1.0, 0.2)])
 def test_capsules_cover_the_cargo_and_stay_within_the_extent(cargo):
     robot, rng = with_cargo(cargo), np.random.default_rng(1)
-    points = robot.cargo_centre + rng.uniform(-0.5, 0.5, (2000, 3)) * cargo.edges
+    points = robot.cargo_frame[:3, 3] + rng.uniform(-0.5, 0.5, (2000, 3)) * cargo.edges
     ends, radii = cargo_capsules(robot)
     along = ends[:, 1] - ends[:, 0]
     share = ((points[:, None] - ends[:, 0]) * along).sum(axis=2) / (along**2).sum(axis=1).clip(
@@ -75,7 +75,9 @@ def test_capsules_cover_the_cargo_and_stay_within_the_extent(cargo):
     inside = np.linalg.norm(points[:, None] - nearest, axis=2) <= radii + 1e-12
     assert inside.any(axis=1).all()
     assert (np.linalg.norm(ends, axis=2) + radii[:, None]).max() <= robot.extent
-    beyond = np.abs(ends - robot.cargo_centre).max(axis=(0, 1)) + radii.max() - 0.5 * cargo.edges
+    beyond = (
+        np.abs(ends - robot.cargo_frame[:3, 3]).max(axis=(0, 1)) + radii.max() - 0.5 * cargo.edges
+    )
     assert beyond.max() < 0.25 * cargo.edges.max()
 
 
