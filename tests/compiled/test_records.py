@@ -154,30 +154,6 @@ def test_a_record_in_an_array_of_records_is_written_in_place():
     )
 
 
-@kernel
-def total(pack: Pack, out: Array) -> None:
-    """Read every field into its place of `out`."""
-    out[0], out[1], out[2] = pack.small, pack.wide, pack.code
-    out[3], out[4] = pack.full, pack.flag
-    out[5], out[6], out[7] = pack.counts[2], pack.turn[1, 2], pack.joints[5]
-    out[8], out[9] = pack.ball.radius, pack.ball.centre[2]
-    out[10], out[11] = pack.balls[1, 0].radius, pack.balls[0, 1].centre[1]
-
-
-def test_compiled_code_reads_what_python_writes():
-    rng, pack, found = np.random.default_rng(0), Pack.row(), np.zeros(12)
-    plainly(pack, 0.0)
-    for name in ("turn", "joints"):
-        pack[name] = rng.normal(size=pack[name].shape)
-    pack["balls"]["centre"] = rng.normal(size=(2, 2, 3))
-    called(total)(pack, found)
-    assert found.tolist() == [
-        -7.0, 2.0**40, 65535.0, 1.0, 1.0, -2.0, pack["turn"][1, 2], pack["joints"][5],
-        pack["ball"]["radius"], pack["ball"]["centre"][2], pack["balls"][1, 0]["radius"],
-        pack["balls"][0, 1]["centre"][1],
-    ]  # fmt: skip
-
-
 class Clash(Record):
     """Fields that are called like attributes of NumPy's scalars."""
 

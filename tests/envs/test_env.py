@@ -53,24 +53,6 @@ def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
     assert data_equivalence(*(one.reset() for one in alike))
 
 
-def test_truncated_by_the_registration():
-    environment = gymnasium.make("MLIVR-JEM-v0", max_episode_steps=3, goal_tolerance=0.0)
-    _, info = environment.reset(seed=0)
-    rng = np.random.default_rng(0)
-    for k in range(3):
-        _, _, terminated, truncated, info = environment.step(masked(environment, info, rng))
-        assert not terminated
-        assert truncated == (k == 2)
-
-
-def test_observations_are_fresh_arrays(env):
-    first, info = env.reset(seed=1)
-    second, *_ = env.step(int(np.flatnonzero(info["action_mask"])[0]))
-    for key in first:
-        assert first[key] is not second[key]
-        assert not np.shares_memory(first[key], second[key])
-
-
 @pytest.mark.parametrize(
     ("robot", "collisions", "reward"),
     [

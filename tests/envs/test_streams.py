@@ -1,20 +1,44 @@
-"""The random numbers of an environment: splitmix64, alike in Python and in the kernel."""
+"""Random numbers of the environments: splitmix64, in Python and in the kernel."""
 
 import numpy as np
 import pytest
 from env_model import SplitMix
 from scipy.stats import chisquare
 
+from mlivr_gym.envs.batch import random_below
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 
+PUBLISHED = (
+    6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431,
+    16408922859458223821,
+)  # fmt: skip
+"""What splitmix64 gives from 1234567 on, as many implementations state for a test."""
 
-@pytest.mark.parametrize("bound", [2, 7, 790, 10**6])
-def test_numbers_are_those_of_the_model(bound):
-    stream, other = Stream.of_seed(3), SplitMix(3)
-    ours = [stream.integers(bound) for _ in range(2000)]
-    assert ours == [other.below(bound) for _ in range(2000)]
+
+def plain(state):
+    """The stream of the model of the environments from a state on."""
+    stream = SplitMix(0)
+    stream.state = state
+    return stream
+
+
+def test_the_model_gives_the_published_numbers():
+    stream = plain(1234567)
+    assert [stream.bits() for _ in PUBLISHED] == [number >> 11 for number in PUBLISHED]
+
+
+@pytest.mark.parametrize("bound", [1, 2, 331, 8732, 10**6])
+def test_numbers_below_a_bound(bound):
+    """The upper 53 bits as a share of the bound; other streams stay as they are."""
+    ours, other = Stream.of_seed(3), SplitMix(3)
+    assert [ours.integers(bound) for _ in range(200)] == [other.below(bound) for _ in range(200)]
+    streams, stream = np.array([5, 1234567, 2**64 - 1], dtype=np.uint64), plain(1234567)
+    with np.errstate(over="ignore"):
+        for _ in range(200):
+            assert random_below(streams, 1, bound) == stream.below(bound)
+    assert streams.tolist() == [5, stream.state, 2**64 - 1]
 
 
 def test_a_choice_has_no_value_twice_and_every_order():

@@ -1,10 +1,7 @@
 """Tasks: start and goal are drawn such that a walk joins them, alike in all environments."""
 
 import numpy as np
-import pytest
-from env_model import SplitMix
 
-from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
@@ -19,37 +16,6 @@ def test_start_and_goal_are_drawn_such_that_a_plan_joins_them(env):
         assert not info["is_success"]
         assert planner.plan(info["stance"], env.goal, "steps").plan is not None
     assert len(starts) > 20
-
-
-class Fed(SplitMix):
-    """Used like a generator."""
-
-    def integers(self, bound):
-        return self.below(bound)
-
-
-@pytest.mark.usefixtures("cache")
-@pytest.mark.parametrize("given", [False, True])
-def test_tasks_are_drawn_as_the_single_environment_draws_them(small_map, given):
-    """Number for number: `sample_task` over the graph, fed with the stream of each copy."""
-    copies = MlivrVectorEnv(200, map=small_map, collisions=False)
-    graph, m = copies.env.graph, len(small_map)
-    starts = None
-    if given:
-        copies.reset(seed=1000)
-        starts = copies.tables.points[copies.stances].tolist()
-    observations, infos = copies.reset(seed=7, options={"start": starts} if given else None)
-    for k in range(200):
-        start = graph.state(starts[k]) if given else None
-        state, goal = sample_task(graph, Fed(7 + k), copies.env.goal_tolerance, start)
-        assert tuple(observations["stance"][k].tolist()) == state.stance
-        assert tuple(copies.branch_sets[k].tolist()) == state.branch_sets
-        np.testing.assert_allclose(copies.goals[k], goal, atol=1e-12)
-        away = np.linalg.norm(infos["base_position"][k] - copies.goals[k])
-        assert away > copies.env.goal_tolerance
-        assert not infos["is_success"][k]
-    assert len({tuple(row) for row in observations["stance"].tolist()}) > 100
-    assert m > 30
 
 
 def test_goals_can_be_reached_from_the_starts_that_are_given(single):

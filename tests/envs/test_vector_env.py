@@ -21,27 +21,8 @@ class UserTasks:
         return sample_task(graph, rng, tolerance, start)
 
 
-@pytest.fixture(scope="module")
-def exact(small_map, cache):
-    return MlivrEnv(map=small_map, precompute=True)
-
-
 def same(ours, theirs):
     return all(np.array_equal(ours[name], theirs[name]) for name in theirs)
-
-
-def test_tables_give_the_steps_of_the_graph(single, exact):
-    """The environment from tables and the one that asks the graph go alike."""
-    rng = np.random.default_rng(2)
-    for seed in range(3):
-        ours, theirs = exact.reset(seed=seed), single.reset(seed=seed)
-        for _ in range(20):
-            assert same(ours[0], theirs[0])
-            assert same(ours[-1], {"action_mask": theirs[-1]["action_mask"]})
-            a, b = exact.successors(), single.successors()
-            assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
-            action = int(rng.choice(np.flatnonzero(theirs[-1]["action_mask"])))
-            ours, theirs = exact.step(action), single.step(action)
 
 
 def test_made_by_gymnasium_and_seeded(small_map):

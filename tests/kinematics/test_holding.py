@@ -67,7 +67,7 @@ def windowed(path):
 
 
 @given(st.integers(0, 10**6), st.sampled_from([STRAIGHT, ARC]), st.integers(0, EVERY_BRANCH))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_limbs_hold_where_their_joints_stay_in_their_windows(seed, kind, some):
     """On all of their branches, and on some that are asked for."""
     path = path_between(random_ends(seed), kind)

@@ -59,22 +59,21 @@ def searched(name, pose, rng, seeds=400):
 @each_limb
 def test_a_dense_search_finds_no_more_solutions(name):
     rng = np.random.default_rng(1)
-    for _ in range(3):
-        q = rng.uniform(-np.pi, np.pi, 6)
-        q[4] = rng.uniform(0.5, 2.5)
-        pose = truth(name, q)[0]
-        mask, out = solutions(name, pose)
-        found = searched(name, pose, rng)
-        assert len(found) == bin(mask).count("1")
-        for one in found:
-            assert min(turned(one, out[b]) for b in range(8) if mask >> b & 1) < 1e-6
+    q = rng.uniform(-np.pi, np.pi, 6)
+    q[4] = rng.uniform(0.5, 2.5)
+    pose = truth(name, q)[0]
+    mask, out = solutions(name, pose)
+    found = searched(name, pose, rng)
+    assert len(found) == bin(mask).count("1")
+    for one in found:
+        assert min(turned(one, out[b]) for b in range(8) if mask >> b & 1) < 1e-6
 
 
 @each_limb
 def test_labels_change_only_where_the_determinant_is_zero(name):
     """Along lines in joint space; the branch is that of the solution with the line's angles."""
     limb, rng = LIMBS[name], np.random.default_rng(3)
-    for _ in range(10):
+    for _ in range(4):
         ends = rng.uniform(-np.pi, np.pi, (2, 6))
         last, changes = None, 0
         for q in np.linspace(*ends, 300):

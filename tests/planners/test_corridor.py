@@ -34,13 +34,14 @@ def test_a_plan_is_one_of_the_whole_map_among_its_obstacles(jem, tmp_path):
     """It is read with the whole map, and is a walk of the whole graph among the obstacles."""
     free = plan_in_corridor("jem", START, GOAL).result.unwrap()
     taken = free.steps[0].to_point
-    box = Box.between("crate", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
+    box = Box.between("crate", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
     found = plan_in_corridor("jem", START, GOAL, obstacles=[box], occupied=[taken, "A6b:7"])
     assert not found.is_whole
     plan = found.result.unwrap()
     assert all(taken not in stance for stance in plan.stances)
     plan.save(tmp_path / "plan.json")
     assert Plan.load(tmp_path / "plan.json", jem).stances == plan.stances
+    assert len(plan.steps) > len(free.steps)
     graph = stance_graph(jem)
     graph.add_obstacles([box])
     graph.occupy([taken, "A6b:7"])

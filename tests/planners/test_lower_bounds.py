@@ -3,11 +3,11 @@
 import networkx as nx
 import numpy as np
 import pytest
-from small_tables import every_pair, searching, small_table
+from small_tables import every_pair, small_table
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.planners import Planner, lower_bounds, table_search
+from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
@@ -144,50 +144,6 @@ def taking(graph, held):
         graph.vacate()
         graph.occupy([point])
         yield point
-
-
-def stopped(*_args):
-    """In place of what must not be asked."""
-    raise AssertionError
-
-
-@pytest.mark.parametrize("cost", COSTS)
-def test_a_first_walk_waits_for_no_costs_and_a_further_one_for_nothing(known, cost, monkeypatch):
-    """With a point occupied that the first path grasps."""
-    graph, table = fresh(known), known[1]
-    if table.limbs == 2:
-        pytest.skip("there are no rounds with two limbs")
-    rng, again = np.random.default_rng(4), 0
-    for _ in range(10):
-        graph.vacate()
-        bounds = LowerBounds(graph)
-        start = random_state(graph, rng)
-        goal = away(graph, table, cost, int(rng.integers(len(table.points))), 0.08)
-        if goal.reached(graph.posture_of(start).base_position[0], start.stance):
-            continue
-        first = searching(bounds, goal, start)
-        every = list(first.paths())
-        if not every:
-            continue
-        with monkeypatch.context() as patched:
-            patched.setattr(lower_bounds, "costs_to_goal", stopped)
-            path = next(searching(LowerBounds(graph), goal, start).paths())
-            assert goal.reached(path.positions[-1], path.states[-1].stance)
-        with monkeypatch.context() as patched:
-            patched.setattr(LowerBounds, "compute", stopped)
-            search = searching(bounds, goal, start)
-            assert search.cost(list(search.paths())[-1]) == pytest.approx(first.cost(every[-1]))
-        grasped = {p for state in every[-1].states for p in state.stance} - set(start.stance)
-        graph.occupy(sorted(grasped)[:1])
-        anew = searching(LowerBounds(graph), goal, start).paths()
-        if next(anew, None) is None:
-            continue
-        with monkeypatch.context() as patched:
-            patched.setattr(LowerBounds, "compute", stopped)
-            path = next(searching(bounds, goal, start).paths())
-        assert not {p for state in path.states for p in state.stance} & graph.occupied
-        again += 1
-    assert again
 
 
 @pytest.mark.parametrize("cost", COSTS)

@@ -11,8 +11,26 @@ def live(checked_graph, walk):
     checked_graph.vacate()
 
 
+@pytest.fixture(scope="session")
+def scenes_made_once():
+    """Each scene is made once for all pages and files, which only read it; it takes a second."""
+    solids = pytest.importorskip("mlivr_gym.viewer.solids", reason="the extra 'viewer' is missing")
+    make, made = solids.scene_solids, {}
+
+    def once(grasp_map, robot, *more):
+        key = grasp_map.fingerprint, robot, *more
+        if key not in made:
+            made[key] = make(grasp_map, robot, *more)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("viewer", "export"):
+            patch.setattr(f"mlivr_gym.viewer.{module}.scene_solids", once)
+        yield
+
+
 @pytest.fixture
-def page():
+def page(scenes_made_once):
     """A page on any free port."""
     pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
     from mlivr_gym.viewer.page import Page

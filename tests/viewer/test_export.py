@@ -9,6 +9,8 @@ pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import export
 
+pytestmark = pytest.mark.usefixtures("scenes_made_once")
+
 
 def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
     path = tmp_path / "walk.html"
