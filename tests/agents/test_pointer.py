@@ -37,16 +37,17 @@ def test_the_pointer_policy_does_not_depend_on_order_or_number(env, policy):
 
 
 @pytest.mark.parametrize("network", ["pointer", "mlp"])
-def test_policies_run_in_maskable_ppo_and_subprocesses(small_map, network, tmp_path):
-    """As in stable-baselines3: single environments in processes, model saved and loaded by it."""
+def test_policies_run_in_maskable_ppo(small_map, network, tmp_path):
+    """As in stable-baselines3: environments in processes or in this one, and saved models."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.env_util import make_vec_env
-    from stable_baselines3.common.vec_env import SubprocVecEnv
+    from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
     from mlivr_gym.agents.networks import actor_critic_class
 
     vector = make_vec_env(
-        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0, vec_env_cls=SubprocVecEnv,
+        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0,
+        vec_env_cls=SubprocVecEnv if network == "pointer" else DummyVecEnv,
         env_kwargs={"map": small_map, "collisions": False},
         wrapper_class=PointObservation if network == "pointer" else None,
     )  # fmt: skip

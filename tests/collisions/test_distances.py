@@ -28,7 +28,7 @@ def vectors(low=-1.0, high=1.0):
 
 
 @given(vectors(), vectors(), vectors(0.05, 0.6))
-@examples(max_examples=300, deadline=None)
+@examples(max_examples=200, deadline=None)
 def test_segment_to_box_agrees_with_coal(start, end, half):
     if np.linalg.norm(end - start) < 1e-3:
         return
@@ -40,7 +40,7 @@ def test_segment_to_box_agrees_with_coal(start, end, half):
 
 
 @given(vectors(), vectors(), vectors(), vectors())
-@examples(max_examples=300, deadline=None)
+@examples(max_examples=200, deadline=None)
 def test_segment_to_segment_agrees_with_coal(a, b, c, d):
     if min(np.linalg.norm(b - a), np.linalg.norm(d - c)) < 1e-3:
         return
@@ -55,7 +55,7 @@ def test_segment_to_segment_agrees_with_coal(a, b, c, d):
     st.tuples(vectors(), vectors()),
     st.tuples(st.floats(0.01, 0.8), st.floats(0.01, 0.8)),
 )
-@examples(max_examples=300, deadline=None)
+@examples(max_examples=200, deadline=None)
 def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, other, lengths):
     """The result agrees with samples, unless rounding or the number of places leaves it open."""
     (start, end), (first, second), (at_start, at_end) = axis, other, lengths
@@ -92,7 +92,7 @@ def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, othe
     st.tuples(st.floats(0.0, 0.5), st.sampled_from([0.0, 0.05, 0.5])),
     st.floats(0.0, 0.1),
 )
-@examples(max_examples=400, deadline=None)
+@examples(max_examples=300, deadline=None)
 def test_capsules_are_clear_as_far_as_samples_of_their_motion_tell(
     box, axis, other, inner, moves, more
 ):

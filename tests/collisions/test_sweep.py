@@ -39,8 +39,8 @@ from mlivr_gym.kinematics.poses import pose, quaternion
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.transitions.state import State
 
-SHARES = np.linspace(0.0, 1.0, 121)
-"""Samples of a motion."""
+SHARES, FINE = np.linspace(0.0, 1.0, 61), np.linspace(0.0, 1.0, 121)
+"""Samples of a motion, and of a long one."""
 
 STANDS_OUT = 0.37 * 0.5 * ROBOT.body_size
 """How far the base capsules that boxes are compared with protrude from the body."""
@@ -90,7 +90,7 @@ class Case(NamedTuple):
 
     def agrees(self, ruler, boxes=(), most=0.1):
         """Check at both clearances; return the closest shapes, or None if too close or too far."""
-        middle = Case(self.scratch, self.moments[60:61], self.grasps).least(ruler, 1.5 * most)[0][0]
+        middle = Case(self.scratch, self.moments[30:31], self.grasps).least(ruler, 1.5 * most)[0][0]
         if not 0.0 < middle < 1.5 * most:
             return None
         (gap, *pair), wide = self.least(ruler, 1.5 * most)
@@ -102,12 +102,12 @@ class Case(NamedTuple):
         return pair
 
 
-def along(start, corner, end, rounded):
+def along(start, corner, end, rounded, shares=SHARES):
     """Return samples of a line or a rounded corner between values, shape (k, n)."""
     start, corner, end = (np.asarray(values, dtype=float) for values in (start, corner, end))
     if rounded:
-        return at_corner(start, corner, end, SHARES)
-    return start + SHARES[:, None] * (end - start)
+        return at_corner(start, corner, end, shares)
+    return start + shares[:, None] * (end - start)
 
 
 def knots(rng, size=0.3):
@@ -295,7 +295,8 @@ def test_no_thin_plate_is_skipped():
         path, base = base_motion(rng, STRAIGHT)
         ours = knots(rng, 2.5)
         scratch = motion(path, (0.0, 1.0), swinging(0, ours[0], ours[2]), compared=("boxes",))
-        moments = moments_of(path, along(*base[:, None], False)[:, 0], along(*ours, False), 0.0)
+        places, joints = along(*base[:, None], False, FINE)[:, 0], along(*ours, False, FINE)
+        moments = moments_of(path, places, joints, 0.0)
         case = Case(scratch, moments)
         plate = thin_box(rng, case, n % 2)
         if answer(scratch, 0.02, (plate,)) == CLEAR:

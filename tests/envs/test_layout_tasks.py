@@ -66,7 +66,7 @@ def test_observation_and_mask_follow_the_layout(small_map, env):
 
 
 def test_the_fewest_steps_are_those_of_networkx_and_the_expert_takes_them(env):
-    for seed in range(3):
+    for seed in range(2):
         observation, info = env.reset(seed=seed)
         fewest = info["fewest_steps"]
         net = reachable(env.graph, env.state)

@@ -22,7 +22,7 @@ from mlivr_gym.kinematics.manipulability import limb_manipulability
 
 each_arm = pytest.mark.parametrize("name", ARMS)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6).map(np.array)
-MANY = settings(max_examples=100, deadline=None)
+MANY = settings(max_examples=60, deadline=None)
 
 
 def solutions(name, pose, *slack):
@@ -60,7 +60,7 @@ def check_all_branches(name, q):
 
 @each_arm
 @given(angles)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_inverse_kinematics_finds_all_branches_of_random_poses(name, q):
     mask, out = check_all_branches(name, q)
     if volume(jacobian(ARMS[name], q)) > regular(name):

@@ -87,7 +87,7 @@ def bounded(limb, q, moved):
     st.floats(-5.0, -0.5),
     st.integers(0, 7),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_joints_of_a_limb_that_holds_turn_no_farther(limb, seed, kind, s, exponent, branch):
     half, path = min(10.0**exponent, s, 1.0 - s), path_near(limb, seed, kind)
     places, turned = flanges_in_mount(path, s + half * np.linspace(-1, 1, PLACES))

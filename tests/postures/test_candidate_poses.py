@@ -10,8 +10,9 @@ from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.stances.random_states import random_state
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-@pytest.mark.parametrize("moved", [0.0, 4e-8])
+@pytest.mark.parametrize(
+    ("robot", "moved"), [("mlivr2", 0.0), ("mlivr2", 4e-8), ("mlivr3", 4e-8), ("mlivr4", 4e-8)]
+)
 def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, robot, moved):
     """Also with points moved by less than the rounded coordinates resolve."""
     rng = np.random.default_rng(4)

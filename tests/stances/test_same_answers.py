@@ -12,7 +12,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_state
 
-WALKS, STEPS = 6, 3
+WALKS, STEPS = 4, 3
 
 
 def states_of(graph, seed):

@@ -100,14 +100,15 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, chec
     assert checked[0] == every
 
 
-@pytest.mark.parametrize("torn", [b"", b"no archive", None])
-def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache, torn):
+def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache):
+    """Nothing, something else, or one byte that differs is left of each."""
     with pytest.raises(KeyboardInterrupt):
         build_two_limb_table(stance_graph(fewer), stop_at(0.6))
-    for path in cache.glob("parts-*/rows-*"):
+    for k, path in enumerate(sorted(cache.glob("parts-*/rows-*"))):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
-        path.write_bytes(content if torn is None else torn)
+        path.write_bytes((b"", b"no archive", content)[k % 3])
+    assert k > 5
     graph = stance_graph(fewer)
     build_two_limb_table(graph)
     assert_same(graph, whole)
