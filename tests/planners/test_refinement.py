@@ -19,7 +19,7 @@ from mlivr_gym.stances.checked_steps import join
 @pytest.fixture(autouse=True)
 def few_rounds(monkeypatch):
     """What holds after each round holds after a few as after all."""
-    monkeypatch.setattr(refinement, "ROUNDS", 4)
+    monkeypatch.setattr(refinement, "ROUNDS", 2)
 
 
 def plans(graph, number, cost="steps", seed=0):

@@ -18,7 +18,7 @@ WORLDS = {"default": stance_graph} | {
     for mode in MODES
     for case in CASES
 }
-STANCES = 100
+STANCES = 50
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ def cache(monkeypatch, tmp_path):
 
 @pytest.fixture(scope="module")
 def fewer(small_map):
-    return small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    return small_map.subset(small_map.positions[:, 0] < 2.0, "smaller")
 
 
 @pytest.fixture(scope="module")

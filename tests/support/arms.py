@@ -98,7 +98,9 @@ def branch_of(limb, q):
     return int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
 
 
-def angles_nearby(limb, q, change, rng):
+def angles_nearby(limb, q, change, rng, count=25):
     """Joint angles on the branch of `q` where wrist and axis go as far as told; None if nowhere."""
     arm, branch, pose = arm_of(limb), branch_of(limb, q), frames(limb, q)[6]
-    return [angles_on(arm, *near, branch) for near in flanges_nearby(limb, pose, change, rng)]
+    return [
+        angles_on(arm, *near, branch) for near in flanges_nearby(limb, pose, change, rng, count)
+    ]
