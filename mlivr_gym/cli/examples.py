@@ -16,6 +16,10 @@ EXAMPLES = {
         "mlivr-gym walk --unknown 3.2 -1.0 -1.0 3.5 1.0 0.3 --picture walk.png",
         "mlivr-gym walk --refusing A4a:4 --disturbances all --out walk.json",
     ),
+    "carry": (
+        "mlivr-gym carry --robot mlivr3 --cargo 10 0.2 0.2 0.2 --start D3a:8 D3a:1 D3a:4 "
+        "--pick D2b:3 --stow F2b:4",
+    ),
     "table1": ("mlivr-gym table1 --out results",),
     "info": (
         "mlivr-gym info",

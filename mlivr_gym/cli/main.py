@@ -34,6 +34,7 @@ COMMANDS = {
     "plan": "plan a path from a start stance to a goal position",
     "simulate": "execute a plan in MuJoCo",
     "walk": "walk through a partly unknown module, sensing and replanning",
+    "carry": "pick a bag up, carry it with one limb and stow it, in MuJoCo",
     "table1": "reproduce the four cases of the paper's Table I",
     "info": "describe a map, a robot and their stance graph",
     "reach": "count after how many steps each point can be grasped",

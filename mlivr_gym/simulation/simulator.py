@@ -83,6 +83,20 @@ class Simulation(SimulatedRobot):
         origin, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
         return self._reach(trajectory.backwards(RETREAT_SLOWNESS), (aimed, origin), step)
 
+    def move(self, trajectory: Trajectory) -> SimulatedInterval:
+        """Follow a trajectory on which a limb is free throughout, and release what it holds.
+
+        Parameters
+        ----------
+        trajectory
+            The trajectory on the time grid of the simulation.
+        """
+        for limb in np.flatnonzero(trajectory.grasps[0] == FREE).tolist():
+            if self.points[limb] != FREE:
+                self._grippers.detach(limb)
+        reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
+        return self.run(trajectory, reference)
+
     def _reach(
         self,
         trajectory: Trajectory,

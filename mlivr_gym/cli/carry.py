@@ -1,0 +1,83 @@
+"""The command `mlivr-gym carry`: pick a bag up, carry it and stow it in MuJoCo."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from mlivr_gym.cli.arguments import Add, chosen_map, chosen_settings, command, option
+from mlivr_gym.cli.exits import FAILED, SUCCESS
+from mlivr_gym.cli.outputs import check_outputs, input_files
+from mlivr_gym.cli.progress import Progress
+from mlivr_gym.errors import SettingError
+from mlivr_gym.files import write_whole
+from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.stances.build import stance_graph
+
+COSTS = ("steps", "base")
+"""Costs of the walks."""
+
+PACES = ("fast", "gentle", "station")
+"""Limits of the motion, see `simulation.limits`."""
+
+
+def add_command(add: Add) -> None:
+    """Add the command to the command line."""
+    parser = command(
+        add,
+        run,
+        "Walk to the bag of --cargo that stands on the point --pick, pick it up with one limb, "
+        "carry it while the others walk, and stow it on the point --stow, in MuJoCo. Without "
+        "--cargo-limb the limb is the one with the cheapest walks.",
+        ("world",),
+    )
+    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
+    option(parser, "--pick POINT", "id of the point on which the bag stands")
+    option(parser, "--stow POINT", "id of the point on which it shall stand")
+    option(parser, "--cost COST", "cost of the walks: steps or base", "steps", choices=COSTS)
+    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
+    option(parser, "--pace PACE", text, "fast", choices=PACES)
+    option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan the mission, carry it out, describe it and write the requested file."""
+    from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
+    from mlivr_gym.simulation.limits import PACES as LIMITS
+
+    check_outputs(args.out, inputs=input_files(args))
+    for name in ("cargo", "start", "pick", "stow"):
+        if getattr(args, name) is None:
+            raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
+    bag = Cargo(args.cargo[0], tuple(args.cargo[1:]))
+    limbs = None if args.cargo_limb is None else [args.cargo_limb]
+    with Progress("planning", quiet=args.quiet):
+        graph = stance_graph(chosen_map(args), robot_spec(args.robot), chosen_settings(args))
+        mission = plan_cargo_mission(
+            graph, args.start, args.pick, args.stow, bag, args.cost, limbs=limbs
+        )
+    parts = mission.execute(LIMITS[args.pace])
+    print(f"limb {mission.limb} carries; walks of {len(mission.plans[0].steps)} steps to the bag "
+          f"and {len(mission.plans[1].steps)} with it")  # fmt: skip
+    rows = [
+        {
+            "part": part.name,
+            "time": float(part.recording.times[-1]),
+            "peak_force": float(part.peaks.grasp_force.max()),
+            "miss": part.miss,
+            "failure": None if part.failure is None else part.failure.to_dict(),
+        }
+        for part in parts
+    ]
+    for row in rows:
+        print(f"{row['part']:8} {row['time']:6.1f} s, at most {row['peak_force']:.0f} N at a grasp")
+    failure = parts[-1].failure
+    print("stowed" if failure is None else f"failed: {failure.message}")
+    args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
+    args.result["plans"] = [plan.to_dict() for plan in mission.plans]
+    args.result["motions"] = [knots.tolist() for knots in mission.motions]
+    if args.out:
+        write_whole(args.out, json.dumps(args.result, indent=1))
+        print(f"mission: {args.out}")
+    return SUCCESS if failure is None else FAILED
