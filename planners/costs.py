@@ -91,6 +91,13 @@ class Cost:
             return cls(cost, 1.0, regrasp_price)
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
+    def of_path(self, positions: Array) -> float:
+        """Return the cost of a path over base positions [m], shape (k + 1, 3)."""
+        spent = 0.0
+        for shift in np.linalg.norm(np.diff(positions, axis=0), axis=1).tolist():
+            spent += self.base_weight * shift + self.step_weight
+        return spent
+
     def heuristic(
         self, name: str, distance: Array, tolerance: float, max_displacement: float
     ) -> Array:

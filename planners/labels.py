@@ -75,6 +75,32 @@ class Labels(NamedTuple):
         nodes = self.queue.node[chain].astype(np.int64)
         return NodePath(cost, origin, nodes, self.edges[chain[1:]], self.branch_sets[chain])
 
+    def explored_edges(self, expanded: int, base: Array, origins: Array) -> Array:
+        """Return base positions at both ends of the edges to expanded labels [m].
+
+        Parameters
+        ----------
+        expanded
+            Number of labels expanded.
+        base
+            Base position of each node [m], shape (n, 3).
+        origins
+            Base position before each origin [m], shape (k, 3).
+
+        Returns
+        -------
+        Array
+            The ends, shape (e, 2, 3), without edges to origins that start where they end.
+        """
+        explored = self.expanded[:expanded]
+        parent = self.parent[explored]
+        after, is_step = base[self.queue.node[explored]], parent >= 0
+        before = after.copy()
+        before[is_step] = base[self.queue.node[parent[is_step]]]
+        before[~is_step] = origins[-1 - parent[~is_step]]
+        ends: Array = np.stack([before, after], axis=1)
+        return np.asarray(ends[is_step | np.any(before != after, axis=1)])
+
 
 class NodePath(NamedTuple):
     """A path over k + 1 nodes of the table."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.collision_belief import CollisionBelief
 from mlivr_gym.planners.labels import NodePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
@@ -49,6 +50,8 @@ class LazyTable(ABC):
         The table; nodes and edges that were checked have the branches that remain in this world.
     checked_edges
         Edges that were checked.
+    belief
+        Where checks against obstacles failed.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
@@ -62,6 +65,7 @@ class LazyTable(ABC):
         """Start with no edge checked."""
         self.version, self.table = graph.version, table
         self.checked_edges = CheckedEdges.empty(len(table.points))
+        self.belief = CollisionBelief(table.base_position)
 
     def unchecked(self, edges: IntArray) -> IntArray:
         """Return those of the given edges that were not checked, each once."""
@@ -245,7 +249,9 @@ class LazyNodeTable(LazyTable):
         branch_sets[~graph.is_node(postures)] = 0
         self.table.branch_sets[rows] = branch_sets
         self.table.releasable[rows] &= branch_sets
-        return bool((branch_sets != self._free_table.branch_sets[rows]).any())
+        is_reduced = branch_sets != self._free_table.branch_sets[rows]
+        self.belief.record(rows, np.where(branch_sets == 0, 1.0, 0.5 * is_reduced))
+        return bool(is_reduced.any())
 
     def check_edges(self, edges: IntArray) -> None:
         """Check those edges that were not checked yet, in both directions."""
@@ -267,6 +273,9 @@ class LazyNodeTable(LazyTable):
             self._record_releases(rows, relabelled(stances.releases, -relabellings))
         kept = packed(relabelled(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
+        if graph.obstacles:
+            close = self._may_touch[rows]
+            self.belief.record(rows[close], np.tile(kept == 0, 2)[close].astype(np.float64))
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
             after, reverse, kept
         )

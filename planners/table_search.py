@@ -28,6 +28,7 @@ from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.collision_belief import FailureWeight
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
     SEARCH_COMPLETE,
@@ -137,7 +138,7 @@ class _TableSearch:
         self.lower_bound, self.has_path = 0.0, False
         self.expanded = self.generated = self.backward_expanded = self._last_expanded = 0
         self._is_complete = self._is_exhausted = False
-        self._labels = lower_bounds.labels
+        self._labels, self._failure_weight = lower_bounds.labels, FailureWeight()
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         position = self.graph.posture_of(start).base_position
         self.starts_at_goal = bool(self.goal.reached(position[0], start.stance))
@@ -242,9 +243,7 @@ class _TableSearch:
         start_bounds = np.maximum(start_bounds, MIN_COST_OUTSIDE_GOAL)
         start_bounds[start] = 0.0
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
-        search_graph = SearchGraph(
-            lazy_table.table, lazy_table.checked_edges, cost_weights(goal.cost)
-        )
+        search_graph = self._search_graph(lazy_table.checked_edges, goal.cost)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
@@ -257,6 +256,16 @@ class _TableSearch:
         improved = np.maximum(goal_bounds.h, np.minimum(exact, found.lower_bound - start_bounds))
         improved[nodes] = 0.0
         return goal_bounds._replace(h=improved)
+
+    def _search_graph(
+        self, checked_edges: CheckedEdges, cost: Cost, avoids_failures: bool = False
+    ) -> SearchGraph:
+        """Return the graph of a search, with the cost of places at which checks failed or not."""
+        table, belief = self._lazy_table.table, self._lazy_table.belief
+        cell_costs = (
+            self._failure_weight.value * cost.step_weight * avoids_failures * belief.costs()
+        )
+        return SearchGraph(table, checked_edges, cost_weights(cost), belief.cells, cell_costs)
 
     def paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, until the search ends."""
@@ -319,12 +328,14 @@ class _TableSearch:
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(parameters.max_expansions, search.limit - self.expanded)
+        search_graph = self._search_graph(known, goal_bounds.cost, stage.avoids_failures)
         found = cheapest_path(
-            SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost)),
-            goal_bounds.h, self._origins, self._labels,
+            search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
+        if stage.avoids_failures:
+            self._failure_weight.update(found.expanded)
         self._is_complete = found.end == SEARCH_COMPLETE
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
@@ -370,10 +381,7 @@ class _TableSearch:
 
     def cost(self, path: StatePath) -> float:
         """Return the cost of a path."""
-        cost, spent = self.goal.cost, 0.0
-        for shift in np.linalg.norm(np.diff(path.positions, axis=0), axis=1).tolist():
-            spent += cost.base_weight * shift + cost.step_weight
-        return spent
+        return self.goal.cost.of_path(path.positions)
 
     def bound(self, cost: float) -> float:
         """Return the factor of the minimum within which a path of some cost is proved."""
@@ -386,13 +394,6 @@ class _TableSearch:
 
     def tree(self) -> Array:
         """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""
-        labels, base = self._labels, self._lazy_table.table.base_position
-        explored = labels.expanded[: self._last_expanded]
-        parent = labels.parent[explored]
-        after = base[labels.queue.node[explored]]
-        before = after.copy()
-        before[parent >= 0] = base[labels.queue.node[parent[parent >= 0]]]
-        for k in np.flatnonzero(parent < 0).tolist():
-            before[k] = self._origin_paths[-1 - int(parent[k])].positions[0]
-        ends: Array = np.stack([before, after], axis=1)
-        return np.asarray(ends[(parent >= 0) | np.any(before != after, axis=1)])
+        origins = np.array([path.positions[0] for path in self._origin_paths])
+        nodes = self._lazy_table.table
+        return self._labels.explored_edges(self._last_expanded, nodes.base_position, origins)
