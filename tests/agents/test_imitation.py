@@ -200,14 +200,3 @@ def test_goals_that_are_all_held_out_leave_nothing_to_learn(env, small_map, shor
     network = make_actor_critic(own, "mlp", {})
     with pytest.raises(StanceError, match="imitation has no state to learn from"):
         Imitation(own, network, True, given, 0, goal[None]).run()
-
-
-def test_a_layout_without_goals_counts_no_rollout(env, short):
-    imitation = Imitation(
-        env, make_actor_critic(env, "mlp", {}), True, ImitationHyperparameters(**short), 0
-    )
-    samples, rollouts = imitation.gather(
-        np.zeros(len(env.graph.grasp_map), dtype=bool), by_expert=True
-    )
-    assert len(samples.stances) == 0
-    assert rollouts.tolist() == [0, 0]

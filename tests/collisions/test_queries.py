@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
@@ -59,23 +58,6 @@ def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
     with obstacles(graph, rod(tip, np.eye(3), 0.01, 0.01)):
         assert not graph.branch_sets[0].all()
     assert np.linalg.norm(tip - here[0]) < robot.extent
-
-
-@pytest.mark.parametrize("link", ["body", *LINKS])
-def test_a_box_in_any_shape_keeps_the_stance_away(small_checked_graph, link):
-    """A box of 1 mm lies in the middle of each shape in turn, for both limbs."""
-    graph, rng = small_checked_graph, np.random.default_rng(5)
-    ruler = Ruler(ROBOT)
-    for s in rng.choice(len(graph), 5, replace=False):
-        here, branch_sets = configuration(graph, s, rng)
-        for limb in range(2):
-            ruler.measured(here)
-            name = "body" if link == "body" else f"limb{limb}/{link}/0"
-            geom = next(g for g, shape in ruler.shapes.items() if shape == name)
-            middle = ruler.data.geom_xpos[geom]
-            with obstacles(graph, rod(middle.copy(), np.eye(3), 0.001, 0.001)):
-                now = graph.branch_sets[s].tolist()
-                assert not all(m & n for m, n in zip(branch_sets, now, strict=True))
 
 
 @pytest.mark.parametrize(("height", "held"), [(0.001, True), (0.004, False)])

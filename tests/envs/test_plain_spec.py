@@ -73,13 +73,6 @@ def test_failure_probabilities_paths_and_wrappers_survive(ladder, tmp_path):
     assert again.spec.max_episode_steps == 7
 
 
-def test_the_vector_environment_is_made_again_from_json(ladder):
-    made = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=3, map=ladder, collisions=False)
-    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
-    assert again.num_envs == 3
-    assert again.unwrapped.env.graph.grasp_map.fingerprint == ladder.fingerprint
-
-
 def test_the_spec_does_not_change_with_its_environment(ladder):
     """The arguments that a caller keeps stay as they are."""
     arguments = {"map": ladder, "collisions": False}

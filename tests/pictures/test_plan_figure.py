@@ -6,8 +6,7 @@ from matplotlib.colors import to_hex
 
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.plan_figure import ghost_stances, plan_figure
-from mlivr_gym.pictures.robot_shapes import GHOST_PALENESS
+from mlivr_gym.pictures.plan_figure import plan_figure
 
 
 @pytest.fixture
@@ -36,11 +35,3 @@ def test_flat_views_show_the_goal_in_its_size(drawn, plan):
         off = ring.get_xydata() - [plan.query.goal[across], plan.query.goal[up]]
         np.testing.assert_allclose(np.linalg.norm(off, axis=1), plan.query.goal_tolerance)
         assert axes.get_aspect() == 1.0
-
-
-def test_the_robot_stands_pale_at_the_start_the_goal_and_between(drawn, plan):
-    seen = [part.get_facecolor() for part in drawn.axes[0].collections]
-    ghosts = [colours for colours in seen if len(colours) > 1000
-              and colours[:, :3].min() > GHOST_PALENESS - 0.01]  # fmt: skip
-    assert ghost_stances(plan) == [0, len(plan.stances) // 2, len(plan.stances) - 1]
-    assert len(ghosts) == 3

@@ -45,23 +45,6 @@ def test_either_file_names_both(tmp_path, given, files):
     assert figure_files(tmp_path / given) == tuple(tmp_path / name for name in files)
 
 
-def test_an_area_with_many_corners_is_an_image_in_the_svg(tmp_path):
-    """The words around it stay words, and a small one stays a path."""
-    sizes = {}
-    for count in (100, 20_000):
-        figure = Figure(figsize=(2.0, 1.5))
-        axes = figure.add_subplot()
-        rough = np.random.default_rng(0).uniform(size=count)
-        axes.fill_between(np.arange(count), rough, label="an area")
-        axes.legend()
-        save_figure(figure, tmp_path / f"{count}.png")
-        svg = (tmp_path / f"{count}.svg").read_text()
-        assert "an area" in svg
-        assert ("<image" in svg) == (count > 1000)
-        sizes[count] = len(svg)
-    assert sizes[20_000] < 200_000
-
-
 def test_a_figure_that_stands_for_a_rendered_picture_is_one_file(tmp_path):
     save_figure(drawn(), tmp_path / "scene.png", vector=False)
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]

@@ -63,21 +63,6 @@ def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps
     assert useful
 
 
-def test_bounds_by_sets_are_the_closer_ones(stances_and_steps):
-    """On the whole; nodes that cannot be stepped to the goal are told by infinity."""
-    graph, rows, _ = stances_and_steps
-    base = graph.postures(rows).base_position
-    more = less = 0
-    for k in np.random.default_rng(1).integers(0, len(rows), 8):
-        goal = Goal.from_arguments(
-            graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.1
-        )
-        ours, pairs = by_sets(graph, goal).steps(rows), by_pairs(graph, goal).steps(rows)
-        assert ours[k] == 0.0
-        more, less = more + int((ours > pairs).sum()), less + int((ours < pairs).sum())
-    assert more > 10 * less
-
-
 def test_a_goal_on_a_face_needs_all_points_there(stances_and_steps):
     graph, rows, _ = stances_and_steps
     target = graph.postures(rows[:1]).base_position[0]
