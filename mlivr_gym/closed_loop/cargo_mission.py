@@ -19,17 +19,20 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.arm_motion import Handle, LimbMover, limb_trajectory
 from mlivr_gym.collisions.carrying import carrying_robot
-from mlivr_gym.errors import NoPlanError, RobotError
+from mlivr_gym.collisions.contacts import lies_behind
+from mlivr_gym.errors import NoPlanError, RobotError, ShapeError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import QUERY
 from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.robot.model import quaternion_of
 from mlivr_gym.robot.rigid import RigidBody, combined
 from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
 from mlivr_gym.schema import NAME, Integer, ListOf, OrNone
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.recording import Failure, Peaks, Recording
 from mlivr_gym.simulation.simulator import Simulation
@@ -197,8 +200,9 @@ def plan_cargo_mission(
         If an argument cannot be used.
     """
     handles = [_handle(graph.grasp_map, point, cargo) for point in (pick, stow)]
-    bag = _bag(handles[0], cargo)
-    others = graph.obstacles
+    for point, handle in zip((pick, stow), handles, strict=True):
+        _check_place(graph, point, _bag(handle, cargo))
+    bag, others = _bag(handles[0], cargo), graph.obstacles
     found, reasons, walks = list[CargoMission](), list[str](), list[Plan]()
     graph.add_obstacles([bag])
     try:
@@ -353,6 +357,25 @@ def _bag(handle: Handle, cargo: Cargo) -> Box:
     x, y, z = (handle.point - 0.5 * cargo.edges[2] * handle.normal).tolist()
     a, b, c = (0.5 * cargo.edges).tolist()
     return Box(BAG, "obstacle", (x, y, z), (a, b, c), Box.rows(axes))
+
+
+def _check_place(graph: StanceGraph, point: str, bag: Box) -> None:
+    """Refuse a point on which a bag would stand too close to what does not lie behind the point."""
+    foot, boxes = point_handle(graph.grasp_map, point), (*graph.grasp_map.boxes, *graph.obstacles)
+    spec, kind = mujoco.MjSpec(), mujoco.mjtGeom.mjGEOM_BOX
+    for box in (bag, *boxes):
+        turn = quaternion_of(np.array(box.rotation))
+        spec.worldbody.add_geom(type=kind, pos=box.centre, size=box.half, quat=turn)
+    model, clearance = spec.compile(), graph.settings.clearance
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for k, box in enumerate(boxes):
+        gap = mujoco.mj_geomDistance(model, data, 0, k + 1, clearance, None)
+        if gap < clearance and not lies_behind(box, foot.point, foot.normal):
+            raise ShapeError(
+                f"on point {point!r} the bag would come closer than {clearance:g} m to {box.id!r}; "
+                "choose another point, or a smaller bag"
+            )
 
 
 def loaded_robot(robot: RobotSpec, limb: int, cargo: Cargo) -> RobotSpec:

@@ -55,7 +55,7 @@ def carrying_robot(
         The bag; its `centre` is one in the frame of the flange.
     joints
         Joint angles of the folded limb [rad]; by default those, of a grid, that bring the bag
-        nearest to the body without touching it, and not below it.
+        nearest to the body without touching it, above it if possible and never below it.
 
     Raises
     ------
@@ -102,7 +102,8 @@ def carrying_robot(
 def _folds(robot: RobotSpec, limb: int, cargo: Cargo) -> list[Array]:
     """Return folds of a limb inside its joint limits, those with the nearest bag first.
 
-    A bag must not reach below the body, where the points lie that the other limbs hold.
+    Folds with the bag above the body come before those with a bag beside it, where the other limbs
+    move. Below it lie the points that they hold: there a bag must not reach.
     """
     kinematics, mount = robot.every_limb[limb], robot.mounted[limb]
     quarters, steps = np.arange(4) * 0.5 * np.pi, np.arange(-np.pi, np.pi - 1e-9, FOLD_STEP)
@@ -115,9 +116,10 @@ def _folds(robot: RobotSpec, limb: int, cargo: Cargo) -> list[Array]:
     flanges = frame @ link_frames(kinematics, angles)[:, 6]
     places = flanges[:, :3, :3] @ cargo.centre_below(robot.tool_length) + flanges[:, :3, 3]
     lowest = places[:, 2] - np.abs(flanges[:, 2, :3]) @ (0.5 * cargo.edges)
-    kept = lowest >= -0.5 * robot.body_edges[2]
-    order = np.argsort(np.linalg.norm(places[kept], axis=1), kind="stable")
-    return list(angles[kept][order])
+    half = 0.5 * robot.body_edges[2]
+    beside = lowest < half
+    order = np.lexsort((np.linalg.norm(places, axis=1), beside))
+    return list(angles[order[lowest[order] >= -half]])
 
 
 def _touching(robot: RobotSpec, cargo: Cargo, limb: ShapesOfLimb) -> str:
