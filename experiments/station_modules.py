@@ -40,6 +40,10 @@ ALCOVE = 0.9
 RAIL = 0.03
 """Distance of the rails in a passage from its walls [m]: assumed."""
 
+HANDRAIL, BESIDE, JEM_HANDRAILS = 1.0541, 0.1, (0.536, 0.805, 0.634)
+"""Length of a handrail of 41.5 inches, and its distance from the edge of a hatch, assumed; of those
+in the JEM the length, and the distance from bulkhead and axis, as measured there [m]."""
+
 RACKS = (
     "International Standard Payload Rack: 2 m high, 1.05 m wide (NASA); seat tracks as measured in "
     "the JEM, jem.json"
@@ -274,7 +278,43 @@ def jem_on_side(x: float, sign: int) -> dict[str, Any]:
 JOINED = {
     "parts": "modules at the published distances of their hatches",
     "frame": "assumed: the order of the modules",
+    "handrails": "in the JEM as measured on the mesh of jem.json; elsewhere published is only that "
+    "they flank the hatches, and assumed are two of the standard length of 41.5 inches, upright on "
+    "the wall around the opening, 0.1 m from its edge",
 }
+
+
+def flanking(
+    inside: str, outside: str, middle: Array, out: Array, half: float = OPENING
+) -> list[dict[str, Any]]:
+    """Return the two handrails beside a hatch in the module `inside`, which `out` leads out of.
+
+    The opening, of half width `half`, has its middle in the plane of the wall around it.
+    """
+    up, line, found = np.eye(3)[2], np.abs(np.cross(out, np.eye(3)[2])), []
+    for sign in (-1, 1):
+        long, deep, away, normal = HANDRAIL, RAIL, half + BESIDE, -out
+        if inside.startswith("jem"):
+            (long, deep, away), normal = JEM_HANDRAILS, -sign * line
+        place, name = middle + sign * away * line - deep * out, f"{inside}/handrail {outside}"
+        ends = {"start": plain(place - 0.5 * long * up), "end": plain(place + 0.5 * long * up)}
+        name += "-+"[sign > 0]
+        found.append({"id": name, "face": "handrails", **ends, "normal": plain(normal)})
+    return found
+
+
+def at_side(node: str, other: str, x: float, sign: int) -> list[dict[str, Any]]:
+    """Return the handrails at a side hatch of a node whose middle is at `x`."""
+    middle, out = (x + PORTS) * np.eye(3)[0], sign * np.eye(3)[1]
+    found = flanking(node, other, middle + (HALF + TRACK_HEIGHT) * out, out, ALCOVE)
+    return found + flanking(other, node, middle + (NODE_RADIUS + VESTIBULE) * out, -out)
+
+
+def at_ends(before: str, after: str, x: float) -> list[dict[str, Any]]:
+    """Return the handrails at the hatch between two modules in the row, whose ends meet at `x`."""
+    axis = np.eye(3)[0]
+    found = flanking(before, after, (x - 0.5 * VESTIBULE) * axis, axis)
+    return found + flanking(after, before, (x + 0.5 * VESTIBULE) * axis, -axis)
 
 
 def cover(name: str, middle: Array, axis: Array) -> dict[str, Any]:
@@ -308,6 +348,7 @@ def hatch() -> dict[str, Any]:
             {"id": "node", "map": "node.json"},
             {"id": "columbus", "map": "columbus.json", **on_side(0.0, 1, LENGTHS["columbus"])},
         ],
+        "segments": at_side("node", "columbus", 0.0, 1),
         "boxes": closed(0.0, (-1, 1), (-1,), "node"),
     }
 
@@ -315,19 +356,23 @@ def hatch() -> dict[str, Any]:
 def station() -> dict[str, Any]:
     """Return the map of three nodes, two labs between them, and five modules on their sides."""
     apart = LENGTHS["node"] + LENGTHS["lab"]
-    parts, boxes = [], []
+    parts, boxes, rails = [], [], []
     sides = {"node1": ("columbus1", "columbus2"), "node2": ("jem1", "columbus3"),
              "node3": ("jem2", None)}  # fmt: skip
     for k, (name, modules) in enumerate(sides.items()):
         x, free = k * apart, []
         parts.append({"id": name, "map": "node.json", "translation": plain(np.array([x, 0, 0]))})
         if k < 2:
-            place = plain(np.array([x + 0.5 * apart, 0.0, 0.0]))
-            parts.append({"id": f"lab{k + 1}", "map": "lab.json", "translation": place})
+            place, between = plain(np.array([x + 0.5 * apart, 0.0, 0.0])), f"lab{k + 1}"
+            parts.append({"id": between, "map": "lab.json", "translation": place})
+            rails += at_ends(name, between, x + 0.5 * LENGTHS["node"])
+            rails += at_ends(between, f"node{k + 2}", x + apart - 0.5 * LENGTHS["node"])
         for sign, given in zip((-1, 1), modules, strict=True):
             if given is None:
                 free.append(sign)
-            elif given.startswith("jem"):
+                continue
+            rails += at_side(name, given, x, sign)
+            if given.startswith("jem"):
                 parts.append({"id": given, "map": "jem", **jem_on_side(x, sign)})
             else:
                 where = on_side(x, sign, LENGTHS["columbus"])
@@ -341,6 +386,7 @@ def station() -> dict[str, Any]:
         "sources": {"parts": "node.json, lab.json, columbus.json and jem.json"},
         "provenance": JOINED,
         "parts": parts,
+        "segments": rails,
         "boxes": boxes,
     }
 

@@ -73,6 +73,17 @@ def test_ten_modules_stand_beside_each_other():
         assert is_free(point + 0.02 * normal)
 
 
+def test_two_handrails_flank_each_open_hatch_in_each_of_its_modules():
+    """They are free, with a wall right behind them but in the JEM, which has its own, measured."""
+    rails = [segment for segment in STATION.segments if segment.face == "handrails"]
+    assert len({rail.id.rstrip("-+") for rail in rails}) == 2 * 9 == len(rails) / 2
+    for rail in rails:
+        middle = 0.5 * (np.array(rail.start) + rail.end)
+        assert is_free(middle + 0.02 * np.array(rail.normal))
+        if not rail.id.startswith("jem"):
+            assert not is_free(middle - 0.04 * np.array(rail.normal))
+
+
 @pytest.mark.parametrize("name", ["columbus", "hatch"])
 def test_a_walk_through_the_place_is_planned_and_carried_out(name):
     graph, plan = planned(name)
