@@ -13,6 +13,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
+from mlivr_gym.planners.query import MAX_EXPANSIONS
 from mlivr_gym.robot.cargo import Cargo, carrying
 from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath, Integer
@@ -337,17 +338,19 @@ def _check_world(args: argparse.Namespace) -> None:
 
 
 def check_counts(args: argparse.Namespace) -> None:
-    """Check the ranges of seed, number of episodes, beam width, and threads or processes."""
+    """Check the ranges of seed and counts: episodes, steps, states, beam, threads, processes."""
     for name, minimum, maximum in (
         ("seed", 0, MAX_SEED),
         ("episodes", 1, MAX_EPISODES),
         ("beam", 1, MAX_BEAM_WIDTH),
         ("threads", 1, MAX_THREADS),
         ("workers", 1, MAX_THREADS),
+        ("most_steps", 0, MAX_EXPANSIONS),
+        ("limit", 1, MAX_EXPANSIONS),
     ):
-        value = getattr(args, name, None)
+        value, path = getattr(args, name, None), f"--{name.replace('_', '-')}"
         if value is not None:
-            Integer(minimum, maximum).read(value, FieldPath(f"--{name}", SettingError))
+            Integer(minimum, maximum).read(value, FieldPath(path, SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import Add, chosen_graph, chosen_task, command, option
+from mlivr_gym.cli.arguments import Add, check_counts, chosen_graph, chosen_task, command, option
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.pictures.figures import figure_files
@@ -29,6 +29,7 @@ def add_command(add: Add) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Find the reach of a start, print it, and draw it if requested."""
+    check_counts(args)
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(*pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):

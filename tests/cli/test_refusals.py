@@ -18,6 +18,8 @@ plan --clearance 1e300                        : clearance is 1e+300, larger than
 plan --cost weighted --regrasp-price 1e300    : regrasp_price is 1e+300
 plan --box 3200 -1000 -1000 3500 1000 300     : millimetres
 plan --limit 0                                : limit is 0
+reach --start D2a:4 D2b:4 --most-steps -3       : --most-steps is -3
+reach --start D2a:4 D2b:4 --limit 0             : --limit is 0
 plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
 plan --no-collisions --clearance 0.1          : --clearance has no effect
 plan --method dijkstra --heuristic paper      : --heuristic has no effect
