@@ -66,6 +66,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/reaction.py
 	$(BIN)/python experiments/cargo.py
+	$(BIN)/python experiments/cargo_mission.py
 	$(BIN)/python experiments/failed_joints.py
 	$(BIN)/python experiments/study.py
 	$(BIN)/python experiments/arm_branches.py
