@@ -394,6 +394,6 @@ class _TableSearch:
 
     def tree(self) -> Array:
         """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""
-        origins = np.array([path.positions[0] for path in self._origin_paths])
+        origins = np.array([path.positions[0] for path in self._origin_paths]).reshape(-1, 3)
         nodes = self._lazy_table.table
         return self._labels.explored_edges(self._last_expanded, nodes.base_position, origins)
