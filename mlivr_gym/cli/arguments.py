@@ -262,8 +262,8 @@ def chosen_task(
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Return the start as point ids, and the goal position [m].
 
-    What is not given is that of Table I for two limbs on the JEM; otherwise it is drawn with a
-    fixed seed.
+    What is not given is that of Table I for the default robot on the JEM; otherwise it is drawn
+    with a fixed seed, since another robot may not be able to hold that start.
 
     Raises
     ------
@@ -273,7 +273,7 @@ def chosen_task(
     start, goal = args.start, args.goal
     if start is None or goal is None:
         setup = default_setup()
-        if graph.limbs == 2 and args.map is None:
+        if args.map is None and args.robot == args.default("robot"):
             start, goal = start or setup["start"], goal or setup["goal"]
         else:
             if start is not None:

@@ -44,8 +44,8 @@ def add_command(add: Add) -> None:
         add,
         run,
         "Plan from a start stance to a goal position of the base. Without --start and --goal, "
-        "those of the paper's Table I are used; on another map, or for more limbs, they are drawn "
-        "with a fixed seed.",
+        "those of the paper's Table I are used; on another map, or for another robot, they are "
+        "drawn with a fixed seed.",
         ("world", "obstacles", "query"),
     )
     option(parser, "--out FILE", "write the plan to a JSON file")
