@@ -281,15 +281,13 @@ def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbD
     for one in figures:
         if one.torque is None:
             raise RobotError(
-                f"joint {one.name!r} has no torque limit; give RobotSpec.from_urdf or from_mjcf "
-                "torque_limits above 0 [N m], or write them into the file (URDF: effort; MJCF: "
-                "actuatorfrcrange, or the forcerange of its actuator)"
+                f"joint {one.name!r} has no torque limit; give from_urdf or from_mjcf "
+                "torque_limits [N m] (URDF: effort; MJCF: actuatorfrcrange, or forcerange)"
             )
         if not one.speed:
             raise RobotError(
-                f"joint {one.name!r} has no speed limit; give RobotSpec.from_urdf or from_mjcf "
-                "speed_limits above 0 [rad/s], or write them into the file (URDF: velocity; MJCF: "
-                "a <numeric> named 'speed_limits')"
+                f"joint {one.name!r} has no speed limit; give from_urdf or from_mjcf speed_limits "
+                "above 0 [rad/s] (URDF: velocity; MJCF: a <numeric> named 'speed_limits')"
             )
     for link, part in zip(arm.links, masses[1:], strict=True):
         if part.mass <= 0.0:
