@@ -157,7 +157,7 @@ def through_a_hatch(method: str) -> dict[str, Any]:
 
 
 def lower_bounds() -> dict[str, Any]:
-    """Return lower bounds of the steps across the station, and the fewest steps."""
+    """Return lower bounds of the steps across the station, and the steps of plans."""
     import numpy as np
 
     from mlivr_gym.planners import Planner
@@ -175,13 +175,13 @@ def lower_bounds() -> dict[str, Any]:
     away = np.linalg.norm(graph.base_position - goal, axis=1)
     nothing, none = np.zeros(len(graph), dtype=np.bool_), np.zeros(0, dtype=np.int64)
     moves, _ = fewest_steps(graph.table, away <= GOAL_TOLERANCE, nothing, none, MAX_STEPS)
-    inside = plan_in_corridor(world, start, goal)
+    inside = plan_in_corridor(world, start, goal, inflation=INFLATION)
+    found = Planner(graph).plan(start, goal, "steps", inflation=INFLATION)
     return {
         "distance": int(np.ceil((away[here] - GOAL_TOLERANCE) / graph.max_displacement)),
         "moves": int(moves[here]),
         "corridor": len(inside.result.unwrap().steps),
-        "points_used": len(inside.graph.grasp_map),
-        "whole": len(Planner(graph).plan(start, goal, "steps").unwrap().steps),
+        "whole": len(found.unwrap().steps),
     }
 
 
@@ -247,12 +247,11 @@ def bounds_section(rows: list[dict[str, Any]]) -> str:
     for least in (row for row in rows if row["method"] == BOUNDS):
         return f"""## How good lower bounds are
 
-Across the `station` the fewest steps are {least["whole"]} on the whole map, and \
-{least["corridor"]} in the corridor of {least["points_used"]} points. Over all stances of the map,
-at least {least["moves"]} moves are needed, whether or not steps can make them \
-({least["moves"] / least["whole"]:.0%} of the fewest steps); this bound needs the stances of the
-whole map, which the corridor is there to avoid. The distance over the longest displacement of a
-step is known without them, and gives {least["distance"]} \
+Across the `station` the plan on the whole map has {least["whole"]} steps, and that in the corridor
+{least["corridor"]}. Over all stances of the map at least {least["moves"]} moves are needed, whether
+or not steps can make them, {least["moves"] / least["whole"]:.0%} of the steps of the first; this \
+bound needs the stances of the whole map, which the corridor is there to avoid. The distance over
+the longest displacement of a step needs no stances, and gives {least["distance"]} \
 ({least["distance"] / least["whole"]:.0%}). So no bound over modules and hatches is used: a search
 in the corridor has the bounds of its own points.
 
