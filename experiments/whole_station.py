@@ -297,8 +297,8 @@ The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the co
 takes {reached}.
 The machine has two cores, on which other programs ran, so elapsed times would be shorter on an
 idle one; processor time is the sum over threads. The row of 114 labs from end to end was measured
-later, while more programs ran, and the rows of the `station` before its hatches had handrails. The
-largest rows have no *whole*.
+later, while more programs ran, and the rows of the `station` last, on an idle machine. The largest
+rows have no *whole*.
 
 ![Time and memory against the number of points](whole_station.png)
 
