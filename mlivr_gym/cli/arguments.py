@@ -192,10 +192,22 @@ def query_arguments() -> argparse.ArgumentParser:
     return parser
 
 
+def walk_arguments() -> argparse.ArgumentParser:
+    """Return the parent parser of start, cost and pace of walks in MuJoCo."""
+    parser = _parent_parser()
+    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
+    costs = ("steps", "base")
+    option(parser, "--cost COST", "cost of the plans: steps or base", "steps", choices=costs)
+    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
+    option(parser, "--pace PACE", text, "fast", choices=("fast", "gentle", "station"))
+    return parser
+
+
 GROUPS = {
     "world": world_arguments,
     "obstacles": obstacle_arguments,
     "query": query_arguments,
+    "walk": walk_arguments,
     "output": output_arguments,
 }
 """Groups of options that several commands share, by name."""

@@ -15,12 +15,6 @@ from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.stances.build import stance_graph
 
-COSTS = ("steps", "base")
-"""Costs of the walks."""
-
-PACES = ("fast", "gentle", "station")
-"""Limits of the motion, see `simulation.limits`."""
-
 
 def add_command(add: Add) -> None:
     """Add the command to the command line."""
@@ -30,14 +24,10 @@ def add_command(add: Add) -> None:
         "Walk to the bag of --cargo that stands on the point --pick, pick it up with one limb, "
         "carry it while the others walk, and stow it on the point --stow, in MuJoCo. Without "
         "--cargo-limb the limb is the one with the cheapest walks.",
-        ("world",),
+        ("world", "walk"),
     )
-    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(parser, "--pick POINT", "id of the point on which the bag stands")
     option(parser, "--stow POINT", "id of the point on which it shall stand")
-    option(parser, "--cost COST", "cost of the walks: steps or base", "steps", choices=COSTS)
-    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
-    option(parser, "--pace PACE", text, "fast", choices=PACES)
     option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
 
 

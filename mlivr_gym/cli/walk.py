@@ -27,13 +27,6 @@ if TYPE_CHECKING:
     from mlivr_gym.closed_loop.record import Event
 
 
-COSTS = ("steps", "base")
-"""Costs of the plans."""
-
-PACES = ("fast", "gentle", "station")
-"""Limits of the motion, see `simulation.limits`."""
-
-
 def add_command(add: Add) -> None:
     """Add the command to the command line."""
     parser = command(
@@ -43,12 +36,10 @@ def add_command(add: Add) -> None:
         "blocked. Boxes given with --unknown and points given with --refusing are there, but the "
         "robot does not know them: it sees boxes with the depth cameras of its body, and notices "
         "a refused grasp. Boxes given with --box are known.",
-        ("world", "obstacles"),
+        ("world", "obstacles", "walk"),
     )
-    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
-    option(parser, "--cost COST", "cost of the plans: steps or base", "steps", choices=COSTS)
     boxes = {"type": float, "action": "append"}
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
     option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
@@ -57,8 +48,6 @@ def add_command(add: Add) -> None:
     option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
-    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
-    option(parser, "--pace PACE", text, "fast", choices=PACES)
     text = "make robot and module differ from the model of the controller"
     option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
     option(parser, "--seed N", "seed of disturbances and noise", 1)
