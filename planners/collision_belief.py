@@ -52,6 +52,15 @@ class FailureWeight:
             self.value *= 0.5
 
 
+def cells_of(positions: Array) -> NDArray[np.int32]:
+    """Return the cells of base positions [m], shape (n, 3), by their numbers, shape (n,)."""
+    indices = np.floor(positions / CELL_EDGE).astype(np.int32)
+    indices -= indices.min(axis=0, initial=np.iinfo(np.int32).max)
+    _, width, height = (indices.max(axis=0, initial=0) + 1).tolist()
+    cells: NDArray[np.int32] = (indices[:, 0] * width + indices[:, 1]) * height + indices[:, 2]
+    return cells
+
+
 class CollisionBelief:
     """Believed probability that obstacles block the robot, by the cell of its base position.
 
@@ -61,13 +70,10 @@ class CollisionBelief:
         Cell of each node, shape (n,).
     """
 
-    def __init__(self, positions: Array) -> None:
-        """Believe that nothing is blocked; `positions` are base positions [m], shape (n, 3)."""
-        corner = np.floor(positions.min(axis=0, initial=np.inf) / CELL_EDGE)
-        indices = (np.floor(positions / CELL_EDGE) - corner).astype(np.int64)
-        shape = indices.max(axis=0, initial=0) + 1
-        self.cells: NDArray[np.int32] = np.ravel_multi_index(indices.T, shape).astype(np.int32)
-        self._checks = np.full(int(shape.prod()), PRIOR_CHECKS)
+    def __init__(self, cells: NDArray[np.int32]) -> None:
+        """Believe that nothing is blocked; `cells` are those of the nodes."""
+        self.cells = cells
+        self._checks = np.full(int(cells.max(initial=-1)) + 1, PRIOR_CHECKS)
         self._failures = np.zeros(len(self._checks))
 
     def record(self, nodes: IntArray, failures: Array) -> None:

@@ -10,6 +10,7 @@ Results are cached for further queries.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -51,7 +52,7 @@ class LazyTable(ABC):
     checked_edges
         Edges that were checked.
     belief
-        Where checks against obstacles failed.
+        Where checks against obstacles failed, or None if that is not recorded.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
@@ -65,7 +66,7 @@ class LazyTable(ABC):
         """Start with no edge checked."""
         self.version, self.table = graph.version, table
         self.checked_edges = CheckedEdges.empty(len(table.points))
-        self.belief = CollisionBelief(table.base_position)
+        self.belief: CollisionBelief | None = None
 
     def unchecked(self, edges: IntArray) -> IntArray:
         """Return those of the given edges that were not checked, each once."""
@@ -215,8 +216,10 @@ class LazyNodeTable(LazyTable):
 
     is_complete = label_independent = False
 
-    def __init__(self, graph: ImplicitGraph, table: NodeTable) -> None:
-        """Start with no node and no edge checked."""
+    def __init__(
+        self, graph: ImplicitGraph, table: NodeTable, cells: Callable[[], NDArray[np.int32]]
+    ) -> None:
+        """Start with no node and no edge checked; `cells` returns the cells of the nodes."""
         super().__init__(graph, table)
         self.graph, self._free_table = graph, table
         self._unchecked = np.zeros(len(table.points), dtype=np.bool_)
@@ -226,6 +229,7 @@ class LazyNodeTable(LazyTable):
             reach = graph.robot.extent + graph.settings.clearance
             self._may_touch = graph.close_to_obstacles(table.base_position, reach)
             self._unchecked = self._may_touch.copy()
+            self.belief = CollisionBelief(cells())
 
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
@@ -250,7 +254,8 @@ class LazyNodeTable(LazyTable):
         self.table.branch_sets[rows] = branch_sets
         self.table.releasable[rows] &= branch_sets
         is_reduced = branch_sets != self._free_table.branch_sets[rows]
-        self.belief.record(rows, np.where(branch_sets == 0, 1.0, 0.5 * is_reduced))
+        if self.belief is not None:
+            self.belief.record(rows, np.where(branch_sets == 0, 1.0, 0.5 * is_reduced))
         return bool(is_reduced.any())
 
     def check_edges(self, edges: IntArray) -> None:
@@ -273,7 +278,7 @@ class LazyNodeTable(LazyTable):
             self._record_releases(rows, relabelled(stances.releases, -relabellings))
         kept = packed(relabelled(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
-        if graph.obstacles:
+        if self.belief is not None:
             close = self._may_touch[rows]
             self.belief.record(rows[close], np.tile(kept == 0, 2)[close].astype(np.float64))
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
@@ -382,10 +387,10 @@ def branch_sets_along(
     return found
 
 
-def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
+def make_lazy_table(graph: StanceGraph, cells: Callable[[], NDArray[np.int32]]) -> LazyTable | None:
     """Return the nodes of a graph in the present world, or None if the graph has no table."""
     if isinstance(graph, TwoLimbGraph):
         return LazyTwoLimbTable(graph)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
-        return LazyNodeTable(graph, graph.table)
+        return LazyNodeTable(graph, graph.table, cells)
     return None

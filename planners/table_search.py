@@ -261,11 +261,9 @@ class _TableSearch:
         self, checked_edges: CheckedEdges, cost: Cost, avoids_failures: bool = False
     ) -> SearchGraph:
         """Return the graph of a search, with the cost of places at which checks failed or not."""
-        table, belief = self._lazy_table.table, self._lazy_table.belief
-        cell_costs = (
-            self._failure_weight.value * cost.step_weight * avoids_failures * belief.costs()
-        )
-        return SearchGraph(table, checked_edges, cost_weights(cost), belief.cells, cell_costs)
+        weight = self._failure_weight.value * cost.step_weight if avoids_failures else 0.0
+        cells = self._lower_bounds.cells_with_costs(weight)
+        return SearchGraph(self._lazy_table.table, checked_edges, cost_weights(cost), *cells)
 
     def paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, until the search ends."""

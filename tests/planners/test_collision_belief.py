@@ -8,13 +8,15 @@ from mlivr_gym.planners.collision_belief import (
     PRIOR_CHECKS,
     CollisionBelief,
     FailureWeight,
+    cells_of,
 )
 
 
 def test_costs_are_the_logarithm_of_the_share_of_checks_that_succeed():
     rng = np.random.default_rng(0)
     positions = rng.uniform(-1.0, 1.0, (200, 3))
-    belief, nodes, failures = CollisionBelief(positions), rng.integers(0, 200, 80), rng.random(80)
+    belief = CollisionBelief(cells_of(positions))
+    nodes, failures = rng.integers(0, 200, 80), rng.random(80)
     belief.record(nodes[:30], failures[:30])
     belief.record(nodes[30:], failures[30:])
     costs = belief.costs()[belief.cells]
@@ -27,7 +29,7 @@ def test_costs_are_the_logarithm_of_the_share_of_checks_that_succeed():
 
 def test_positions_share_a_cell_if_they_lie_in_the_same_cube():
     positions = np.random.default_rng(1).uniform(-0.3, 0.3, (300, 3))
-    cells = CollisionBelief(positions).cells
+    cells = cells_of(positions)
     cubes = np.unique(np.floor(positions / CELL_EDGE), axis=0, return_inverse=True)[1].ravel()
     assert (
         len(np.unique(cells)) == len(np.unique(cubes)) == len(set(zip(cells, cubes, strict=True)))
