@@ -55,6 +55,15 @@ for _ in range(25):
     _, _, _, _, info = env.step(info["action_mask"].argmax(axis=1))
 """
 
+TABLE = """
+from mlivr_gym import jem_map, stance_graph
+from mlivr_gym.stances.node_table_build import build
+few = jem_map().subset(abs(jem_map().positions[:, 0] - 2.3) < 0.45)
+for robot in ("mlivr3", "mlivr4"):
+    build(stance_graph(few.subset([k % 2 == 0 for k in range(len(few))]), robot))
+"""
+"""A program that computes the nodes and edges of three and four limbs on a few points."""
+
 PATHS = {
     "help": "mlivr-gym --help",
     "plan": f"mlivr-gym plan {QUERY}",
@@ -77,6 +86,7 @@ PATHS = {
     "four limbs": "mlivr-gym plan --robot mlivr4",
     "three limbs, improved": "mlivr-gym plan --robot mlivr3 --time-limit 3",
     "three limbs, obstacles": "mlivr-gym plan --robot mlivr3 --box 3.2 -1.0 -1.0 3.5 1.0 0.3",
+    "table of three and four limbs": TABLE,
     "environment, three limbs": ENVIRONMENT.format(id="MLIVR3-JEM-v0", options="", steps=10),
 }
 """Commands and programs by name."""
