@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import lies_behind
@@ -19,6 +20,7 @@ from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.motion.time_scaling import quintic
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import RobotSpec
@@ -259,7 +261,7 @@ def limb_trajectory(
     holding = [i for i in range(robot.limbs) if i != limb]
     for first, last in pairwise(knots):
         s = np.linspace(0.0, 1.0, LINE_SAMPLES)
-        rows = _rows(joints, limb, (first, last), _quintic(s))
+        rows = _rows(joints, limb, (first, last), quintic(1.0), s)
         where = np.tile(np.concatenate([position, quaternion]), (len(s), 1))
         moving = np.pad(rows[1:].reshape(2, len(s), -1), ((0, 0), (0, 0), (6, 0)))
         loads = compute_inverse_dynamics(
@@ -273,9 +275,8 @@ def limb_trajectory(
         speed = np.abs(rows[1, :, limb]).max(axis=0) / robot.speed_limits[limb]
         duration = max(np.sqrt(max(squares)), speed.max() / limits.speed, 2.0 * period)
         count = int(np.ceil(duration / period))
-        at, rate, change = _quintic(np.arange(count + 1) / count)
-        scaled = at, rate / (count * period), change / (count * period) ** 2
-        parts.append(_rows(joints, limb, (first, last), scaled)[:, min(len(parts), 1) :])
+        times: Array = period * np.arange(min(len(parts), 1), count + 1, dtype=np.float64)
+        parts.append(_rows(joints, limb, (first, last), quintic(count * period), times))
     angles, speeds, accelerations = np.concatenate(parts, axis=1)
     count = len(angles)
     grasps = np.tile(np.array(points), (count, 1))
@@ -290,20 +291,13 @@ def limb_trajectory(
     )  # fmt: skip
 
 
-def _rows(joints: Array, limb: int, line: tuple[Array, Array], rates: tuple[Array, ...]) -> Array:
+def _rows(
+    joints: Array, limb: int, line: tuple[Array, Array], scaling: PPoly, times: Array
+) -> Array:
     """Return angles, speeds and accelerations of all joints on a line, shape (3, k, N, 6)."""
-    rows = np.zeros((3, len(rates[0]), *joints.shape))
+    rows = np.zeros((3, len(times), *joints.shape))
     rows[0] = joints
-    for row, rate in zip(rows, rates, strict=True):
-        row[:, limb] = rate[:, None] * (line[1] - line[0])
+    for order in range(3):
+        rows[order, :, limb] = scaling(times, order)[:, None] * (line[1] - line[0])
     rows[0, :, limb] += line[0]
     return rows
-
-
-def _quintic(s: Array) -> tuple[Array, Array, Array]:
-    """Return the quintic from rest to rest over unit time, and its first two derivatives."""
-    return (
-        s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-        30.0 * s**2 * (1.0 - s) ** 2,
-        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
-    )

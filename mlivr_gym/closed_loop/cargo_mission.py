@@ -48,7 +48,6 @@ BAG = "bag"
 DISTANCES, DIRECTIONS = (0.0, 0.4), 6
 """Where walks may end: distances from the bag along the surface [m], and directions."""
 
-
 LIMIT = 3000
 """Maximum number of expansions of a search: it is given up where no walk leads."""
 
