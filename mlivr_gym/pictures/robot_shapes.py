@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -23,9 +23,6 @@ BODY_COLOUR, MOUNT_COLOUR, GRIPPER_COLOUR, JOINT_COLOUR = "#d8d8de", "#9aa0a6", 
 JOINT_RADIUS = 0.025
 """Radius of the rods that represent the joints between the capsules of the links [m]."""
 
-TOUCHING_COLOUR = "#e8590c"
-"""Colour of shapes in contact, which neither of the first two limbs has."""
-
 GHOST_PALENESS = 0.72
 """Share of white in the colours of a ghost."""
 
@@ -42,12 +39,6 @@ class Part(NamedTuple):
     """Its colour."""
     faces: Array
     """Corners of its faces in the world frame, shape (f, 4, 3) [m]."""
-    axes: Array
-    """Axis of a capsule, shape (1, 2, 3), or edges of the body, shape (12, 2, 3) [m]."""
-    radius: float = 0.0
-    """Radius of a capsule [m]."""
-    box: Box | None = None
-    """The body as a box; None for capsules."""
 
 
 def capsule_faces(ends: Array, radius: float, around: int = _ROUND) -> Array:
@@ -93,9 +84,7 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     rotation = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     size = tuple(shapes.robot["half"].tolist())
     body = Box("body", "obstacle", tuple(np.array(position).tolist()), size, Box.rows(rotation))
-    faces = box_faces(body)
-    edges = np.stack([faces[:4], np.roll(faces[:4], -1, axis=1)], axis=2).reshape(-1, 2, 3)
-    parts = [Part("body", BODY_COLOUR, faces, edges, box=body)]
+    parts = [Part("body", BODY_COLOUR, box_faces(body))]
     for name, mount in zip(mount_names(robot), shapes.mounts, strict=True):
         ends = mount["ends"] @ rotation.T + position
         parts.append(_capsule(name, MOUNT_COLOUR, ends, float(mount["radius"])))
@@ -111,21 +100,14 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
 
 def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
     """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
-    samples = [segment_samples(start, end, 101) for start, end in axes]
+    samples = [np.linspace(start, end, 101) for start, end in axes]
     return [
-        _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, nearest_pair(*neighbours), JOINT_RADIUS)
+        _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, _nearest_pair(*neighbours), JOINT_RADIUS)
         for k, neighbours in enumerate(pairwise(samples))
     ]
 
 
-def segment_samples(start: Array, end: Array, count: int) -> Array:
-    """Return positions at equal intervals on a segment, shape (count, 3) [m]."""
-    share = np.linspace(0.0, 1.0, count)[:, None]
-    samples: Array = start + share * (end - start)
-    return samples
-
-
-def nearest_pair(first: Array, second: Array) -> Array:
+def _nearest_pair(first: Array, second: Array) -> Array:
     """Return the two closest positions of two sets, shapes (k, 3), as rows, shape (2, 3) [m]."""
     distances = scipy.spatial.distance.cdist(first, second)
     i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
@@ -134,7 +116,7 @@ def nearest_pair(first: Array, second: Array) -> Array:
 
 def _capsule(name: str, colour: str, ends: Array, radius: float) -> Part:
     """Return a capsule by the ends of its axis, shape (2, 3) [m]."""
-    return Part(name, colour, capsule_faces(ends, radius), ends[None], radius)
+    return Part(name, colour, capsule_faces(ends, radius))
 
 
 def _link_colour(limb: int, link: str) -> str:
@@ -152,15 +134,10 @@ def pale(colour: str, share: float) -> str:
     return str(to_hex((red, green, blue)))
 
 
-def draw_robot(
-    axes: Any, parts: Sequence[Part], touching: Collection[str] = (), *, zorder: float = 5.0
-) -> None:
-    """Draw parts of a robot in 3-D axes as shaded solids; those named in `touching` are orange."""
+def draw_robot(axes: Any, parts: Sequence[Part], *, zorder: float = 5.0) -> None:
+    """Draw parts of a robot in 3-D axes as shaded solids."""
     faces = np.concatenate([part.faces for part in parts])
-    shades = [
-        _lit(TOUCHING_COLOUR if part.name in touching else part.colour, part.faces)
-        for part in parts
-    ]
+    shades = [_lit(part.colour, part.faces) for part in parts]
     _add_faces(axes, faces, np.concatenate(shades), zorder)
 
 
