@@ -32,23 +32,11 @@ def actor_critic_class(network: str) -> type[Any]:
 def make_actor_critic(
     env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4
 ) -> Any:
-    """Return a new actor-critic for an environment.
+    """Return a new actor-critic for an environment, with a network of `NETWORKS`.
 
-    Parameters
-    ----------
-    env
-        The environment.
-    network
-        One of `NETWORKS`.
-    sizes
-        Further arguments of the class, such as widths of layers.
-    learning_rate
-        Learning rate of its optimiser; imitation has an optimiser of its own.
-
-    Raises
-    ------
-    SettingError
-        If the network's name is unknown.
+    `sizes` are further arguments of its class, such as widths of layers; the learning rate is that
+    of its optimiser, while imitation has one of its own. Raises a `SettingError` if the network's
+    name is unknown.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
     return actor_critic_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)

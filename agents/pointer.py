@@ -57,14 +57,9 @@ class PointerNetwork(nn.Module):
     """Network that computes the logits of all actions, and summarises the state for the value."""
 
     def __init__(self, width: int = 96, summary: int = 32) -> None:
-        """Build the layers.
+        """Build the layers of a pointer head of some width, and of a summary of all points.
 
-        Parameters
-        ----------
-        width
-            Width of the pointer head.
-        summary
-            Width of the embedding of a point; the summary of all points is four times as wide.
+        The summary is four times as wide as `summary`, the width of the embedding of one point.
         """
         super().__init__()
         self.latent_dim_vf = width

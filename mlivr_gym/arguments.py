@@ -49,13 +49,8 @@ def checked(
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator that checks and converts the arguments of a function before each call.
 
-    Parameters
-    ----------
-    validators
-        Validator of each argument by name. The table may have names that the function does not
-        take; default values are not checked.
-    error
-        Type of the error that an invalid argument raises.
+    `validators` are those of the arguments by name, more than the function takes perhaps; default
+    values are not checked. `error` is the type of the error that an invalid argument raises.
     """
 
     def above(function: Callable[P, T]) -> Callable[P, T]:

@@ -27,23 +27,11 @@ def executor_of(
     scheduler: str | None = None,
     notify: Callable[[str], None] = print,
 ) -> Iterator[Executor]:
-    """Yield an executor.
+    """Yield an executor: one of `ENGINES`, or one that is given, which stays open.
 
-    Parameters
-    ----------
-    engine
-        One of `ENGINES`, or an executor, which stays open.
-    workers
-        Number of processes; by default one for each core.
-    scheduler
-        Address of a running Dask scheduler; by default one is started on this machine.
-    notify
-        Called with the address of Dask's dashboard.
-
-    Raises
-    ------
-    SettingError
-        If Dask is not installed, or its scheduler does not answer.
+    There is one process for each core unless a number of workers is given. The scheduler of Dask is
+    started on this machine unless an address is given; `notify` is called with the address of its
+    dashboard. Raises a `SettingError` if Dask is not installed, or its scheduler does not answer.
     """
     if isinstance(engine, Executor):
         yield engine

@@ -8,15 +8,7 @@ from mlivr_gym.errors import SettingError
 
 
 def describe_missing(*packages: str, extra: str) -> str:
-    """Return one sentence about the first package that is missing, or empty text if none is.
-
-    Parameters
-    ----------
-    *packages
-        Names of the packages.
-    extra
-        Extra of `mlivr-gym` that installs them.
-    """
+    """Return one sentence about the first package of an extra that is missing, or empty text."""
     for name in packages:
         if importlib.util.find_spec(name) is None:
             return f"this needs the package {name!r}: pip install 'mlivr-gym[{extra}]'"
@@ -26,17 +18,7 @@ def describe_missing(*packages: str, extra: str) -> str:
 def require(*packages: str, extra: str) -> None:
     """Check that the packages of an extra are installed.
 
-    Parameters
-    ----------
-    *packages
-        Names of the packages.
-    extra
-        Extra of `mlivr-gym` that installs them.
-
-    Raises
-    ------
-    SettingError
-        If a package is missing; the message names the first one and how to install it.
+    Raises a `SettingError` that names the first one that is missing, and how to install it.
     """
     if message := describe_missing(*packages, extra=extra):
         raise SettingError(message)

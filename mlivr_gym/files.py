@@ -34,17 +34,8 @@ class FileError(MlivrError):
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file by renaming a finished temporary one, so that no half-written file is ever seen.
 
-    Parameters
-    ----------
-    path
-        The file.
-    content
-        Text, which is written in UTF-8, or bytes.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    The content is text, which is written in UTF-8, or bytes. Raises a `FileError` if the file
+    cannot be written.
     """
     path = FileName().read(path, FieldPath("path", FileError))
     target, name = Path(path), None
@@ -73,22 +64,11 @@ def checksum(data: Any, content: bytes = b"") -> str:
 
 
 def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) -> dict[str, Any]:
-    """Return the object that a JSON file holds; every number in it is finite.
+    """Return the object that a JSON file in UTF-8 holds; every number in it is finite.
 
-    Parameters
-    ----------
-    path
-        The file, in UTF-8.
-    kind
-        What the file holds, for the message, for example `"map"`.
-    error
-        Type of the error.
-
-    Raises
-    ------
-    MlivrError
-        An error of the given type, which names the file, if the file cannot be read, is too large
-        or nested too deeply, is not JSON, or does not hold an object.
+    `kind` is what the file holds, for the message, for example `"map"`. Raises an error of the
+    given type, which names the file, if the file cannot be read, is too large or nested too deeply,
+    is not JSON, or does not hold an object.
     """
     path = FileName().read(path, FieldPath("path", error))
     try:
@@ -123,23 +103,9 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
 def load(
     path: str | Path, kind: str, error: type[MlivrError], build: Callable[[dict[str, Any]], T]
 ) -> T:
-    """Read a JSON file and return what `build` makes of its object.
+    """Read a JSON file as `read_json` does and return what `build` makes of its object.
 
-    Parameters
-    ----------
-    path
-        The file.
-    kind
-        What the file holds, for the message, for example `"map"`.
-    error
-        Type of the error.
-    build
-        Function that converts the object.
-
-    Raises
-    ------
-    MlivrError
-        An error of the given type, which names the file, if the file cannot be read or used.
+    Raises an error of the given type, which names the file, if the file cannot be read or used.
     """
     data = read_json(path, kind, error)
     try:

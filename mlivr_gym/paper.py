@@ -170,19 +170,11 @@ holds, or it is a result."""
 
 
 def relations(rows: Mapping[int, Row]) -> dict[str, dict[str, Any]]:
-    """Evaluate the relations between the cases, each with its reason.
+    """Evaluate the relations between the results of cases 1 to 4, each with its reason.
 
-    Parameters
-    ----------
-    rows
-        Results of cases 1 to 4.
-
-    Returns
-    -------
-    dict[str, dict[str, Any]]
-        `held` (bool) and `kind` (the reason) by the name of the relation. Relations by
-        construction assume optimal searches from one start pose; the heuristic of the paper may
-        violate them.
+    Returned are `held` (bool) and `kind` (the reason) by the name of the relation. Relations by
+    construction assume optimal searches from one start pose; the heuristic of the paper may violate
+    them.
     """
     least_m, least_b = Settings().thresholds(2)
     meets = {k: r["w_m_min"] >= least_m and r["w_b_min"] >= least_b for k, r in rows.items()}

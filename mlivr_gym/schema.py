@@ -336,18 +336,9 @@ class Struct(Generic[T]):
         return place.build(self.made, **self.fields.read(value, place))
 
     def given(self, value: object, place: FieldPath, known: Mapping[str, T] | None = None) -> T:
-        """Return a record that is given as itself, as plain data, by its name, or by None.
+        """Return a record that is given as itself, as plain data, by a name of `known`, or by None.
 
         None stands for the record with all its default values.
-
-        Parameters
-        ----------
-        value
-            The given value.
-        place
-            Its place.
-        known
-            Records that can be given by name.
         """
         if isinstance(value, str) and known is not None:
             return known[Choice(tuple(known)).read(value, place)]

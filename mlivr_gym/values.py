@@ -42,23 +42,9 @@ def read_numbers(
 ) -> Array:
     """Return a value as an array, if it holds finite numbers of the given shape.
 
-    Parameters
-    ----------
-    value
-        An array, a number, or nested sequences of numbers.
-    shape
-        The shape that it must have.
-    where
-        What the value is, the first words of the message.
-    error
-        Type of the error.
-    most
-        Largest magnitude: `MAX_LENGTH` or `MAX_ROBOT_LENGTH` for lengths [m], infinity for others.
-
-    Raises
-    ------
-    MlivrError
-        An error of the given type, which names the value.
+    It is an array, a number, or nested sequences of numbers of a magnitude of at most `most`:
+    `MAX_LENGTH` or `MAX_ROBOT_LENGTH` for lengths [m], infinity for others. Raises an error of the
+    given type, whose message begins with `where`, what the value is.
     """
     kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
     try:

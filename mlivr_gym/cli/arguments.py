@@ -52,19 +52,11 @@ def command(
     description: str,
     groups: tuple[str, ...] = (),
 ) -> argparse.ArgumentParser:
-    """Add a command to the command line and return its parser.
+    """Add a command, whose parser `add` makes, to the command line and return its parser.
 
-    Parameters
-    ----------
-    add
-        Function that adds the command's parser.
-    run
-        Function that runs the command; returns its exit code, or None for success. What `--json`
-        prints it puts into the dictionary `result` of its arguments.
-    description
-        First paragraph of its help.
-    groups
-        Names of the `GROUPS` of options that it has in addition to `"output"`.
+    `run` runs the command and returns its exit code, or None for success; what `--json` prints it
+    puts into the dictionary `result` of its arguments. The description is the first paragraph of
+    its help. Besides `"output"` it has the options of some `GROUPS`.
     """
     parents = [GROUPS[group]() for group in (*groups, "output")]
     parser = add(parents=parents, description=description)
@@ -75,20 +67,11 @@ def command(
 def option(
     parser: argparse._ActionsContainer, usage: str, text: str, default: Any = None, **more: Any
 ) -> None:
-    """Add an option that is written as it appears in the usage line.
+    """Add an option that is written as it appears in the usage line to a parser or a group of it.
 
-    Parameters
-    ----------
-    parser
-        The parser, or a group of it.
-    usage
-        `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` one or more.
-    text
-        Help text, to which the default is added.
-    default
-        Default value, which also determines the type of the values.
-    **more
-        Further arguments of `add_argument`.
+    `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` one or more. The
+    default, which also determines the type of the values, is added to the help text; `more` are
+    further arguments of `add_argument`.
     """
     names = [word for word in usage.split() if word.startswith("-")]
     values = usage.split()[len(names) :]
@@ -303,19 +286,8 @@ def chosen_task(
 def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]) -> None:
     """Refuse options of world, obstacles and query that another option already determines.
 
-    Parameters
-    ----------
-    args
-        All arguments.
-    chosen
-        Name of the option that determines them.
-    taken
-        Names of the options that keep their effect.
-
-    Raises
-    ------
-    SettingError
-        If an option without effect was given.
+    `chosen` is the name of that option, `taken` are those that keep their effect. Raises a
+    `SettingError` if an option without effect was given.
     """
     parsers = (world_arguments(), obstacle_arguments(), query_arguments())
     fixed = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}

@@ -96,18 +96,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments
-        Words of the command line; by default those of `sys.argv`.
-
-    Returns
-    -------
-    int
-        One of the codes that `EXIT_CODES` explains.
-    """
+    """Run a command line, by default that of `sys.argv`, and return one of the `EXIT_CODES`."""
     if isinstance(sys.stdout, io.TextIOWrapper):  # file names may not be valid text
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)

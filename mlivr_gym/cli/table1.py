@@ -120,19 +120,9 @@ def report(data: dict[str, Any]) -> str:
 def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Plan], dict[str, Any]]:
     """Plan and draw the four cases in each of `paper.MODES`, and write the table.
 
-    All plans start at the same base pose. The table is written as `table1.json` and `table1.md`.
-
-    Parameters
-    ----------
-    out
-        Folder of the results; made if it is missing.
-    progress
-        Function called with the number of plans made so far.
-
-    Returns
-    -------
-    tuple[dict[int, Plan], dict[str, Any]]
-        The plans with collisions checked, by case, and the data of the table.
+    All plans start at the same base pose. The table is written as `table1.json` and `table1.md` to
+    a folder, which is made if it is missing. `progress` is called with the number of plans made so
+    far. Returned are the plans with collisions checked, by case, and the data of the table.
     """
     make_folder(out)
     setup = default_setup()

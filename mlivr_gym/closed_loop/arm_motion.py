@@ -236,25 +236,12 @@ def limb_trajectory(
     robot: RobotSpec,
     limits: Limits,
 ) -> Trajectory:
-    """Return a limb's motion over knots, a quintic at rest at both ends on each line.
+    """Return a limb's motion over knots (k, 6) [rad], a quintic at rest at both ends on each line.
 
-    Without gravity and from rest, forces and torques scale with the inverse square of the time:
-    each line takes the shortest time within the limits.
-
-    Parameters
-    ----------
-    graph
-        The stance graph of the robot.
-    limb
-        Number of the limb that moves.
-    knots
-        Its joint angles, shape (k, 6) [rad].
-    start
-        Base position [m], base quaternion, joint angles (N, 6) [rad] and the point of each limb.
-    robot
-        The robot with the masses that it moves.
-    limits
-        Limits of torque, speed and grasps.
+    It begins at `start`: base position [m], base quaternion, joint angles (N, 6) [rad] and the
+    point of each limb; `robot` has the masses that are moved. Without gravity and from rest, forces
+    and torques scale with the inverse square of the time: each line takes the shortest time within
+    the limits.
     """
     position, quaternion, joints, points = start
     period, parts = Physics().timestep, list[Array]()

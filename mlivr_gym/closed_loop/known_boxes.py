@@ -22,16 +22,10 @@ class KnownBoxes:
     def __init__(
         self, boxes: Sequence[Box], noise: float, grid: tuple[Array, float, tuple[int, ...]]
     ) -> None:
-        """Sort boxes into the cubes that they explain in part.
+        """Sort boxes into the cubes of a grid that they explain in part.
 
-        Parameters
-        ----------
-        boxes
-            The boxes.
-        noise
-            Standard deviation of a measured distance [m].
-        grid
-            Lower corner of the grid [m], edge of a cube [m] and number of cubes along each axis.
+        `noise` is the standard deviation of a measured distance [m]; the grid is given by its lower
+        corner [m], the edge of a cube [m] and the number of cubes along each axis.
         """
         self._origin, self._edge, self._shape = grid
         self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
@@ -55,15 +49,8 @@ class KnownBoxes:
     def unexplained(self, hits: Array) -> tuple[Array, IntArray]:
         """Return the hits in the grid that lie neither on nor in a box, and their cubes.
 
-        Parameters
-        ----------
-        hits
-            Measured positions of surfaces in the module frame [m], shape (k, 3).
-
-        Returns
-        -------
-        tuple[Array, IntArray]
-            The hits and the indices of their cubes along each axis, shape (r, 3) each.
+        Hits are measured positions of surfaces in the module frame [m], shape (k, 3); returned are
+        r of them and the indices of their cubes along each axis, shape (r, 3) each.
         """
         cells = np.floor((hits - self._origin) / self._edge).astype(np.int64)
         inside = ((cells >= 0) & (cells < self._shape)).all(axis=1)

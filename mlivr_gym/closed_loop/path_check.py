@@ -36,17 +36,7 @@ class PathCheck:
     """
 
     def __init__(self, graph: StanceGraph, shapes: LimbShapes, trajectory: Trajectory) -> None:
-        """Place the robot each `CHECK_PERIOD`.
-
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        shapes
-            Shapes of its robot.
-        trajectory
-            The trajectory.
-        """
+        """Place the robot of a graph, with its shapes, each `CHECK_PERIOD` of a trajectory."""
         self._graph, self.trajectory = graph, trajectory
         last, stride = len(trajectory.times) - 1, max(round(CHECK_PERIOD / trajectory.period), 1)
         self._samples = np.unique(np.append(np.arange(0, last, stride), last))
@@ -63,15 +53,7 @@ class PathCheck:
         self._grasps = [(limb, positions[p], normals[p]) for limb, p in enumerate(points)]
 
     def is_blocked(self, boxes: Sequence[Box], first: int) -> bool:
-        """Return whether the robot comes closer than the clearance to a box after a sample.
-
-        Parameters
-        ----------
-        boxes
-            Axis-aligned boxes.
-        first
-            Index of the sample.
-        """
+        """Return whether the robot comes too close to an axis-aligned box after sample `first`."""
         if not boxes:
             return False
         begin = int(np.searchsorted(self._samples, first))

@@ -58,27 +58,11 @@ def compare_with_grid(
     surface: GraspSurface,
     at_grasp: bool,
 ) -> int:
-    """Compare a capsule with the boxes of a grid.
+    """Compare a capsule with the boxes of a grid: `CLEAR`, `UNDECIDED`, or the collision's cause.
 
-    Parameters
-    ----------
-    axis
-        Both ends of its axis in the world [m].
-    inner
-        Radius plus clearance [m].
-    motion
-        How far both ends may move [m], linear in between.
-    grid
-        The boxes.
-    surface
-        Grasp whose boxes behind the surface are omitted.
-    at_grasp
-        Whether to omit them.
-
-    Returns
-    -------
-    int
-        `CLEAR`, `UNDECIDED`, or the cause of a collision.
+    The axis has two ends in the world [m], which may move as far as `motion` says [m], linear in
+    between; `inner` is the radius plus the clearance [m]. With `at_grasp`, boxes behind the surface
+    of a grasp are omitted.
     """
     frame, (a, b), (at_a, at_b) = grid.frames[0], axis, motion
     outer = inner + max(at_a, at_b)
@@ -202,20 +186,8 @@ def compare_base_with_boxes(
 ) -> int:
     """Compare the body and the mounts of all limbs with boxes, at and around a base pose.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    base
-        The base pose.
-    motion
-        How far the base may travel [m] and rotate [rad] from there.
-    grid
-        The boxes.
-    clearance
-        Clearance [m].
-    nothing
-        A record that is not read, since the base is at no grasp.
+    The base may travel [m] and rotate [rad] by `motion` from there. `nothing` is a record that is
+    not read, since the base is at no grasp.
     """
     travel, turn = motion
     undecided = False

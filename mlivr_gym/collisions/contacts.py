@@ -54,27 +54,10 @@ class Contact:
 
 
 def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
-    """Return the ends of the moving capsules of all limbs in the world [m].
+    """Return the ends of the moving capsules of all limbs in the world, shape (N, c, 2, 3) [m].
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    shapes
-        Its collision shapes.
-    configuration
-        Its configuration.
-
-    Returns
-    -------
-    Array
-        Shape (N, c, 2, 3) for N limbs with at most c moving capsules each; NaN where a limb has
-        fewer.
-
-    Raises
-    ------
-    SettingError
-        If the configuration is not one of the robot.
+    There are at most c capsules on each of N limbs; what a limb has fewer is NaN. Raises a
+    `SettingError` if the configuration is not one of the robot.
     """
     position, quaternion, joints = checked_configuration(robot, configuration)
     base = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
@@ -116,35 +99,13 @@ def contacts(
     clearance: float,
     grasps: Sequence[tuple[int, Array, Array]] = (),
 ) -> list[Contact]:
-    """Find all pairs of shapes closer to each other than the clearance, in order of distance.
+    """Find all pairs of shapes closer to each other than the clearance [m], the closest first.
 
     Penetrating pairs are included. All pairs are compared except `ALLOWED_COLLISIONS`. The body is
     its exact box here; the compiled checks compare boxes with capsules that contain the body
-    instead, see `limb_shapes.cube_capsules`.
-
-    Parameters
-    ----------
-    robot
-        The robot.
-    boxes
-        The boxes around it.
-    configuration
-        Its configuration.
-    clearance
-        Clearance that shapes must keep [m].
-    grasps
-        Limb, point [m] and surface normal in the world, for each limb at a grasp: its gripper may
-        touch the boxes behind the surface.
-
-    Returns
-    -------
-    list[Contact]
-        The pairs, the closest first.
-
-    Raises
-    ------
-    SettingError
-        If the configuration is not one of the robot.
+    instead, see `limb_shapes.cube_capsules`. Of each limb at a grasp, `grasps` has limb, point [m]
+    and surface normal in the world: its gripper may touch the boxes behind the surface. Raises a
+    `SettingError` if the configuration is not one of the robot.
     """
     shapes, configuration = _shapes(robot), checked_configuration(robot, configuration)
     ends = capsule_ends(robot, shapes, configuration)

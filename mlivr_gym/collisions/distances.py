@@ -126,34 +126,14 @@ def segment_distance_on_line(
 def keeps_distance(
     kind: int, shape: Triple, along: Triple, p: Triple, d: Triple, at_p: float, at_d: float
 ) -> bool:
-    """Return whether an axis provably keeps a required distance from a shape.
+    """Return whether an axis from `p` to `p + d` provably keeps a required distance from a shape.
 
-    The required distance varies linearly along the axis. The distance from a convex shape is convex
-    along a line, and so is its excess over the required distance. The excess therefore lies above
-    its tangents: if the tangents from both sides intersect above zero, it is positive everywhere
-    between.
-
-    Parameters
-    ----------
-    kind
-        `BOX` for a box centred at the origin, or `SEGMENT`.
-    shape
-        Half edges of the box, or one end of the segment [m].
-    along
-        Vector from that end to the other end of the segment [m]; unused for a box.
-    p
-        One end of the axis [m].
-    d
-        Vector from that end to the other end of the axis [m].
-    at_p
-        Required distance at `p` [m], greater than 0.
-    at_d
-        Required distance at the other end [m].
-
-    Returns
-    -------
-    bool
-        False if the axis comes closer, or if `MOST_PLACES` places do not decide it.
+    The shape is a `BOX` centred at the origin, by its half edges, or a `SEGMENT` from `shape` to
+    `shape + along` [m]. The required distance varies linearly along the axis, from `at_p`, greater
+    than 0, to `at_d` [m]. The distance from a convex shape is convex along a line, and so is its
+    excess over the required distance. The excess therefore lies above its tangents: if the tangents
+    from both sides intersect above zero, it is positive everywhere between. The answer is False if
+    the axis comes closer, or if `MOST_PLACES` places do not decide it.
     """
     a, b, bend = 0.0, 1.0, at_d - at_p
     square, slope = (
@@ -213,19 +193,9 @@ def compare_capsules(
 ) -> int:
     """Compare two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
 
-    Parameters
-    ----------
-    inner
-        Sum of the radii and the clearance [m].
-    more
-        How far the second capsule may move [m].
-    moves
-        How far the first capsule may move at `p` and at its other end [m], linear in between.
-
-    Returns
-    -------
-    int
-        `CLEAR`, `UNDECIDED` or `SELF`.
+    `inner` is the sum of the radii and the clearance; the second capsule may move by `more`, the
+    first by `moves` at `p` and at its other end, linear in between [m]. The result is `CLEAR`,
+    `UNDECIDED` or `SELF`.
     """
     at_p, at_u = moves
     square = segment_distance_squared(p, u, q, v)

@@ -306,19 +306,8 @@ def cargo_box_capsules(cargo: Cargo, frame: Array) -> tuple[Array, Array]:
 def box_capsules(half: Array, cells: int = 2) -> tuple[Array, Array]:
     """Return capsules that together contain a box, four of them as in `cube_capsules`.
 
-    They run along the longest edge, each in one of `cells` by `cells` parts of the box.
-
-    Parameters
-    ----------
-    half
-        Half edges [m], shape (3,).
-    cells
-        Number of capsules along each of the other two edges.
-
-    Returns
-    -------
-    tuple[Array, Array]
-        Ends, shape (cells^2, 2, 3), and radii, shape (cells^2,) [m].
+    They run along the longest edge, each in one of `cells` by `cells` parts of the box. Ends have
+    shape (cells^2, 2, 3), radii (cells^2,), half edges (3,) [m].
     """
     if cells == 2 and (half == half[0]).all():
         return cube_capsules(float(half[0]))

@@ -70,18 +70,9 @@ def check_points(
 ) -> None:
     """Check for each of m points whether a limb that holds it touches a box at its flange axis.
 
-    The capsules on that axis do not depend on the posture.
-
-    Parameters
-    ----------
-    robots
-        A record of `RobotModel`, shape (1,).
-    surroundings
-        Points and boxes.
-    scratch_rows
-        A record of `QueryScratch`, shape (1,).
-    causes
-        Filled with the cause of the collision, or `CLEAR`; shape (m,).
+    The capsules on that axis do not depend on the posture. `robots` is a record of `RobotModel` and
+    `scratch_rows` one of `QueryScratch`, shape (1,); `causes`, shape (m,), is filled with the cause
+    of the collision, or `CLEAR`.
     """
     robot, scratch = robots[0], scratch_rows[0]
     limb = robot.limbs[0]

@@ -118,22 +118,10 @@ def _cores() -> int:
 def in_parallel(
     count: int, kernel: Callable[..., None], *args: object, scratch_rows: Any, least: int = 2000
 ) -> None:
-    """Call an entry `kernel(start, stop, *args, scratch)` over a range of items.
+    """Call an entry `kernel(start, stop, *args, scratch)` over a range of items, `stop` excluded.
 
-    From `least` items on it is called in several threads, each with a row of scratch of its own.
-
-    Parameters
-    ----------
-    count
-        Number of items.
-    kernel
-        The entry; it processes the items from `start` to `stop` - 1.
-    *args
-        Its arguments between the range and the scratch.
-    scratch_rows
-        Function that creates a given number of rows of scratch.
-    least
-        Number of items from which on threads are used.
+    From `least` items on it is called in several threads, each with a row of scratch of its own, of
+    which `scratch_rows` creates a given number.
     """
     used = workers(count, least)
     scratch = scratch_rows(used)

@@ -74,12 +74,9 @@ def archive() -> zipfile.ZipFile | str:
 
 
 def why_compiled(digest: str) -> str:
-    """Return why the kernels of a first plan must be compiled, empty if the archive has them.
+    """Return why kernels of a first plan must be compiled, empty if the archive has them.
 
-    Parameters
-    ----------
-    digest
-        Digest of the sources of a first plan, see `cache.source_digest`.
+    They are those of sources with a digest, see `cache.source_digest`.
     """
     found = archive()
     if isinstance(found, str):
@@ -99,14 +96,9 @@ def _damaged(error: Exception) -> str:
 
 
 def offer(dispatcher: Any, digest: str) -> None:
-    """Let a compiled function load its machine code from the archive, too.
+    """Let a compiled function, a dispatcher of Numba, load its machine code from the archive, too.
 
-    Parameters
-    ----------
-    dispatcher
-        The function, as Numba's decorator returns it.
-    digest
-        Digest of its sources, see `cache.source_digest`.
+    The digest is that of its sources, see `cache.source_digest`.
     """
     entry_name = f"{digest}/{dispatcher.py_func.__qualname__}"
     dispatcher._cache = _CacheWithArchive(dispatcher._cache, entry_name)
@@ -152,16 +144,10 @@ def _read(name: str) -> Any:
 
 
 def pack(folder: Path, features: Sequence[str], digest: str) -> bytes:
-    """Return the content of an archive with the machine code in a folder.
+    """Return the content of an archive with the machine code in a folder, see `cache.kernel_root`.
 
-    Parameters
-    ----------
-    folder
-        Folder in which this Python and Numba cached machine code, see `cache.kernel_root`.
-    features
-        Features of the processor for which it was compiled.
-    digest
-        See `why_compiled`.
+    This Python and Numba cached it there, for a processor with some features and for sources with a
+    digest, see `why_compiled`.
     """
     description = {"for": machine(), "features": list(features), "sources": digest}
     contents = {}

@@ -103,14 +103,8 @@ def warming(module: str, mark: Path) -> Iterator[None]:
     """Run the block, in which kernels may have to be compiled.
 
     If they are neither compiled nor in the archive of the package, `python -m module` compiles
-    others at the same time and is waited for, and a bar shows the progress.
-
-    Parameters
-    ----------
-    module
-        Module that compiles the other kernels when it is run.
-    mark
-        File that marks that all is compiled, see `mark_of`.
+    others at the same time and is waited for, and a bar shows the progress. The file `mark` marks
+    that all is compiled, see `mark_of`.
     """
     if os.environ.get(IN_SECOND_PROCESS) or mark in _checked or mark.exists():
         yield

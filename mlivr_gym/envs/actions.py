@@ -12,19 +12,10 @@ from mlivr_gym.errors import SettingError, shortened
 
 
 def action_number(action: Any, count: int) -> int:
-    """Return one action as an int.
+    """Return an action, an integer of Python or NumPy or an array without axes, as an int.
 
-    Parameters
-    ----------
-    action
-        An int, an integer of NumPy, or an integer array or tensor without axes.
-    count
-        Number of actions.
-
-    Raises
-    ------
-    SettingError
-        If it is none of these, or not from 0 to `count` - 1.
+    A tensor is taken as an array. Raises a `SettingError` if it is none of these, or not from 0 to
+    `count` - 1.
     """
     try:
         shape = tuple(getattr(action, "shape", ()))
@@ -39,21 +30,9 @@ def action_number(action: Any, count: int) -> int:
 
 
 def action_numbers(actions: Any, k: int, count: int) -> IntArray:
-    """Return a batch of actions as an array, shape (k,).
+    """Return a batch of actions, an array, a tensor or a list, as an array, shape (k,).
 
-    Parameters
-    ----------
-    actions
-        Integers, shape (k,): an array, a tensor or a list.
-    k
-        Number of sub-environments.
-    count
-        Number of actions of one sub-environment.
-
-    Raises
-    ------
-    SettingError
-        If they are not k integers from 0 to `count` - 1.
+    Raises a `SettingError` if they are not k integers from 0 to `count` - 1.
     """
     fault, numbers = "", np.zeros(0, dtype=np.int64)
     try:

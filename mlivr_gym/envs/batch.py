@@ -89,14 +89,7 @@ class TaskDistribution(NamedTuple):
 def random_below(streams: NDArray[np.uint64], k: int, bound: int) -> int:
     """Draw an integer from 0 to `bound` - 1 by splitmix64 (Steele, Lea and Flood, 2014).
 
-    Parameters
-    ----------
-    streams
-        States of the random streams, of which one is advanced.
-    k
-        Index of the stream.
-    bound
-        The bound.
+    Of the states of random streams the one with index `k` is advanced.
     """
     streams[k] += np.uint64(0x9E3779B97F4A7C15)
     z = streams[k]
@@ -115,22 +108,10 @@ def advance(
     states: SubEnvStates,
     results: ActionResults,
 ) -> None:
-    """Take one action in each of k states.
+    """Take one action, `limb * m + point`, in each of k states but those to skip.
 
-    Parameters
-    ----------
-    actions
-        Action numbers, `limb * m + point`, shape (k,).
-    skip
-        States that take no action, shape (k,).
-    failure_probability
-        Probability that an attempt to grasp each point fails, shape (m,).
-    tables
-        Tables of all steps.
-    states
-        The states, which are changed.
-    results
-        Written; its flags are False before.
+    The states are changed. `failure_probability`, shape (m,), is the probability that an attempt to
+    grasp each point fails. The flags of the results, which are written, are False before.
     """
     stances, branch_sets, displacement = states.stances, states.branch_sets, results.displacement
     streams, m = states.streams, len(failure_probability)
@@ -169,20 +150,10 @@ def advance(
 def _walk_towards(
     s: int, branch_sets: tuple[int, int], target: Array, position: Array, tables: StepTables
 ) -> int:
-    """Return the last stance of a walk whose base comes closer to a target with every step.
+    """Return the last stance of a walk whose base comes closer to a target [m] with every step.
 
-    Parameters
-    ----------
-    s
-        First stance.
-    branch_sets
-        Branch sets of both limbs.
-    target
-        Position to approach [m], shape (3,).
-    position
-        Base positions of the stances [m], shape (n, 3).
-    tables
-        Tables of all steps.
+    It begins at the stance `s` with branch sets of both limbs; base positions of the stances have
+    shape (n, 3) [m].
     """
     start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
     for axis in range(3):
@@ -228,23 +199,8 @@ def _draw_walk_task(
 ) -> Task:
     """Draw the task of a `WalkTasks` with tables of steps, from the same numbers of the stream.
 
-    Parameters
-    ----------
-    moves
-        Moves that read the tables.
-    tasks
-        The generator.
-    stream
-        The random stream.
-    tolerance
-        Radius of the goal region [m].
-    start
-        The start, in the posture of its stance, or None to draw it.
-
-    Raises
-    ------
-    StanceError
-        If no task is found.
+    A start that is given is in the posture of its stance. Raises a `StanceError` if no task is
+    found.
     """
     tables, grasp_map = moves.tables, moves.graph.grasp_map
     stances, branch_sets, goals = (
@@ -278,25 +234,9 @@ def draw_tasks(
 ) -> int:
     """Draw starts and goals as `tasks.sample_task` does, from the same numbers of the streams.
 
-    Parameters
-    ----------
-    is_drawn
-        Whether a task is drawn for each sub-environment, shape (k,).
-    has_start
-        Whether its start is given in `states`, shape (k,).
-    distribution
-        The distribution of the tasks.
-    tables
-        Tables of all steps.
-    states
-        The states, where starts that are not given are written.
-    goals
-        Goal positions [m], shape (k, 3), written.
-
-    Returns
-    -------
-    int
-        Index of the first sub-environment for which no task was found, or -1.
+    They are drawn for the sub-environments of `is_drawn`, whose starts are in `states` if
+    `has_start`, and are written there otherwise, shape (k,) each; goals (k, 3) [m] are written.
+    Returned is the index of the first one for which no task was found, or -1.
     """
     targets, cabin, tolerance = distribution.targets, distribution.cabin, distribution.tolerance
     axis, middle = distribution.axis, distribution.middle

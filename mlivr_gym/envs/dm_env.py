@@ -43,17 +43,7 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
     def __init__(
         self, env: MlivrEnv, seed: int | None = None, max_episode_steps: int = 100
     ) -> None:
-        """Wrap an environment.
-
-        Parameters
-        ----------
-        env
-            The environment.
-        seed
-            Seed of the starts and goals that are drawn.
-        max_episode_steps
-            Number of steps after which an episode ends.
-        """
+        """Wrap an environment, with a seed of the tasks, and a number of steps of an episode."""
         self.env, self._seed, self._limit = env, seed, max_episode_steps
         self._ended = True
         self.info: dict[str, Any] = {}

@@ -53,19 +53,9 @@ def simulation_part(given: Any, path: FieldPath) -> Any:
 
 
 def step_executor(graph: StanceGraph, **parts: Any) -> StepExecutor:
-    """Return the object that executes steps in MuJoCo.
+    """Return the object that executes steps in MuJoCo, by parts of a `Setup`, see `Setup.of`.
 
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    **parts
-        Parts of a `Setup`, see `Setup.of`.
-
-    Raises
-    ------
-    MlivrError
-        If a part cannot be used; the message names it.
+    Raises a `MlivrError` that names a part that cannot be used.
     """
     from mlivr_gym.simulation.setup import Setup
     from mlivr_gym.simulation.step_executor import StepExecutor

@@ -31,20 +31,9 @@ point."""
 def failure_probabilities(points: int, grasp_failure: float | Array, seed: int = 0) -> Array:
     """Return the probability that an attempt to grasp each point fails, shape (m,).
 
-    Parameters
-    ----------
-    points
-        Number of points m.
-    grasp_failure
-        Mean of the probabilities, which are then drawn uniformly from 0 to twice the mean; or the
-        probabilities themselves, shape (m,).
-    seed
-        Seed of the draw.
-
-    Raises
-    ------
-    SettingError
-        If the probabilities are out of range or not one for each point.
+    `grasp_failure` has the probabilities themselves, shape (m,), or their mean; they are then drawn
+    uniformly from 0 to twice the mean. Raises a `SettingError` if they are out of range or not one
+    for each point.
     """
     given = GRASP_FAILURE.read(grasp_failure, FieldPath("grasp_failure", SettingError))
     if not given.ndim:
@@ -58,21 +47,10 @@ def failure_probabilities(points: int, grasp_failure: float | Array, seed: int =
 
 
 def state_after_failure(graph: StanceGraph, before: State, after: State, limb: int) -> State:
-    """Return the state after an attempt to grasp a point has failed.
+    """Return the state after an attempt to grasp a point has failed, instead of `after`.
 
     The limb holds the point that it released, on all branches on which it can be released. The
     support limbs are on the branches that the step allows.
-
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    before
-        State before the step.
-    after
-        State to which the step would have led.
-    limb
-        The limb that moved.
     """
     grasped = graph.branch_set_after_grasp(before, limb)
     return before._replace(

@@ -62,21 +62,10 @@ class ResetOptions:
     def of(
         cls, options: Mapping[str, Any] | None, graph: StanceGraph, *, plans: bool
     ) -> ResetOptions:
-        """Return the options, with start and goal from the plan unless they are given.
+        """Return the options, which `RESET_OPTIONS` has checked, with start and goal from the plan.
 
-        Parameters
-        ----------
-        options
-            Options that `RESET_OPTIONS` has checked.
-        graph
-            The stance graph.
-        plans
-            Whether the option `"plan"` is valid.
-
-        Raises
-        ------
-        SettingError
-            If options contradict each other.
+        Start and goal that are given are kept. `plans` is whether the option `"plan"` is valid.
+        Raises a `SettingError` if options contradict each other.
         """
         given = dict(options or {})
         if "plan" in given and not plans:

@@ -96,14 +96,8 @@ def in_window(angle: float, low: float) -> float:
     """Return a joint angle plus the whole turns that move it into the joint's window [rad].
 
     A window is less than a turn, so one winding at most lies in it: a posture of a limb that holds
-    determines its joint angles, whatever motion led there.
-
-    Parameters
-    ----------
-    angle
-        The angle [rad].
-    low
-        Where the window starts [rad]. Angles below it by `LIMIT_TOLERANCE` belong to it.
+    determines its joint angles, whatever motion led there. Angles below the start of the window,
+    `low`, by `LIMIT_TOLERANCE` belong to it.
     """
     least = low - LIMIT_TOLERANCE
     winding: float = angle - TURN * np.floor((angle - least) / TURN)
@@ -118,18 +112,9 @@ def _cosine_and_sine(angle: float) -> tuple[float, float]:
 
 
 def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
-    """Fill `arm`.
+    """Fill `arm` with lengths of a family's form, see its `forward_kinematics` [m], and windows.
 
-    Parameters
-    ----------
-    arm
-        Filled.
-    lengths
-        Lengths of the family's form, see its `forward_kinematics` [m].
-    windows
-        Least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
-    family
-        `UR`, `SPHERICAL_WRIST` or `SPHERICAL_SHOULDER`.
+    Windows are the least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
     """
     arm["family"] = family
     if family == UR:

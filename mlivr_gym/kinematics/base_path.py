@@ -81,20 +81,9 @@ class BasePath(Record):
 
 @entry
 def set_path(path: BasePath, first: Pose, last: Pose, kind: int, pivot: Triple) -> None:
-    """Fill `path` with the base path from one base pose in the world to another.
+    """Fill `path` with the base path of a kind, `STRAIGHT` or `ARC`, from one base pose to another.
 
-    Parameters
-    ----------
-    path
-        Filled.
-    first
-        Base at the start.
-    last
-        Base at the end.
-    kind
-        `STRAIGHT` or `ARC`.
-    pivot
-        Centre of the arc [m].
+    Poses are in the world; an arc has the centre `pivot` [m].
     """
     for k in range(3):
         path.first.position[k], path.last.position[k] = first.position[k], last.position[k]
@@ -153,16 +142,7 @@ def resting(path: BasePath, base: Pose) -> None:
 def lift_path(path: BasePath, base: Pose, grasp: Grasp, lift: float) -> None:
     """Fill `path` with a departure: the base moves into the surface instead of the limb out of it.
 
-    Parameters
-    ----------
-    path
-        Filled.
-    base
-        The base, in the frame of the grasp.
-    grasp
-        The point that is left.
-    lift
-        How far [m].
+    The base is given in the frame of the grasp that is left; `lift` is how far it moves [m].
     """
     set_path(path, base, base, STRAIGHT, (0.0, 0.0, 0.0))
     for k in range(3):
@@ -195,28 +175,12 @@ def velocity_on_path(path: BasePath, s: float) -> Triple:
 
 @kernel
 def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple) -> float:
-    """Bound the travel, seen from the base, of a point at rest in the world on half an interval.
+    """Bound the travel of a point at rest in the world, seen from the base, on half an interval.
 
     Its speed y seen from the base, v being the base's, w its turn and t'' its acceleration, grows
-    by y' <= w y + w v + |t''|; so after s it is at most exp(w s) (y0 + (w v + |t''|) s).
-
-    Parameters
-    ----------
-    path
-        The base path.
-    base
-        Base in the middle of the interval.
-    s
-        The middle of the interval on the path.
-    half
-        Half the length of the interval.
-    point
-        The point [m].
-
-    Returns
-    -------
-    float
-        A bound of the distance travelled to either end [m].
+    by y' <= w y + w v + |t''|; so after s it is at most exp(w s) (y0 + (w v + |t''|) s). The
+    interval is `s - half` to `s + half` on the path, `base` the base in its middle; the bound [m]
+    holds to either end.
     """
     seen, velocity = seen_from(base, point), into(base, velocity_on_path(path, s))
     x, y, z = vector(path.axis)
@@ -238,25 +202,10 @@ def travel_seen(path: BasePath, base: Pose, s: float, half: float, point: Triple
 
 @kernel
 def turn_seen(path: BasePath, base: Pose, half: float, direction: Triple) -> float:
-    """Bound the turn, seen from the base, of a direction at rest in the world on half an interval.
+    """Bound the turn, seen from the base, of a unit vector at rest in the world [rad].
 
-    The base turns about an axis that rests in it, so the rate is the same all along.
-
-    Parameters
-    ----------
-    path
-        The base path.
-    base
-        Base somewhere on it.
-    half
-        Half the length of the interval.
-    direction
-        Unit vector.
-
-    Returns
-    -------
-    float
-        The angle to either end at most [rad].
+    The bound holds on half an interval of the path, from its middle to either end. The base turns
+    about an axis that rests in it, so the rate is the same all along; `base` lies somewhere on it.
     """
     seen, (x, y, z) = into(base, direction), vector(path.axis)
     across = length(
@@ -298,34 +247,15 @@ def pose_on_path(path: BasePath, s: float, out: Pose) -> None:
 
 @entry
 def poses_along(path: BasePath, s: Array, out: Any) -> None:
-    """Compute base poses in the world at many places on a path.
-
-    Parameters
-    ----------
-    path
-        The path.
-    s
-        Path parameters from 0 to 1, shape (k,).
-    out
-        Rows of `Pose`, shape (k,), filled.
-    """
+    """Compute base poses in the world, rows of `Pose`, at path parameters 0 to 1, shape (k,)."""
     for i in range(len(s)):
         pose_on_path(path, s[i], out[i])
 
 
 def base_path(first: Pose, last: Pose, kind: int, pivot: Array) -> BasePath:
-    """Return the base path from one base pose in the world to another.
+    """Return the base path, `STRAIGHT` or `ARC`, from one base pose in the world to another.
 
-    Parameters
-    ----------
-    first
-        Base at the start.
-    last
-        Base at the end.
-    kind
-        `STRAIGHT` or `ARC`.
-    pivot
-        Centre of an arc in the world (3,) [m].
+    An arc has the centre `pivot` in the world (3,) [m].
     """
     out: BasePath = BasePath.row()
     x, y, z = map(float, pivot)

@@ -62,25 +62,8 @@ def certify(
 ) -> int:
     """Return the branches on which a limb that holds is proved to follow a base path.
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    flange
-        Flange in the world.
-    path
-        The base path.
-    floor
-        Least `|det J|` on the path [m^3].
-    branch_set
-        Branches and flips to check.
-    scratch
-        Scratch.
-
-    Returns
-    -------
-    int
-        Those of them that are certified; all of a class or none.
+    The flange is in the world, and `|det J|` is at least `floor` on the path [m^3]. Of the branches
+    and flips of `branch_set`, all of a class are certified or none.
     """
     arm = limb.arm
     if path.kind != STRAIGHT and min(path.radius0, path.radius1) < CLOSEST_PIVOT:

@@ -56,17 +56,9 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
 
 @kernel
 def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of one branch, without forming joint angles.
+    """Find the joint axes of one branch, without forming joint angles, and fill `JointAxes`.
 
-    Parameters
-    ----------
-    out
-        `JointAxes`, filled.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach and away from the singularities of elbow and wrist.
+    Returned is whether the pose is within reach and away from the singularities of elbow and wrist.
     """
     if arm.family == UR:
         return ur.joint_axes(arm, flange, branch, out)
@@ -79,21 +71,11 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
 def branch_angles(
     arm: Arm, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array
 ) -> bool:
-    """Compute the joint angles of one branch.
+    """Compute the joint angles of one branch; return whether the pose is within reach.
 
-    Parameters
-    ----------
-    x
-        First axis of the flange in the limb base frame.
-    slack
-        0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them.
-    q
-        Filled with joint angles [rad], shape (6,), on no particular winding.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach.
+    `x` is the first axis of the flange in the limb base frame; `slack` is 0, or `SINGULAR_TOO` if
+    poses at a singularity count, the stretched arm among them. `q`, shape (6,), is filled with
+    joint angles [rad] on no particular winding.
     """
     if arm.family == UR:
         return ur.branch_angles(arm, flange, x, branch, slack, q)
@@ -119,19 +101,10 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 
 @kernel
 def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: Array) -> bool:
-    """Compute the frames of the links of one branch, without forming joint angles.
+    """Compute the link frames of one branch as `link_frames` does, without forming joint angles.
 
-    Parameters
-    ----------
-    axes
-        `JointAxes`, for scratch.
-    frames
-        Filled like by `link_frames`.
-
-    Returns
-    -------
-    bool
-        Whether the pose is within reach and away from the singularities of elbow and wrist.
+    `axes` is a `JointAxes` for scratch. Returned is whether the pose is within reach and away from
+    the singularities of elbow and wrist.
     """
     if arm.family == UR:
         return ur.branch_frames(arm, flange, branch, axes, frames)
@@ -146,16 +119,9 @@ def stays_above(
 ) -> bool:
     """Return whether bounds keep a class of branches above a floor on an interval.
 
-    Parameters
-    ----------
-    terms
-        Filled by `branch_terms`, in the middle.
-    choice
-        The class.
-    change
-        How far the wrist moves [m] and the flange axis turns [rad] at most.
-    square_floor
-        Least square of `det J / arm.links` [m^2].
+    `terms` are those of `branch_terms` in the middle, `choice` is the class; the wrist moves [m]
+    and the flange axis turns [rad] by `change` at most. The floor is the least square of `det J /
+    arm.links` [m^2].
     """
     if arm.family == UR:
         return ur_bounds.stays_above(arm, terms, choice, change, square_floor)
@@ -166,21 +132,11 @@ def stays_above(
 
 @kernel
 def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
-    """Bound how far the joints of a limb turn whose flange moves in its base frame.
+    """Bound how far the joints of a limb turn whose flange moves in its base frame; fill `turns`.
 
-    Parameters
-    ----------
-    q
-        Joint angles in the middle of an interval [rad].
-    flange
-        How the flange moves on its path from there to either end.
-    turns
-        Filled.
-
-    Returns
-    -------
-    bool
-        Whether the bounds hold: the limb stays on its branch, and no joint turns by half a turn.
+    `q` are the joint angles in the middle of an interval [rad], from which the flange moves to
+    either end. The bounds hold if True is returned: the limb then stays on its branch, and no joint
+    turns by half a turn.
     """
     if arm.family == UR:
         return ur_bounds.held_turns(arm, q, flange, turns)

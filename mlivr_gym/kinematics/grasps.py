@@ -25,18 +25,9 @@ class Grasp(Record):
 
 
 def grasp_rows(points: Array, normals: Array, rails: Array, tool_length: float) -> Any:
-    """Return rows of `Grasp`.
+    """Return rows of `Grasp` for points [m], surface normals and rail directions (..., 3).
 
-    Parameters
-    ----------
-    points
-        Points [m], shape (..., 3).
-    normals
-        Surface normals, shape (..., 3).
-    rails
-        Rail directions, shape (..., 3).
-    tool_length
-        Distance from the flange to the grasped point [m].
+    `tool_length` is the distance from the flange to the grasped point [m].
     """
     out = Grasp.rows(*points.shape[:-1])
     out["point"], out["normal"], out["rail"] = points, normals, rails

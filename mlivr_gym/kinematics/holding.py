@@ -66,25 +66,9 @@ def follow(
 ) -> bool:
     """Follow the joint angles of a limb that holds along a base path, on from those of `track`.
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    flange
-        Flange in the world.
-    path
-        The base path.
-    branch
-        Branch of the limb.
-    samples
-        Number of intervals.
-    track
-        Updated; where it has no angles, those at the start are in (-pi, pi].
-
-    Returns
-    -------
-    bool
-        Whether the branch exists all along.
+    The flange is in the world, `samples` the number of intervals. Where the track, which is
+    updated, has no angles, those at the start are in (-pi, pi]. Returned is whether the branch
+    exists all along.
     """
     for sample in range(samples + 1):
         pose_on_path(path, sample / samples, track.base)
@@ -161,20 +145,7 @@ def held_branches(
 ) -> int:
     """Return the branches of `branch_set` on which one limb can hold along a base path.
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    flange
-        Flange in the world, flip 0.
-    path
-        The base path.
-    floor
-        Least `|det J|` [m^3].
-    branch_set
-        Branches and flips to look at.
-    scratch
-        Scratch.
+    The flange is in the world, with flip 0, and `floor` the least `|det J|` [m^3].
     """
     if branch_set:
         branch_set = certify(limb, flange, path, floor, branch_set, scratch.proof)

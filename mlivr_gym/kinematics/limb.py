@@ -43,21 +43,9 @@ def wrap(angle: float) -> float:
 
 @kernel
 def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis, Triple]:
-    """Return a flange pose in the limb base frame.
+    """Return a flange pose in the limb base frame: position and axis, and first axis.
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    base
-        Base in the world.
-    flange
-        Flange in the world.
-
-    Returns
-    -------
-    tuple[FlangeAxis, Triple]
-        Position and axis of the flange, and its first axis, in the limb base frame.
+    Base and flange are given in the world.
     """
     x, _, z = columns(flange.rotation)
     p = seen_from(limb.mount, seen_from(base, vector(flange.position)))
@@ -68,22 +56,9 @@ def flange_seen(limb: MountedArm, base: Pose, flange: Pose) -> tuple[FlangeAxis,
 def angles_at(
     limb: MountedArm, base: Pose, flange: Pose, branch: int, slack: float, q: Joints
 ) -> bool:
-    """Compute the joint angles with which a limb holds a flange pose.
+    """Compute the joint angles with which a limb on one branch holds a flange pose [rad].
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    base
-        Base in the world.
-    flange
-        Flange in the world.
-    branch
-        Branch of the limb.
-    slack
-        See `families.branch_angles`.
-    q
-        Filled, shape (6,) [rad].
+    Base and flange are given in the world; for `slack` see `families.branch_angles`.
     """
     seen, x = flange_seen(limb, base, flange)
     return branch_angles(limb.arm, seen, x, branch, slack, q)
@@ -93,18 +68,9 @@ def angles_at(
 def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) -> None:
     """Compute the joint angles with which N limbs hold at k stances, in their windows.
 
-    Parameters
-    ----------
-    robots
-        A row of `RobotModel`, shape (1,).
-    bases
-        Bases in the world, rows of `Pose`, shape (k,).
-    grasps
-        What the limbs hold, rows of `Grasp`, shape (k, N).
-    bits
-        Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
-    out
-        Rows of `Angles`, shape (k, N), filled; NaN where the branch does not exist.
+    Bases in the world are rows of `Pose`, shape (k,), what limbs hold rows of `Grasp`, shape (k,
+    N); `bits` has branch and flip of each limb, `branch + 8 * flip`. Rows of `Angles`, shape (k,
+    N), are filled, with NaN where the branch does not exist.
     """
     for k in range(len(bits)):
         for i in range(bits.shape[1]):

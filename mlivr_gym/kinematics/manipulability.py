@@ -42,18 +42,10 @@ def base_manipulability(
 ) -> float:
     """Return `w_b` by its null-space definition.
 
-    Rigid grasps give `J_b v_b + J_sup qdot = 0`. `N_c` spans the null space of
-    `(I - J_b J_b^+) J_sup`, `J_eq = -J_b^+ J_sup N_c`, `w_b = sqrt(det(S J_eq (S J_eq)^T))`.
-
-    Parameters
-    ----------
-    limb_jacobians
-        Shape (N, 6, n); each maps joint rates to the twist of the grasp, linear
-        rows first, in base axes.
-    grasps_from_base
-        Shape (N, 3); grasp positions from the base origin in base axes [m].
-    characteristic_length
-        l_c [m].
+    Rigid grasps give `J_b v_b + J_sup qdot = 0`. `N_c` spans the null space of `(I - J_b J_b^+)
+    J_sup`, `J_eq = -J_b^+ J_sup N_c`, `w_b = sqrt(det(S J_eq (S J_eq)^T))`. Limb Jacobians, shape
+    (N, 6, n), map joint rates to the twist of the grasp, linear rows first, in base axes; grasp
+    positions from the base origin have shape (N, 3), in base axes [m].
     """
     count, _, joints = limb_jacobians.shape
     j_base = np.zeros((6 * count, 6))
@@ -85,27 +77,10 @@ class Inversion(Record):
 def limb_information(
     limb: MountedArm, flange: FlangeAxis, branch: int, l_c: float, scratch: Inversion, out: Array
 ) -> bool:
-    """Compute `K^-1` of one limb in base axes.
+    """Compute `K^-1` of one limb on a branch in base axes, shape (6, 6).
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    flange
-        Position and axis of the flange.
-    branch
-        Branch of the limb.
-    l_c
-        Characteristic length [m].
-    scratch
-        Scratch.
-    out
-        Filled, shape (6, 6).
-
-    Returns
-    -------
-    bool
-        Whether the limb is away from its singularities.
+    The flange is given by its position and axis, `l_c` is the characteristic length [m]. Returned
+    is whether the limb is away from its singularities.
     """
     if not joint_axes(limb.arm, flange, branch, scratch.axes):
         return False

@@ -20,28 +20,10 @@ def joints_along(
 ) -> int:
     """Compute joint angles of a limb on one branch at many poses, continuous from given ones.
 
-    Parameters
-    ----------
-    robots
-        A row of `RobotModel`, shape (1,).
-    i
-        Index of the limb.
-    bases
-        Rows of `Pose`, bases in the world, shape (k,), or (1,) for one that stays.
-    flanges
-        Rows of `Pose`, flanges in the world up to a half turn about their z axes, shape
-        (k,) or (1,).
-    branch
-        Branch of the limb.
-    reference
-        Angles close to those at the first pose, which determine windings and flip.
-    out
-        Rows of `Angles`, shape (k,), filled.
-
-    Returns
-    -------
-    int
-        Number of poses from the first on at which the branch exists.
+    Bases in the world are rows of `Pose`, shape (k,), or (1,) for one that stays; flanges likewise,
+    up to a half turn about their z axes. `reference` has angles close to those at the first pose,
+    which determine windings and flip. Rows of `Angles`, shape (k,), are filled; returned is the
+    number of poses from the first on at which the branch exists.
     """
     limb, half_turn = robots[0].limbs[i], 0.0
     for k in range(len(out)):

@@ -91,17 +91,8 @@ def turn(axis: Triple, c: float, s: float, v: Triple) -> Triple:
 def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
     """Return the angle in [0, pi] [rad] and the unit axis of the rotation from `r0` to `r1`.
 
-    Parameters
-    ----------
-    r0
-        First rotation, shape (3, 3).
-    r1
-        Second rotation in the same frame, shape (3, 3).
-
-    Returns
-    -------
-    tuple[float, Triple]
-        The angle, and the axis of `r0^T r1` in the first frame's axes.
+    Both have shape (3, 3), in the same frame; the axis is that of `r0^T r1` in the first frame's
+    axes.
     """
     a, d, g = columns(r0)
     p, s, v = columns(r1)

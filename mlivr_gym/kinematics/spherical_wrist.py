@@ -287,19 +287,10 @@ def set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
 
 
 def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the frames of the links in the limb base frame, the flange's with its turn.
+    """Return the link frames in the limb base frame, shape (7, 4, 4), at joint angles [rad].
 
-    Parameters
-    ----------
-    q
-        Joint angles [rad], shape (6,).
-    lengths
-        d1, a1, d2, a2, b2, a3, d4, d6 [m], twist r and angle t [rad], shape (10,).
-
-    Returns
-    -------
-    Array
-        Homogeneous transforms, shape (7, 4, 4); frame 6 is the flange.
+    Frame 6 is the flange, with its turn. Lengths, shape (10,), are d1, a1, d2, a2, b2, a3, d4, d6
+    [m], twist r and angle t [rad].
     """
     d1, a1, d2, a2, b2, a3, d4, d6, twist, held = lengths
     cosine, sine = np.cos(twist), np.sin(twist)

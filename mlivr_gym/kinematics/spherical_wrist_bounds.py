@@ -93,20 +93,10 @@ def _across(arm: Arm, q1: float, q2: float) -> float:
 
 @kernel
 def _arm_motion(arm: Arm, u2: float, offset: float, cosine: float, d: float) -> ArmMotion:
-    """Bound the motion of the first three joints by the travel of the wrist point.
+    """Bound the motion of the first three joints by the travel `d` of the wrist point [m].
 
-    Parameters
-    ----------
-    arm
-        The arm.
-    u2
-        Squared `u` in the middle [m^2].
-    offset
-        Size of `o` in the middle, or more [m].
-    cosine
-        Cosine of the elbow angle in the middle.
-    d
-        Travel of the wrist point [m].
+    In the middle, `u2` is the squared `u` [m^2], `offset` the size of `o`, or more [m], and
+    `cosine` that of the elbow angle.
     """
     held, upper, fore = abs(arm.s_held), arm.upper, arm.forearm
     none = ArmMotion(False, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -276,19 +276,10 @@ def _complete(frames: Array, link: int, axis: int) -> None:
 
 
 def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the frames 0 to 6 of a UR arm in the limb base frame.
+    """Return the frames 0 to 6 of a UR arm in the limb base frame, shape (7, 4, 4).
 
-    Parameters
-    ----------
-    q
-        Joint angles [rad], shape (6,).
-    lengths
-        d1, a2, a3, d4, d5, d6 [m], shape (6,).
-
-    Returns
-    -------
-    Array
-        Homogeneous transforms, shape (7, 4, 4); frame 6 is the flange.
+    Joint angles [rad] and the lengths d1, a2, a3, d4, d5, d6 [m] have shape (6,); frame 6 is the
+    flange.
     """
     d1, a2, a3, d4, d5, d6 = lengths
     rows = ((d1, 0.0, 1), (0.0, a2, 0), (0.0, a3, 0), (d4, 0.0, 1), (d5, 0.0, -1), (d6, 0.0, 0))

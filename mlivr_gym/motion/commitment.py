@@ -62,16 +62,10 @@ def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None
 
 
 def commitments(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Iterator[Committed]:
-    """Yield a step with each of its clear swings, the preferred one first.
+    """Yield a step on the chosen branches with each of its clear swings, the preferred one first.
 
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    regrasp
-        The step on the chosen branches; a swing that it may have is ignored.
-    edge
-        The edge of this step, as the graph has checked it on these branches.
+    The edge is that of the step as the graph has checked it on these branches; a swing that the
+    regrasp may have is ignored.
     """
     if not graph.settings.collisions:
         yield Committed(regrasp, "unchecked")
@@ -149,29 +143,15 @@ def committed_motion(
     postures: Postures | None = None,
     cache: CommittedSteps | None = None,
 ) -> CommittedMotion:
-    """Compute the motion of a walk: branches, joint angles and swings.
+    """Compute the motion of a walk over K states: branches, joint angles and swings.
 
     For each interval in which a limb holds a point, the branch is the one that maximises the
     minimum `w_m` over the stances of the interval, among the branches of the last state on which
     the limb can be released; ties go to the lowest number. If the graph proved a step by a line
-    swing between two other branches that are allowed as well, these are taken.
-
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    states
-        K states, each with the branches kept.
-    postures
-        Postures of the K stances; by default those of the graph.
-    cache
-        Cache in which steps are looked up and stored; by default a new one.
-
-    Raises
-    ------
-    PlanError
-        If a limb has no branch on which it can be released for its next step. This does not
-        occur for a walk of the graph.
+    swing between two other branches that are allowed as well, these are taken. Postures are by
+    default those of the graph; steps are looked up and stored in `cache`. Raises a `PlanError` if a
+    limb has no branch on which it can be released for its next step, which does not occur for a
+    walk of the graph.
     """
     draft = _MotionDraft(graph, states, graph.postures_of(states) if postures is None else postures)
     cache, steps = cache or CommittedSteps(graph), []

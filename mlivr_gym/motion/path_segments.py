@@ -61,17 +61,8 @@ class PathSegment:
 def path_segments(path: RegraspPath, nodes: int = LINE_SAMPLES) -> tuple[PathSegment, ...]:
     """Return the segments of a step in their order along the path.
 
-    Parameters
-    ----------
-    path
-        The step.
-    nodes
-        Number of samples on a departure, on an approach and on each line of the swing.
-
-    Raises
-    ------
-    PlanError
-        If a support limb cannot follow the base.
+    A departure, an approach and each line of the swing have a number of samples, `nodes`. Raises a
+    `PlanError` if a support limb cannot follow the base.
     """
     sigma, limb = np.linspace(0.0, 1.0, nodes), path.regrasp.limb
     sigmas = [

@@ -274,21 +274,9 @@ class HasMotion(Protocol):
 
 
 def planned_regrasp(graph: StanceGraph, plan: HasMotion, index: int) -> Regrasp:
-    """Return the regrasp of one step of a plan.
+    """Return the regrasp of one step of a plan, by its index from 0.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map.
-    plan
-        The plan.
-    index
-        Index of the step, from 0.
-
-    Raises
-    ------
-    PlanError
-        If the plan has no such step.
+    Raises a `PlanError` if the plan has no such step.
     """
     count = len(plan.motion.steps)
     if not 0 <= index < count:

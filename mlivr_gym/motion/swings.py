@@ -107,16 +107,8 @@ class SwingFinder:
     ) -> Iterator[Swing]:
         """Yield the clear swings from above one point to above another, the preferred one first.
 
-        Parameters
-        ----------
-        start
-            Joint angles above the point that the limb releases, shape (6,) [rad].
-        end
-            Joint angles above the point that it grasps, shape (6,) [rad].
-        points
-            Indices of both points.
-        edge
-            The edge of the step, as the stance graph has proved it.
+        Joint angles above the points have shape (6,) [rad]; `points` are the indices of both, and
+        the edge of the step is as the stance graph has proved it.
         """
         first, last = _knot(0.0, start), _knot(1.0, end)
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
@@ -183,18 +175,9 @@ class SwingFinder:
     def round_corners(self, knots: Array, lengths: Array) -> Array:
         """Return the fractions of the lines before and after each knot that its rounding replaces.
 
-        Parameters
-        ----------
-        knots
-            Knots of a swing whose lines are clear, shape (k, 7).
-        lengths
-            Length of each line, shape (k - 1,). A corner takes the same length of both its lines,
-            and two corners share the line between them by halves.
-
-        Returns
-        -------
-        Array
-            Shape (k, 2); 0 at both ends and at corners that stay sharp.
+        The lines between the knots (k, 7) of a swing are clear, and have lengths (k - 1,). A corner
+        takes the same length of both its lines, and two corners share the line between them by
+        halves. The result has shape (k, 2), with 0 at both ends and at corners that stay sharp.
         """
         fractions, available = np.zeros((len(knots), 2)), lengths.copy()
         available[1:-1] *= 0.5

@@ -139,21 +139,9 @@ def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
 def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
     """Write a figure as PNG and SVG; each file is written completely or not at all.
 
-    The same figure always gives the same bytes: the files contain no random ids and no dates.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        Name of either file; see `figure_files`.
-    vector
-        Whether the SVG is written, too.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written.
+    The same figure always gives the same bytes: the files contain no random ids and no dates. The
+    path names either file, see `figure_files`; without `vector` no SVG is written. Raises a
+    `FileError` if a file cannot be written.
     """
     from matplotlib import rc_context
 

@@ -20,24 +20,10 @@ def base_frames(
     With two limbs, x lies along the line through the grasps, and z along the part of the mean
     normal perpendicular to that line. With more limbs, z lies along the mean normal, or against it
     if the order of the mounts fits better that way, and x follows from the Procrustes fit of the
-    mounts to the grasps.
-
-    Parameters
-    ----------
-    positions
-        Held points relative to their centroid [m], shape (k, N, 3).
-    normals
-        Surface normals, shape (k, N, 3).
-    rails
-        Rail directions at the first grasps, shape (k, 3).
-    mounts
-        Directions of the mounts across the body's z axis, shape (N, 2); None for equal angles.
-
-    Returns
-    -------
-    tuple[Array, Array, Array, BoolArray]
-        Body axes as columns, shape (k, 3, 3); outward directions, shape (k, 3); roll axes, shape
-        (k, 3); and whether the held walls are opposite, shape (k,).
+    mounts to the grasps. Held points relative to their centroid [m] and surface normals have shape
+    (k, N, 3), rail directions at the first grasps (k, 3), and directions of the mounts across the
+    body's z axis (N, 2), None for equal angles. Returned are body axes as columns (k, 3, 3),
+    outward directions (k, 3), roll axes (k, 3), and whether the held walls are opposite (k,).
     """
     count = positions.shape[1]
     line = positions[:, 0].copy()

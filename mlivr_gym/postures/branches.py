@@ -84,23 +84,8 @@ def limb_status(
 ) -> int:
     """Return what limb `i` on branch `b` touches at `scratch.base`, other limbs excluded.
 
-    Parameters
-    ----------
-    search
-        The stance, the robot and its surroundings.
-    candidate
-        Flange poses of the limbs at the base pose.
-    i
-        Index of the limb.
-    b
-        Branch.
-    scratch
-        Scratch, in which results are stored.
-
-    Returns
-    -------
-    int
-        A result of `collisions.distances`; not `CLEAR` if the branch does not exist.
+    `candidate` has the flange poses of the limbs at the base pose. The result of
+    `collisions.distances` is stored in the scratch; it is not `CLEAR` if the branch does not exist.
     """
     if scratch.status[i, b] >= 0:
         return int(scratch.status[i, b])

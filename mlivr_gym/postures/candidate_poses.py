@@ -119,25 +119,10 @@ def bases_of_ordered(
 def bases_at(
     grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray
 ) -> tuple[Array, Array]:
-    """Return the base poses of stances in the world by their numbers among the candidates.
+    """Return the base poses of stances in the world by their numbers among the candidates (k,).
 
-    They equal those of `Postures` to the last bit.
-
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    stances
-        Point indices, shape (k, N).
-    numbers
-        Indices among the candidates, shape (k,).
-
-    Returns
-    -------
-    tuple[Array, Array]
-        Positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
+    They equal those of `Postures` to the last bit. Stances are point indices, shape (k, N);
+    returned are positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
     """
     relabellings = first_limbs(grasp_map, stances, robot.is_symmetric)
     positions, rotations = bases_of_ordered(

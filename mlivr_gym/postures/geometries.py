@@ -31,21 +31,10 @@ class RelativeGeometries(NamedTuple):
 def relative_geometries(
     grasp_map: GraspMap, stances: IntArray
 ) -> tuple[IntArray, NDArray[np.intp]]:
-    """Find the distinct relative geometries of stances, and that of each stance.
+    """Find the g distinct relative geometries of stances (k, N), and that of each stance (k,).
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    stances
-        Point indices, shape (k, N).
-
-    Returns
-    -------
-    tuple[IntArray, NDArray[np.intp]]
-        The g geometries, shape (g, 9 (N - 1)): positions, normals and rails of the grasps after the
-        first, in the frame of the first, as integer multiples of `RESOLUTION`; and the index of the
-        geometry of each stance, shape (k,).
+    A geometry has 9 (N - 1) numbers: positions, normals and rails of the grasps after the first, in
+    the frame of the first, as integer multiples of `RESOLUTION`.
     """
     positions, rotations = grasp_map.positions, grasp_map.rotations
     first = stances[:, :1]
@@ -66,19 +55,9 @@ def relative_geometries(
 
 
 def geometries_of_rows(rows: IntArray, count: int) -> tuple[RelativeGeometries, Array]:
-    """Return the grasps of relative geometries, relative to their centroids.
+    """Return the grasps of relative geometries (k, 9 (N - 1)), relative to their centroids.
 
-    Parameters
-    ----------
-    rows
-        Geometries as `relative_geometries` returns them, shape (k, 9 (N - 1)).
-    count
-        Number of limbs N.
-
-    Returns
-    -------
-    tuple[RelativeGeometries, Array]
-        The grasps, and their centroids in the frames of the first grasps [m], shape (k, 3).
+    The centroids, shape (k, 3) [m], are given in the frames of the first grasps.
     """
     k = len(rows)
     blocks = rows.reshape(k, count - 1, 9) * RESOLUTION
@@ -98,16 +77,8 @@ def in_world(
 ) -> tuple[Array, Array]:
     """Transform base poses from the frames of the first grasps to the world.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    first
-        The first point of each stance, shape (k,).
-    positions
-        Base positions in the frames of those grasps [m], shape (k, 3).
-    rotations
-        Base rotations in those frames, shape (k, 3, 3).
+    `first` are the first points of stances, shape (k,); positions [m] have shape (k, 3), rotations
+    (k, 3, 3).
     """
     frames = grasp_map.rotations[first]
     return grasp_map.positions[first] + rotate(frames, positions), chain(frames, rotations)

@@ -24,24 +24,11 @@ JOINT_TOLERANCE = 0.02
 
 
 def given_pose(pose: Any) -> tuple[float, ...]:
-    """Check a base pose given by the user and return it as seven numbers.
+    """Check a base pose given by the user and return seven numbers, with a quaternion of length 1.
 
-    Parameters
-    ----------
-    pose
-        Seven numbers x, y, z [m] and quaternion w, x, y, z in the world, or a pair of the position,
-        shape (3,), and the quaternion, shape (4,).
-
-    Returns
-    -------
-    tuple[float, ...]
-        The seven numbers, with a quaternion of length 1.
-
-    Raises
-    ------
-    SettingError
-        If they are not seven finite numbers, or the quaternion's length differs from 1 by more than
-        1 %.
+    They are x, y, z [m] and quaternion w, x, y, z in the world, also as a pair of position (3,) and
+    quaternion (4,). Raises a `SettingError` if they are not seven finite numbers, or the
+    quaternion's length differs from 1 by more than 1 %.
     """
     lists = (list, tuple, np.ndarray)
     pair = isinstance(pose, tuple) and len(pose) == 2
@@ -102,24 +89,11 @@ def given_joints(robot: RobotSpec, joints: Any) -> Array:
 def branch_sets_of_joints(
     solver: PostureSolver, points: tuple[int, ...], posture: Postures, joints: Array
 ) -> tuple[int, ...]:
-    """Return the branch and flip that each limb is on at given joint angles, as branch sets.
+    """Return the branch and flip that each limb is on at joint angles (N, 6) [rad], as branch sets.
 
-    Parameters
-    ----------
-    solver
-        Solver of the map and robot.
-    points
-        Point index of each limb.
-    posture
-        Posture of the stance at the given base pose.
-    joints
-        Joint angles [rad], shape (N, 6).
-
-    Raises
-    ------
-    StanceError
-        If the angles do not hold the points at that base pose, if a joint is outside its window, or
-        if a limb may not hold on that branch.
+    `points` are the points of the limbs, and `posture` that of the stance at the given base pose.
+    Raises a `StanceError` if the angles do not hold the points at that base pose, if a joint is
+    outside its window, or if a limb may not hold on that branch.
     """
     branch_sets = []
     for limb, point in enumerate(points):

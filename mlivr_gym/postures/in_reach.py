@@ -113,18 +113,9 @@ def reach_queries(
 ) -> Any:
     """Return the reach condition of a robot as a record of `ReachQuery`, shape (1,).
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    w_m
-        Threshold of limb manipulability.
-    heights_and_rolls
-        Heights and rolls of the candidates, see `records.set_candidates`.
-    target
-        Requested base position [m], shape (3,); None for any.
-    tolerance
-        Maximum distance of the base from it [m].
+    `w_m` is the threshold of limb manipulability; for the heights and rolls of the candidates see
+    `records.set_candidates`. A base position `target` (3,) [m] may be requested, from which the
+    base is at most `tolerance` away [m].
     """
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], heights_and_rolls)
@@ -145,23 +136,10 @@ def sets_in_reach(
     out: BoolArray,
     scratch_rows: Rows[ReachScratch],
 ) -> None:
-    """Find which sets from `start` to `stop` are in reach.
+    """Find which sets of points (k, N) from `start` to `stop`, excluded, are in reach.
 
-    Parameters
-    ----------
-    start
-        First set.
-    stop
-        One past the last set.
-    sets
-        Points of each set, shape (k, N).
-    world
-        A record of `RobotModel`, the map's points as records of `Grasp`, a record of `ReachQuery`,
-        and the orders of the points from `orders_of`.
-    out
-        Filled with the results, shape (k,).
-    scratch_rows
-        A record of `ReachScratch`, shape (1,).
+    `world` has a record of `RobotModel`, the map's points as records of `Grasp`, a record of
+    `ReachQuery`, and the orders of the points from `orders_of`. `out`, shape (k,), is filled.
     """
     scratch = scratch_rows[0]
     robots, grasps, queries, orders = world
@@ -318,20 +296,9 @@ def _is_reached_about(
 ) -> bool:
     """Return whether the set is in reach from a base pose rolled about a line.
 
-    Parameters
-    ----------
-    line
-        Roll axis.
-    out
-        Outward direction before the roll.
-    with_zero_roll
-        Whether to include roll zero, which is the same about every line.
-    opposed
-        Whether to use the rolls and heights between opposite walls.
-    world
-        What all sets share.
-    scratch
-        The set; its body axes are computed if they are needed.
+    `line` is the roll axis, `out` the outward direction before the roll. Roll zero, which is the
+    same about every line, is looked at if `with_zero_roll`; if `opposed`, rolls and heights are
+    those between opposite walls. Body axes are computed if they are needed.
     """
     query, rule, base = world.query, world.query.rule, scratch.base
     roll_count = rule.opposed_roll_count if opposed else rule.roll_count

@@ -53,26 +53,9 @@ def prepare_candidate(
 ) -> bool:
     """Prepare the evaluation of candidate base pose `c` of a stance.
 
-    Stored collision results are cleared. The options of each limb become its branches above a
-    margin, and their `K^-1` is computed.
-
-    Parameters
-    ----------
-    search
-        Inputs of the search.
-    c
-        Index of the candidate.
-    floor
-        Margin that the branches must exceed.
-    check_contacts
-        Whether the base must touch no box.
-    scratch
-        Scratch.
-
-    Returns
-    -------
-    bool
-        False if the base touches a box.
+    Stored collision results are cleared. The options of each limb become its branches above the
+    margin `floor`, and their `K^-1` is computed. With `check_contacts` the base must touch no box;
+    False if it does.
     """
     robot, geometry, rule, candidate = (
         search.robot,
@@ -198,22 +181,9 @@ def _next_useful(
 
     Limb 0 changes fastest. Combinations are skipped as a group if they share a branch whose `w_m`
     is below a margin or that is known to touch something, two branches known to touch or to be too
-    close to each other, or branches with which `w_b` stays below a margin whatever the others are.
-
-    Parameters
-    ----------
-    search
-        Inputs of the search.
-    candidate
-        Base pose that is evaluated.
-    least
-        The margins of `w_m` and of `w_b`.
-    least_gap
-        Distance up to which branches are too close to each other [m].
-    depth
-        Limb whose branch changes: the last limb at the start, 0 after a combination.
-    scratch
-        Scratch.
+    close to each other (up to `least_gap` [m]), or branches with which `w_b` stays below a margin
+    whatever the others are. `least` are the margins of `w_m` and of `w_b`; `depth` is the limb
+    whose branch changes: the last limb at the start, 0 after a combination.
     """
     limbs, i = search.robot.limb_count, depth
     if depth == 0:

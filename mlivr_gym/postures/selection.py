@@ -72,18 +72,10 @@ def evaluate_reach(
 
 @entry
 def reach_all(robots: Any, geometry: Any, candidates: Any, scratch_rows: Any) -> None:
-    """Evaluate the reach of K stances, each at one base pose.
+    """Evaluate the reach of K stances, records of `StanceGeometry`, each at one base pose.
 
-    Parameters
-    ----------
-    robots
-        A record of `RobotModel`, shape (1,).
-    geometry
-        Records of `StanceGeometry`, shape (K,).
-    candidates
-        Records of `CandidatePose` with the base poses, shape (K,); the results are filled.
-    scratch_rows
-        A record of `PostureScratch`, shape (1,).
+    `candidates` are records of `CandidatePose` with the base poses, shape (K,); the results are
+    filled.
     """
     for k in range(len(geometry)):
         candidates[k].margin_bound = evaluate_reach(
@@ -124,28 +116,12 @@ def solve_postures(
     out: Any,
     scratch_rows: Any,
 ) -> None:
-    """Compute the posture of each stance from `start` to `stop`.
+    """Compute the posture of each stance from `start` to `stop`, excluded.
 
     Grasps, directions and base poses of a stance are relative to the centroid of its grasps.
-
-    Parameters
-    ----------
-    start
-        First stance.
-    stop
-        One past the last stance.
-    stances
-        Records of `StanceGeometry`, shape (k,).
-    robots
-        A record of `RobotModel`, shape (1,).
-    rules
-        A record of `PostureRule`, shape (1,).
-    grid
-        The boxes.
-    out
-        Records of `Posture`, shape (k,), initially zero; filled.
-    scratch_rows
-        A record of `PostureScratch`, shape (1,).
+    `stances` are records of `StanceGeometry` and `out` of `Posture`, initially zero, shape (k,);
+    `robots`, `rules` and `scratch_rows` are one record of `RobotModel`, `PostureRule` and
+    `PostureScratch`.
     """
     scratch = scratch_rows[0]
     for g in range(start, stop):
@@ -242,16 +218,9 @@ def _set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -
 def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
     """Compute one candidate base pose of each of k stances, relative to the centroid of its grasps.
 
-    Parameters
-    ----------
-    stances
-        Records of `StanceGeometry`, shape (k,).
-    rules
-        A record of `PostureRule` with the candidates, shape (1,).
-    numbers
-        Index of the base pose among the candidates, shape (k,); skipped if it does not exist.
-    out
-        Records of `Pose`, shape (k,), filled.
+    `stances` are records of `StanceGeometry`, `rules` is one of `PostureRule` with the candidates,
+    and `numbers` are indices among these; one that does not exist is skipped. Records of `Pose` are
+    filled.
     """
     rule = rules[0]
     for k in range(len(numbers)):

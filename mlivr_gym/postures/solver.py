@@ -140,21 +140,10 @@ class PostureSolver:
     def remove_touching(
         self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
     ) -> None:
-        """Remove the branches that touch a box from the branch sets of selected stances.
+        """Remove the branches that touch a box from the branch sets of the stances `chosen`.
 
-        Parameters
-        ----------
-        chosen
-            Indices of the stances to check.
-        stances
-            Point indices of all stances, shape (k, N).
-        postures
-            Their postures; branch sets and causes are changed in place.
-        grid
-            The boxes.
-        others
-            Whether to check all branches and remove them from the branch sets; otherwise only the
-            causes on the branches of the postures are set.
+        All stances have shape (k, N); branch sets and causes of their postures are changed in
+        place. Without `others`, only the causes on the branches of the postures are set.
         """
         geometry = CheckedPostures(
             np.ascontiguousarray(stances),
@@ -256,22 +245,11 @@ class PostureSolver:
         thresholds: tuple[float, float] = (0.0, 0.0),
         collisions: bool | None = None,
     ) -> Postures:
-        """Compute the branches of stances at given base poses.
+        """Compute the branches of stances (k, N) at given base poses in the world.
 
-        The floor of `w_m` on departures applies whatever the thresholds.
-
-        Parameters
-        ----------
-        stances
-            Point index of each limb, shape (k, N).
-        positions
-            Base positions in the world [m], shape (k, 3).
-        rotations
-            Base rotations in the world, shape (k, 3, 3).
-        thresholds
-            Minimum `w_m` and `w_b`.
-        collisions
-            Whether to exclude branches that touch something; by default as in the settings.
+        Positions have shape (k, 3) [m], rotations (k, 3, 3). Thresholds are those of `w_m` and
+        `w_b`; the floor of `w_m` on departures applies whatever they are. `collisions` is whether
+        to exclude branches that touch something, by default as in the settings.
         """
         collisions = self.settings.collisions if collisions is None else collisions
         count = len(stances)
@@ -315,16 +293,10 @@ class PostureSolver:
     def in_reach(
         self, sets: IntArray, target: Array | None = None, tolerance: float = np.inf
     ) -> BoolArray:
-        """Return which sets of points meet the reach condition of every node; see `in_reach`.
+        """Return which sets of points (k, N) meet the condition of every node; see `in_reach`.
 
-        Parameters
-        ----------
-        sets
-            Points, in any order, shape (k, N).
-        target
-            Requested base position [m], shape (3,); by default any.
-        tolerance
-            Maximum distance of the base from it [m].
+        A base position `target` (3,) [m] may be requested, from which the base is at most
+        `tolerance` away [m].
         """
         robot = self.robot
         if not robot.is_symmetric:

@@ -189,18 +189,10 @@ class DerivedFigures:
         return self.dynamics_of(0)
 
     def dynamics_of(self, limb: int) -> LimbDynamics:
-        """Return the masses, inertias and joint limits of a limb.
+        """Return the masses, inertias and joint limits of a limb, by its number from 0.
 
-        Parameters
-        ----------
-        limb
-            Number of the limb, from 0.
-
-        Raises
-        ------
-        RobotError
-            If they are not given and the limb's lengths are those of no arm that ships: another
-            arm's figures would be wrong without notice.
+        Raises a `RobotError` if they are not given and the limb's lengths are those of no arm that
+        ships: another arm's figures would be wrong without notice.
         """
         given = self.mounted[limb].dynamics
         return given or dynamics_by_lengths(self.every_limb[limb], self.name)

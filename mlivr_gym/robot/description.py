@@ -75,25 +75,12 @@ def read_description(
     speeds: float | Sequence[float] | None = None,
     torques: float | Sequence[float] | None = None,
 ) -> Description:
-    """Read a URDF or MJCF file.
+    """Read a file as URDF, if it ends in `.urdf`, or as MJCF.
 
-    Parameters
-    ----------
-    path
-        The file, `.urdf` or another ending for MJCF.
-    package_dirs
-        Folders that hold the packages of `package://` names, in addition to those above the file.
-    speeds
-        Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
-        of the file.
-    torques
-        Largest torque of every joint, or of each in the order of the file [N m]; None for those of
-        the file.
-
-    Raises
-    ------
-    RobotError
-        If the file cannot be read, or holds a loop or a joint that is no hinge.
+    Packages of `package://` names are looked for in `package_dirs` and in the folders above the
+    file. Largest speeds [rad/s] and torques [N m] that are given, one for all joints or one for
+    each in the order of the file, replace those of the file. Raises a `RobotError` if the file
+    cannot be read, or holds a loop or a joint that is no hinge.
     """
     import mujoco
 

@@ -71,21 +71,8 @@ class WrittenLink(NamedTuple):
 def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    fields
-        Its fields as plain data.
-    path
-        File to which the text is written; None for none.
-
-    Raises
-    ------
-    RobotError
-        If its masses are not known.
-    FileError
-        If the file cannot be written.
+    It is written to a file if one is named; `fields` are those of the robot as plain data. Raises a
+    `RobotError` if its masses are not known, and a `FileError` if the file cannot be written.
     """
     root = ElementTree.Element("mujoco", model=robot.name)
     _sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")

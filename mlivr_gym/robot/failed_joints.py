@@ -22,21 +22,9 @@ def mounts_with_failed_joint(
 ) -> tuple[Mount, ...]:
     """Return the mounts of a robot of which a joint has failed.
 
-    Parameters
-    ----------
-    robot
-        The robot.
-    limb
-        Number of the limb, from 0.
-    joint
-        Number of the joint of the arm, from 1.
-    angle
-        Angle at which it is locked, in the terms of `joint_limits` of the limb [rad].
-
-    Raises
-    ------
-    RobotError
-        If the limb cannot move without that joint.
+    Limbs are counted from 0, joints of an arm from 1; the angle at which it is locked is in the
+    terms of the limb's `joint_limits` [rad]. Raises a `RobotError` if the limb cannot move without
+    that joint.
     """
     if limb not in range(robot.limbs):
         raise RobotError(f"limb is {limb!r}; it must be a whole number from 0 to {robot.limbs - 1}")

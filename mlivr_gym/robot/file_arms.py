@@ -44,20 +44,9 @@ def arms_of(
 ) -> tuple[FileArm, ...]:
     """Return the arms of a file.
 
-    Parameters
-    ----------
-    file
-        The file.
-    tips
-        Names of the links or sites in which the arms end; None for every chain of hinges that
-        begins at the body.
-    tool_frames
-        Name of the tool frame of each arm; None for a customary name, or the last link.
-
-    Raises
-    ------
-    RobotError
-        If there is none, a name is unknown, or a joint of an arm is no hinge.
+    `tips` are the links or sites in which they end, None for every chain of hinges that begins at
+    the body; `tool_frames` are those of each arm, None for a customary name, or the last link.
+    Raises a `RobotError` if there is none, a name is unknown, or a joint of an arm is no hinge.
     """
     model = file.model
     if tips is not None:
@@ -100,23 +89,11 @@ def with_held_joints(
     names: str | Sequence[str] | None,
     angles: float | Sequence[float],
 ) -> tuple[FileArm, ...]:
-    """Return arms with the joints that are held set apart, and bring these to their angles.
+    """Return arms with the joints that are held set apart, and bring these to their angles [rad].
 
-    Parameters
-    ----------
-    file
-        The file, whose joint angles are changed.
-    arms
-        The arms.
-    names
-        Name of the joint that each arm of seven joints holds; None for the third.
-    angles
-        Angle at which it is held, of every arm or of each [rad].
-
-    Raises
-    ------
-    RobotError
-        If a name is none of an arm's seven joints, or an angle lies outside the joint's limits.
+    Each arm of seven joints holds the one that is named, for all or each, by default the third.
+    Joint angles of the file's data are changed. Raises a `RobotError` if a name is none of an arm's
+    seven joints, or an angle lies outside the joint's limits.
     """
     import mujoco
 
@@ -169,14 +146,7 @@ def _with_held_joint(file: Description, arm: FileArm, name: str | None, angle: f
 def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
     """Return the joints of an arm in the world where those that move are at 0.
 
-    Parameters
-    ----------
-    file
-        The file.
-    arm
-        The arm.
-    flange
-        Frame of the flange in the world, shape (4, 4).
+    The frame of the flange in the world has shape (4, 4).
     """
     joints, held = list(arm.joints), None
     if arm.held is not None:

@@ -45,26 +45,12 @@ def body_of(
     limbs: tuple[FileLimb, ...],
     size: float | Triple | None,
 ) -> FileBody:
-    """Return the body of a whole robot.
+    """Return the body of a whole robot, by its arms and its limbs with their mounts in the world.
 
     If the limbs are mounted evenly its x axis points to limb 0, and its z axis is that round which
-    they lie; else its axes are those of the root link, and its origin the middle of its shapes.
-
-    Parameters
-    ----------
-    file
-        The file.
-    arms
-        The arms in the file.
-    limbs
-        The limbs, with their mounts in the world.
-    size
-        Edge of the body or its three edges [m]; None for the box round its shapes.
-
-    Raises
-    ------
-    RobotError
-        If the body has no mass, or no shape and no size.
+    they lie; else its axes are those of the root link, and its origin the middle of its shapes. Its
+    edge or three edges may be given [m]; else it is the box round its shapes. Raises a `RobotError`
+    if the body has no mass, or no shape and no size.
     """
     members = body_parts(file, arms)
     name = body_name(file.model, members[0])

@@ -166,23 +166,9 @@ class FileLimb:
 def limb_of(
     file: Description, arms: tuple[FileArm, ...], number: int, options: LimbOptions
 ) -> FileLimb:
-    """Return a limb of a file.
+    """Return the limb of a file that one of its arms is, by number and by what the caller says.
 
-    Parameters
-    ----------
-    file
-        The file.
-    arms
-        All arms of the file.
-    number
-        Which of them.
-    options
-        What the caller says.
-
-    Raises
-    ------
-    RobotError
-        If its joints are those of no known family, or a figure is missing.
+    Raises a `RobotError` if its joints are those of no known family, or a figure is missing.
     """
     arm = arms[number]
     tool = tool_frame_of(file.data, arm)

@@ -40,18 +40,9 @@ class LimbParts:
 def limb_parts(
     file: Description, arms: tuple[FileArm, ...], number: int, with_gripper: bool
 ) -> LimbParts:
-    """Return the bodies of a limb.
+    """Return the bodies of the limb that one of a file's arms is, by its number.
 
-    Parameters
-    ----------
-    file
-        The file.
-    arms
-        All arms of the file.
-    number
-        Which of them.
-    with_gripper
-        Whether shapes behind the last link are a gripper; else they belong to the last link.
+    Shapes behind the last link are a gripper, or else belong to that link.
     """
     arm = arms[number]
     links = [_moved_by(file, arm, body) for body in arm.links]

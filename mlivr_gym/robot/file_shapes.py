@@ -51,21 +51,8 @@ def fitted_capsules(
 ) -> tuple[tuple[Capsule, ...], dict[str, float]]:
     """Return capsules round the shapes of a limb, and the largest excess of those of each link [m].
 
-    Parameters
-    ----------
-    file
-        The file.
-    members
-        Bodies of the limb.
-    frames
-        Frames of base and links in the world, shape (7, 4, 4).
-    tool_length
-        Distance from the flange to the grasp [m].
-
-    Raises
-    ------
-    RobotError
-        If a mesh was not found, or no link that moves has a shape.
+    Frames of base and links in the world have shape (7, 4, 4); the grasp is `tool_length` from the
+    flange [m]. Raises a `RobotError` if a mesh was not found, or no link that moves has a shape.
     """
     remedy = (
         "name their folders with package_dirs, or take capsules='ur5e', those of the UR5e "
@@ -215,12 +202,7 @@ def _rounded(link: str, fit: FittedCapsule) -> Capsule:
 def box_round(shapes: list[Hull], symmetric: bool) -> tuple[Array, Array, float]:
     """Return middle and half edges of the box round shapes, and how far it exceeds them [m].
 
-    Parameters
-    ----------
-    shapes
-        The shapes.
-    symmetric
-        Whether the middle of the box is the origin.
+    If `symmetric`, its middle is the origin.
     """
     lows = [shape.points.min(axis=0) - shape.radius for shape in shapes]
     highs = [shape.points.max(axis=0) + shape.radius for shape in shapes]

@@ -81,21 +81,10 @@ class RobotFile:
 def robot_of_file(
     path: str | Path, make: Callable[[dict[str, Any]], R], options: dict[str, Any]
 ) -> R:
-    """Return the robot of a file, made from its fields and checked.
+    """Return the robot of a file, which `make` makes from its fields, checked.
 
-    Parameters
-    ----------
-    path
-        The file.
-    make
-        Makes a robot from its fields.
-    options
-        Arguments of `read_robot`.
-
-    Raises
-    ------
-    RobotError
-        If the file cannot be read, or describes a robot that is not supported.
+    `options` are arguments of `read_robot`. Raises a `RobotError` if the file cannot be read, or
+    describes a robot that is not supported.
     """
     file = read_robot(path, **options)
     try:

@@ -22,19 +22,9 @@ def axes_of(quaternion: LinkQuaternion) -> Array:
 
 
 def link_frames(limb: AnyLimb, angles: Array) -> Array:
-    """Return the frames of the base and the six links in the limb's base frame.
+    """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    angles
-        Joint angles [rad], shape (..., 6).
-
-    Returns
-    -------
-    Array
-        Shape (..., 7, 4, 4).
+    Joint angles have shape (..., 6) [rad].
     """
     frames = np.empty((*angles.shape[:-1], 7, 4, 4))
     frames[..., 0, :, :] = np.eye(4)

@@ -34,18 +34,9 @@ class RigidBody(NamedTuple):
 
 
 def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> RigidBody:
-    """Return bodies of a model as one, as seen from a frame.
+    """Return bodies of a model, by their numbers, as one, as seen from a frame.
 
-    Parameters
-    ----------
-    model
-        The compiled model.
-    data
-        Its data with the poses of bodies.
-    numbers
-        Numbers of the bodies.
-    frame
-        The frame in the world, shape (4, 4).
+    The frame in the world has shape (4, 4); the data have the poses of bodies.
     """
     parts = []
     for body in numbers:

@@ -118,14 +118,8 @@ class BodyMesh(NamedTuple):
 def mesh_file(name: str, folder: Path, folders: Sequence[Path]) -> Path | None:
     """Return the file of a mesh, None if it is not found or MuJoCo cannot read its format.
 
-    Parameters
-    ----------
-    name
-        Its name in the description, with `package://` or `file://` or without.
-    folder
-        Folder of the description.
-    folders
-        Folders in which the packages of `package://` names may lie.
+    Its name in a description that lies in `folder` may begin with `package://`, whose packages are
+    looked for in `folders`, or with `file://`.
     """
     if name.startswith("package://"):
         places = [parent / name.removeprefix("package://") for parent in folders]
@@ -207,18 +201,9 @@ def mjcf_meshes(
 ) -> list[tuple[str, str, BodyMesh]]:
     """Put spheres without mass in the place of visual meshes, which the model need not hold.
 
-    Parameters
-    ----------
-    spec
-        The `mujoco.MjSpec`.
-    geoms
-        The geoms with the names of their meshes and of their materials.
-
-    Returns
-    -------
-    list[tuple[str, str, BodyMesh]]
-        Name of each sphere, name of its body, and the mesh, whose frame is not known before the
-        model is compiled.
+    Geoms of a `mujoco.MjSpec` are given with the names of their meshes and of their materials.
+    Returned are the name of each sphere, the name of its body, and the mesh, whose frame is not
+    known before the model is compiled.
     """
     import mujoco
 

@@ -34,14 +34,8 @@ class FailureMonitor:
     ) -> tuple[int, Failure] | None:
         """Return the index of the first time step with a failure, and the failure, or None.
 
-        Parameters
-        ----------
-        measurements
-            Measurements of the time steps that follow those of the previous call.
-        phase
-            Name of their phase.
-        held
-            Whether each limb holds a point.
+        The time steps follow those of the previous call; `phase` is the name of theirs, and `held`
+        whether each limb holds a point.
         """
         recording, finite = measurements.recording, measurements.finite
         touching = recording.contacts > 0
@@ -109,18 +103,8 @@ def grasp_failure(
 ) -> tuple[str, str, dict[str, float]] | None:
     """Return kind, message and values of the failure of a grasp, or None if it succeeds.
 
-    Parameters
-    ----------
-    physics
-        Parameters of the grasps.
-    limb
-        Index of the limb.
-    name
-        Id of the point.
-    error
-        Distance [m] and angle [rad] between gripper and point.
-    refused
-        Whether nothing can be grasped at the point.
+    `name` is the id of the point, `error` distance [m] and angle [rad] between gripper and point;
+    nothing can be grasped at a point that is `refused`.
     """
     distance, angle = error
     values = {

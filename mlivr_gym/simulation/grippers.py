@@ -88,12 +88,7 @@ class Grippers:
     def relative_speed(self, limb: int, joint_speeds: Array) -> tuple[float, float]:
         """Return linear [m/s] and angular speed [rad/s] of a gripper while the others stand still.
 
-        Parameters
-        ----------
-        limb
-            Limb of the gripper.
-        joint_speeds
-            Velocities of all joints, shape (6 N,) [rad/s].
+        Velocities of all joints have shape (6 N,) [rad/s].
         """
         holding = [other for other, point in enumerate(self.points) if point != FREE]
         held, here = np.concatenate([self.jacobian(i) for i in holding]), self.jacobian(limb)

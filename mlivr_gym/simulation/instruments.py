@@ -72,22 +72,11 @@ class Instruments:
         elapsed: int,
         step: int,
     ) -> Measurements:
-        """Return the measurements at n successive time steps.
+        """Return the measurements at n successive time steps of a step of the recording.
 
-        Parameters
-        ----------
-        states
-            State before each time step, n rows of `JointController.run`.
-        sensors
-            Sensor data of each time step, n rows.
-        trajectory
-            The planned trajectory, from which the errors of the base are measured.
-        first
-            Index of the first time step on the time grid of the trajectory.
-        elapsed
-            Number of time steps before the first one since the reset.
-        step
-            Index of the step, for the recording.
+        `states` are n rows of `JointController.run` before each, `sensors` the data of each. Errors
+        of the base are measured from the planned trajectory, on whose time grid the first has an
+        index; `elapsed` time steps were before it since the reset.
         """
         count, samples = len(states), slice(first, first + len(states))
         times = np.arange(elapsed, elapsed + count, dtype=np.float64) * self.model.opt.timestep

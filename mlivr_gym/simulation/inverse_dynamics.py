@@ -40,24 +40,13 @@ def robot_model(robot: RobotSpec) -> mujoco.MjModel:
 def compute_inverse_dynamics(
     robot: RobotSpec, holding: Sequence[int], positions: Array, speeds: Array, accelerations: Array
 ) -> InverseDynamics:
-    """Compute the inverse dynamics of motions through the same configurations.
+    """Compute the inverse dynamics of m motions through the same k configurations.
 
     Several support limbs share the resultant wrench such that the sum of squares of all force and
-    torque components is minimal.
-
-    Parameters
-    ----------
-    robot
-        The robot.
-    holding
-        Indices of the n support limbs.
-    positions
-        Base position, base quaternion w, x, y, z and joint angles, shape (k, 7 + 6 N) [m, rad].
-    speeds
-        Velocities of each motion: linear of the base in the world frame, angular in the body
-        frame, and of the joints, shape (m, k, 6 + 6 N) [m/s, rad/s].
-    accelerations
-        Derivatives of the velocities, shape (m, k, 6 + 6 N) [m/s^2, rad/s^2].
+    torque components is minimal; `holding` are their indices. Positions are base position, base
+    quaternion w, x, y, z and joint angles, shape (k, 7 + 6 N) [m, rad]. Velocities of each motion,
+    shape (m, k, 6 + 6 N), are linear of the base in the world frame, angular in the body frame, and
+    of the joints [m/s, rad/s]; accelerations are their derivatives.
     """
     model, count = robot_model(robot), len(positions)
     data = mujoco.MjData(model)

@@ -114,22 +114,11 @@ class JointController:
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
     ) -> tuple[Array, Array]:
-        """Follow a reference, one time step for each of its samples.
+        """Follow a reference of k samples, one time step for each.
 
-        Parameters
-        ----------
-        reference
-            The reference, k samples.
-        held
-            Whether each limb holds a point, which chooses its gains.
-        recovering
-            Whether the offset of the references decays.
-
-        Returns
-        -------
-        tuple[Array, Array]
-            For each of the k time steps the state before it (time, positions and velocities of
-            MuJoCo in one row), and the sensor data that belong to that state.
+        Whether each limb holds a point chooses its gains; with `recovering` the offset of the
+        references decays. Returned are, for each time step, the state before it (time, positions
+        and velocities of MuJoCo in one row), and the sensor data that belong to that state.
         """
         model, data, controller = self._model, self._data, self._controller
         count, joint_count = reference.positions.shape

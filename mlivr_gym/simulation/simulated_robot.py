@@ -126,21 +126,9 @@ class SimulatedRobot:
     ) -> None:
         """Put the robot at rest into a stance, whose points move to their positions in the map.
 
-        Parameters
-        ----------
-        position
-            Base position in the world, shape (3,) [m].
-        quaternion
-            Base orientation in the world w, x, y, z, shape (4,).
-        joints
-            Joint angles, shape (N, 6) [rad].
-        points
-            Index of the point that each limb holds, or `FREE`.
-
-        Raises
-        ------
-        SimulationError
-            If a gripper is not at its point.
+        The base has a position (3,) [m] and quaternion w, x, y, z in the world, joint angles have
+        shape (N, 6) [rad]; `points` are the indices of the points that limbs hold, or `FREE`.
+        Raises a `SimulationError` if a gripper is not at its point.
         """
         mujoco.mj_resetData(self.model, self.data)
         self._time_steps, self.time = 0, 0.0

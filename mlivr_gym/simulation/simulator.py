@@ -45,22 +45,11 @@ class Simulation(SimulatedRobot):
     ) -> SimulatedInterval:
         """Execute a regrasp: release the point, follow the trajectory, capture the next point.
 
-        If the watch finds the path blocked, the limb turns back and grasps the point that it left;
-        the failure of the interval is then a `"blocked path"`.
-
-        Parameters
-        ----------
-        trajectory
-            Trajectory of one step on the time grid of the simulation, from the present stance.
-        step
-            Index of the step, for the recording.
-        watch
-            What looks ahead; by default nothing.
-
-        Raises
-        ------
-        SimulationError
-            If the trajectory has another time grid or starts in another stance.
+        The trajectory of a step, with an index for the recording, is on the time grid of the
+        simulation and begins at the present stance. If the watch, by default none, finds the path
+        blocked, the limb turns back and grasps the point that it left; the failure of the interval
+        is then a `"blocked path"`. Raises a `SimulationError` if the trajectory has another time
+        grid or starts in another stance.
         """
         limb, point = self._moving(trajectory)
         origin = self.points[limb]
@@ -68,16 +57,10 @@ class Simulation(SimulatedRobot):
         return self._reach(trajectory, (origin, point), step, watch)
 
     def retreat(self, trajectory: Trajectory, step: int = 0) -> SimulatedInterval:
-        """Go back along a trajectory whose point was not grasped, and grasp the point it left.
+        """Go back along the last trajectory, whose point was not grasped, and grasp the one left.
 
-        The way back takes `RETREAT_SLOWNESS` times as long, so that its loads are small.
-
-        Parameters
-        ----------
-        trajectory
-            The trajectory that was executed last.
-        step
-            Index of the step, for the recording.
+        The way back takes `RETREAT_SLOWNESS` times as long, so that its loads are small. `step` is
+        the index for the recording.
         """
         limb = self.points.index(FREE)
         origin, aimed = int(trajectory.grasps[0, limb]), int(trajectory.grasps[-1, limb])
@@ -86,10 +69,7 @@ class Simulation(SimulatedRobot):
     def move(self, trajectory: Trajectory) -> SimulatedInterval:
         """Follow a trajectory on which a limb is free throughout, and release what it holds.
 
-        Parameters
-        ----------
-        trajectory
-            The trajectory on the time grid of the simulation.
+        It is on the time grid of the simulation.
         """
         for limb in np.flatnonzero(trajectory.grasps[0] == FREE).tolist():
             if self.points[limb] != FREE:
@@ -188,16 +168,9 @@ class Simulation(SimulatedRobot):
     def stand_still(
         self, trajectory: Trajectory, duration: float, step: int = 0
     ) -> SimulatedInterval:
-        """Stand still in the stance in which a trajectory ended.
+        """Stand still for a time [s] in the stance in which the last trajectory ended.
 
-        Parameters
-        ----------
-        trajectory
-            The trajectory that was executed last.
-        duration
-            Duration [s].
-        step
-            Index of the step, for the recording.
+        `step` is the index for the recording.
         """
         reference = Reference.of(trajectory, self.robot, self.physics, self.controller)
         if self.controller.align_references:

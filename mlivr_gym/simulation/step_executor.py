@@ -76,21 +76,10 @@ class StepExecutor:
     def __init__(
         self, graph: StanceGraph, setup: Setup, obstacles: Sequence[Box] | None = None
     ) -> None:
-        """Prepare the execution; `start` puts the robot into its first stance.
+        """Prepare the execution by a setup; `start` puts the robot into its first stance.
 
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        setup
-            Limits, controller, physics and disturbances.
-        obstacles
-            Boxes that are simulated beside those of the map; by default the graph's obstacles.
-
-        Raises
-        ------
-        RobotError
-            If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        Simulated beside the boxes of the map are obstacles, by default the graph's. Raises a
+        `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
         """
         self.graph, self.setup, self._obstacles = graph, setup, obstacles
         self._simulated: tuple[int, int] | None = None
@@ -101,20 +90,9 @@ class StepExecutor:
     def start(self, state: State, plan: Plan | None = None, seed: int = 0) -> State:
         """Put the robot at rest into a stance; return the state with one branch for each limb.
 
-        Parameters
-        ----------
-        state
-            The state to start from.
-        plan
-            A plan from this stance. As long as the steps are those of the plan, its branches, joint
-            angles and swings are used.
-        seed
-            Seed of the disturbance.
-
-        Raises
-        ------
-        PlanError
-            If the plan has no step or does not fit the graph.
+        As long as the steps are those of a plan from this stance, its branches, joint angles and
+        swings are used. The seed is that of the disturbance. Raises a `PlanError` if the plan has
+        no step or does not fit the graph.
         """
         graph = self.graph
         if self._simulated != (graph.version, seed):
@@ -153,24 +131,11 @@ class StepExecutor:
         branch_sets: tuple[int, ...],
         watch: PathWatch | None = None,
     ) -> tuple[State, SimulatedInterval | Failure]:
-        """Move a limb to a point, given by its index.
+        """Move a limb to a point, given by its index, and to branches of all limbs after the step.
 
-        Parameters
-        ----------
-        limb
-            Index of the limb.
-        point
-            Index of the point.
-        branch_sets
-            Branches of all limbs after the step.
-        watch
-            What looks ahead during the step; by default nothing.
-
-        Returns
-        -------
-        tuple[State, SimulatedInterval | Failure]
-            The state after the step, or the state before it if the step failed; and the executed
-            step, or a `Failure` alone if the step has no swing or no trajectory.
+        `watch` looks ahead during the step. Returned are the state after the step, or before it if
+        the step failed, and the executed step, or a `Failure` alone if the step has no swing or no
+        trajectory.
         """
         after = self.state.stance_after(limb, point)
         result = self._planned(after) or self._committed(State(after, branch_sets))

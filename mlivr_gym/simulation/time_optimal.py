@@ -30,12 +30,8 @@ TIME_SAMPLES = 400
 def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     """Return the time-optimal time scaling of a segment, smoothed to a continuous acceleration.
 
-    Parameters
-    ----------
-    dynamics
-        Dynamics along the segment, in units of the limits.
-    rise_time
-        Width of the moving average [s], see `Limits.rise_time`.
+    The dynamics along it are in units of the limits; `rise_time` is the width of the moving average
+    [s], see `Limits.rise_time`.
     """
     squares = time_optimal_squared_rates(dynamics)
     times, sigmas = _sampled(dynamics.sigmas, squares)

@@ -33,21 +33,9 @@ def line_end(first: Angles, last: Angles, to: Angles) -> float:
     """Compute the end of a line in joint space from above one grasp to above another.
 
     Joint 6 goes to the closest half turn: a grasp is the same after a half turn of the tool, and
-    the shapes on the flange axis turn in place.
-
-    Parameters
-    ----------
-    first
-        Joint angles at the start.
-    last
-        Joint angles at the end.
-    to
-        Filled with the angles at the end; it may be `last`.
-
-    Returns
-    -------
-    float
-        The length of the line, the largest of the turns of joints 1 to 5 [rad].
+    the shapes on the flange axis turn in place. `to`, which may be `last`, is filled with the
+    angles at the end. Returned is the length of the line, the largest of the turns of joints 1 to 5
+    [rad].
     """
     length, q0, q1, out = 0.0, first.q, last.q, to.q
     for joint in range(5):
@@ -61,27 +49,9 @@ def line_end(first: Angles, last: Angles, to: Angles) -> float:
 def lifted_angles(
     limb: LimbModel, base: Pose, grasp: Grasp, branch: int, lift: float, to: Angles
 ) -> bool:
-    """Compute the joint angles of a limb that has departed from a grasp, with flip 0.
+    """Compute the joint angles of a limb that has departed from a grasp by `lift` [m], with flip 0.
 
-    Parameters
-    ----------
-    limb
-        The limb.
-    base
-        Base in the world.
-    grasp
-        The grasp.
-    branch
-        Branch of the limb.
-    lift
-        Distance of the departure [m].
-    to
-        Receives the joint angles [rad].
-
-    Returns
-    -------
-    bool
-        Whether the branch exists there.
+    The base is in the world. Returned is whether the branch exists there.
     """
     q = to.q
     at_grasp, x = flange_seen(limb, base, grasp.flange)
@@ -105,29 +75,8 @@ def lifted_branches(
 ) -> int:
     """Compute the joint angles of a limb that has departed from a grasp, for a set of branches.
 
-    They are written into `scratch.q[side]`.
-
-    Parameters
-    ----------
-    robot
-        The robot.
-    limb
-        The limb.
-    base
-        Base in the world.
-    grasp
-        The grasp.
-    branch_set
-        Branches and flips.
-    side
-        0 before a step, 1 after it.
-    scratch
-        Scratch.
-
-    Returns
-    -------
-    int
-        The branches and flips of the branch set that exist there.
+    They are written into `scratch.q[side]`, with 0 before a step and 1 after it. Returned are the
+    branches and flips of the set that exist there.
     """
     found = EMPTY
     for b in range(BRANCHES):

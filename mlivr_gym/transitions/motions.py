@@ -148,18 +148,8 @@ def curve_clear(
 ) -> bool:
     """Return whether the robot keeps the clearance along one line or rounded corner of a swing.
 
-    Parameters
-    ----------
-    curves
-        The line or corner, a row of `SwingCurve`, shape (1,).
-    supports
-        The support limbs, rows of `SupportRecord`.
-    robots
-        A row of `RobotModel`, shape (1,).
-    world
-        The points, the boxes and the obstacles.
-    scratch_rows
-        A row of `SweepScratch`, shape (1,).
+    `curves` is a row of `SwingCurve`, `robots` one of `RobotModel`, `scratch_rows` one of
+    `SweepScratch`; `supports` are rows of `SupportRecord`.
     """
     curve, robot, scratch = curves[0], robots[0], scratch_rows[0]
     scratch.resting.count = 0

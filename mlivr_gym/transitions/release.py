@@ -50,21 +50,10 @@ from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratc
 def release_all(
     start: int, stop: int, todo: IntArray, context: StepContext, scratch_rows: Any
 ) -> None:
-    """Compute `StanceArrays.releases` for some limbs at some stances.
+    """Compute `StanceArrays.releases` for rows `start` to `stop` - 1 of stances and limbs (k, 2).
 
-    Parameters
-    ----------
-    start
-        First row of `todo`.
-    stop
-        One past the last row.
-    todo
-        Stances and limbs, shape (k, 2).
-    context
-        The stances, the robot and the world. If its first layer is the obstacles, only the motions
-        of the present results are checked.
-    scratch_rows
-        A row of `StepScratch`, shape (1,).
+    If the first layer of the context is the obstacles, only the motions of the present results are
+    checked.
     """
     stances, world = context.stances, context.world
     for k in range(start, stop):
@@ -93,22 +82,8 @@ def release(
 
     All else is at rest. Branches with the elbow up are preferred: of twins that differ in the elbow
     alone the other is checked only if none with the elbow up can fold. The result is written into
-    `stances.releases`; among obstacles only the motions of the present result are checked.
-
-    Parameters
-    ----------
-    s
-        Index of the stance.
-    limb
-        Index of the limb.
-    branch_set
-        Branches and flips to check.
-    context
-        The stances, the robot and the world.
-    layer
-        0 for the map and the robot itself, 1 for obstacles.
-    scratch
-        Scratch.
+    `stances.releases`. Layer 0 is the map and the robot itself, 1 obstacles, among which only the
+    motions of the present result are checked.
     """
     stances, robot, world = context.stances, context.robots[0], context.world
     answer, base = stances.releases[s, limb], stances.base[s]

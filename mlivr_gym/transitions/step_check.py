@@ -57,15 +57,10 @@ class StepChecks:
         self.robots["limbs"]["arm"]["window"][..., 1] = np.inf
 
     def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
-        """Return the world that motions are checked against.
+        """Return the world that motions are checked against: the map, and obstacles if any.
 
-        Parameters
-        ----------
-        obstacles
-            Boxes in addition to those of the map, if there are any.
-        obstacles_only
-            Whether the results on the map are known, and only their motions are checked among the
-            obstacles.
+        With `obstacles_only` the results on the map are known, and only their motions are checked
+        among the obstacles.
         """
         solver = self.solver
         stop = 0 if not solver.settings.collisions else 1 if obstacles is None else 2

@@ -68,20 +68,9 @@ def check_supports(
 
 @entry
 def check_all(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
-    """Check the steps from `start` to `stop`.
+    """Check the steps from `start` to `stop` - 1, rows of `StepRecord` that receive the results.
 
-    Parameters
-    ----------
-    start
-        First row of `steps`.
-    stop
-        One past the last row.
-    steps
-        Rows of `StepRecord`, shape (k,), which receive the results.
-    context
-        The stances before and after the steps, with their releases, the robot and the world.
-    scratch_rows
-        A row of `StepScratch`, shape (1,).
+    The context has the stances before and after the steps, with their releases.
     """
     for k in range(start, stop):
         check(steps[k], context, scratch_rows[0])

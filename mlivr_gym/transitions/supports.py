@@ -36,25 +36,9 @@ def remove_collisions(
     """Remove the branches on which support limbs collide with each other or with the swing.
 
     The swing limb goes from `scratch.start` to `scratch.end` while the base follows the path in
-    `scratch.sweep`.
-
-    Parameters
-    ----------
-    parts
-        `SWING_INDEPENDENT`, `SWING_LIMB` or `ALL_SHAPES`.
-    step
-        The step.
-    context
-        The stances, the robot and the world.
-    branch_sets
-        Branches of each support limb, changed in place.
-    scratch
-        Scratch.
-
-    Returns
-    -------
-    bool
-        Whether every support limb keeps a branch; the check ends at the first that keeps none.
+    `scratch.sweep`; `parts` is `SWING_INDEPENDENT`, `SWING_LIMB` or `ALL_SHAPES`. Branch sets of
+    the support limbs are changed in place. Returned is whether every support limb keeps a branch;
+    the check ends at the first that keeps none.
     """
     robot, world = context.robots[0], context.world
     for layer in range(world.first, world.stop):

@@ -54,21 +54,11 @@ class Page:
     """
 
     def __init__(self, host: str, port: int, title: str) -> None:
-        """Serve an empty page.
+        """Serve an empty page with a title, which the panel and the browser's tab have.
 
-        Parameters
-        ----------
-        host
-            Address of the server's network interface.
-        port
-            Port, or the next free one if it is taken; 0 for any free port.
-        title
-            Title of the panel and of the browser's tab.
-
-        Raises
-        ------
-        SettingError
-            If this computer has no such interface.
+        It has the address `host` of the server's network interface, and a port, or the next free
+        one if it is taken; 0 for any free port. Raises a `SettingError` if this computer has no
+        such interface.
         """
         try:
             socket.create_server((host, 0)).close()
@@ -213,18 +203,9 @@ class Page:
     def record(
         self, frames: Sequence[int], period: float, draw: Callable[[int], None], title: str
     ) -> str:
-        """Return the page as HTML that plays without a server.
+        """Return the page as HTML that plays without a server, with a title on top and on its tab.
 
-        Parameters
-        ----------
-        frames
-            Arguments of the calls of `draw`, in order.
-        period
-            Time between two frames [s].
-        draw
-            Function that draws a frame.
-        title
-            Title above the scene and on the browser's tab.
+        `draw` is called with each of the frames in order, which are `period` apart [s].
         """
         draw(frames[0])
         recorder = self.server.get_scene_serializer()

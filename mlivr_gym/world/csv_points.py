@@ -21,18 +21,10 @@ FACE = "face"
 
 
 def read_points(path: str | Path) -> dict[int, dict[str, Any]]:
-    """Read the points of a table as plain data, by the number of their line.
+    """Read the points of a table in UTF-8 as plain data, by the number of their line.
 
-    Parameters
-    ----------
-    path
-        The file, in UTF-8, with a header line that names the columns.
-
-    Raises
-    ------
-    MapError
-        If the file cannot be read, a column is missing, unknown or named twice, or a value
-        is not a finite number; the message names the line.
+    A header line names the columns. Raises a `MapError` if the file cannot be read, a column is
+    missing, unknown or named twice, or a value is not a finite number; the message names the line.
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:

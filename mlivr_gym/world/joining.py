@@ -64,21 +64,9 @@ def placed_maps(
 ) -> list[PlacedMap]:
     """Return the parts of a map file, which `map_entries.PART` has checked.
 
-    Parameters
-    ----------
-    parts
-        The parts.
-    folder
-        Folder of the files that they name.
-    names
-        Names of maps, which are not files.
-    read
-        Function that returns the map of a part, see `grasp_map.as_map`.
-
-    Raises
-    ------
-    MlivrError
-        If a map is faulty, or is a part of itself; the message names the entry.
+    `folder` is that of the files that they name, `names` are those of maps, which are not files,
+    and `read` returns the map of a part, see `grasp_map.as_map`. Raises a `MlivrError` that names
+    the entry if a map is faulty, or is a part of itself.
     """
     placed = []
     for i, part in enumerate(parts):
@@ -102,19 +90,10 @@ def placed_maps(
 def joined_fields(fields: dict[str, Any], parts: Sequence[PlacedMap]) -> dict[str, Any]:
     """Return the fields of a `GraspMap` that has its own entries and those of its parts.
 
-    Parameters
-    ----------
-    fields
-        Fields of the map without its parts. If `cabin` is missing, it becomes the bounding box of
-        the parts' cabins. Since it is one box, it may hold positions outside all modules, which the
-        boxes of their walls keep the robot from.
-    parts
-        The parts. Their handrails are kept as boxes only, since a `Handrail` lies along an axis.
-
-    Raises
-    ------
-    MapError
-        If two parts have the same id.
+    If `cabin` is missing, it becomes the bounding box of the parts' cabins. Since it is one box, it
+    may hold positions outside all modules, which the boxes of their walls keep the robot from.
+    Handrails of parts are kept as boxes only, since a `Handrail` lies along an axis. Raises a
+    `MapError` if two parts have the same id.
     """
     check_unique([part.id for part in parts], "part", MapError)
     corners = np.concatenate([part.corners for part in parts])

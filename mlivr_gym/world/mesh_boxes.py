@@ -146,12 +146,7 @@ def _mark(corners: Array, touched: BoolArray) -> None:
 def _touches(corners: Array, centres: Array) -> BoolArray:
     """Return whether triangles touch cubes of edge 1.
 
-    Parameters
-    ----------
-    corners
-        Corners of k triangles, shape (k, 1, 3, 3).
-    centres
-        Centres of c cubes for each, shape (k, c, 3).
+    There are k triangles with corners (k, 1, 3, 3), and c cubes with centres (k, c, 3) for each.
     """
     a, b, c = (corners[:, :, i] - centres for i in range(3))
     edges = [b - a, c - b, a - c]
