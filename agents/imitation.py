@@ -276,11 +276,8 @@ class Imitation:
     ) -> tuple[Samples, BoolArray, BoolArray]:
         """Return k states, labelled with their optimal actions and costs.
 
-        Returns
-        -------
-        tuple[Samples, BoolArray, BoolArray]
-            The samples; whether the goal can be reached after each action; and whether each action
-            is optimal, both of shape (k, 2 m).
+        Two arrays of shape (k, 2 m) tell whether the goal can be reached after each action, and
+        whether each action is optimal.
         """
         costs = layout.values.of_actions(states.stances, states.branch_sets, goal_index, 2 * self.m)
         least, solvable = costs.min(axis=1), np.isfinite(costs)

@@ -313,12 +313,7 @@ def _check_made_for(config: dict[str, Any], here: dict[str, dict[str, str]], pre
 def _configuration(data: dict[str, Any], weights: bytes) -> dict[str, Any]:
     """Return the configuration of a checkpoint after checking the fields that loading needs.
 
-    Parameters
-    ----------
-    data
-        Content of the JSON file.
-    weights
-        Content of the file of weights.
+    It is the content of a JSON file, which `weights`, that of the file of weights, must match.
     """
     if data.get("format") != FORMAT:
         raise CheckpointError(

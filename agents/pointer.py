@@ -108,16 +108,11 @@ class PointerNetwork(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """Return a summary of all points, and the features of the points that the limbs hold.
 
-        The summary has the mean and the maximum of the embeddings about each of two centres.
-        Points are weighted by their distance from the base, and again by their distance from a
-        position `AHEAD` towards the goal.
-
-        Returns
-        -------
-        tuple[Tensor, Tensor]
-            The summary, shape (k, 4 summary), and for each limb the features of the point it holds,
-            the lookahead distances and arrivals of this point, and whether the distances are within
-            the tolerance, shape (k, N, 8 + 3 DEPTH).
+        The summary, shape (k, 4 summary), has the mean and the maximum of the embeddings about each
+        of two centres. Points are weighted by their distance from the base, and again by their
+        distance from a position `AHEAD` towards the goal. For each limb, shape (k, N, 8 + 3 DEPTH),
+        there are the features of the point it holds, the lookahead distances and arrivals of this
+        point, and whether the distances are within the tolerance.
         """
         points, goal = observation["points"], observation["goal"]
         ahead = goal[:, :3] * (AHEAD / goal[:, 3:4].clamp_min(AHEAD))

@@ -22,12 +22,8 @@ PLANNERS = (
 def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
     """Return the policy of a name: one of `PLANNERS`, `"pretrained"`, or the path of a checkpoint.
 
-    `beam` is the width of a beam search that a learned policy guides; None for no search.
-
-    Raises
-    ------
-    SettingError
-        If the name is unknown and no such checkpoint exists.
+    `beam` is the width of a beam search that a learned policy guides; None for no search. Raises a
+    `SettingError` if the name is unknown and no such checkpoint exists.
     """
     from mlivr_gym.agents import policies
 

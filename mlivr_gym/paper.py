@@ -111,10 +111,7 @@ MODES = {
 def default_setup() -> dict[str, Any]:
     """Return the calibrated start (point ids), goal [m], goal face and seed of the sparse map.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be read or is invalid.
+    Raises a `FileError` if the file cannot be read or is invalid.
     """
     read = SETUP_DATA.read
     return load(

@@ -27,7 +27,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import MlivrError, shortened
-from mlivr_gym.values import MAX_PARTS, MAX_TEXT_LENGTH, read_numbers
+from mlivr_gym.values import MAX_PARTS, MAX_TEXT_LENGTH
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -70,13 +70,7 @@ class Validator(Protocol[T_co]):
     """Check of a value, which converts it or raises an error."""
 
     def read(self, value: object, place: FieldPath) -> T_co:
-        """Return the converted value.
-
-        Raises
-        ------
-        MlivrError
-            An error of the type of `place`, if the value is not valid.
-        """
+        """Return the converted value; raise an error of the type of `place` if it is not valid."""
 
 
 class Anything:
@@ -185,13 +179,30 @@ class Numbers:
         shape = tuple(count if size is None else size for size in self.shape)
         if 0 in shape:
             return np.zeros(shape)
-        most = self.most if self.unit == "m" else np.inf
-        found = read_numbers(value, shape, place.path, place.error, most)
-        wrong = (found < self.least) | (found > self.most)
+        try:
+            array = np.array(value)
+            # Integers of more than 64 bits give an array of objects.
+            found = array.astype(np.float64) if array.dtype.kind in "iufO" else None
+        except (TypeError, ValueError, OverflowError):
+            found = None  # rows of different lengths, not numbers, larger than every float
+        if found is None or found.shape != shape:
+            shape_found = (
+                f"has shape {found.shape}, " if found is not None and found.ndim else "is "
+            )
+            kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
+            raise place.fault(f"{shape_found}{shortened(value)}; it must be {kind}")
+        wrong = ~np.isfinite(found) | (found < self.least) | (found > self.most)
+        if self.unit == "m":
+            wrong |= np.abs(found) > self.most
         if wrong.any():
             first = np.unravel_index(int(wrong.argmax()), shape)
             for index in first:
                 place = place.entry(int(index))
+            if not np.isfinite(found[first]):
+                raise place.refused(array.item(first), "a finite number")
+            if self.unit == "m" and abs(found[first]) > self.most:
+                hint = "lengths are in metres: is this in millimetres?"
+                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m; {hint}")
             raise place.refused(float(found[first]), self._range())
         return found
 
@@ -217,7 +228,7 @@ class Rotation:
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return the matrix as three tuples of three numbers."""
-        found = read_numbers(value, (3, 3), place.path, place.error)
+        found = Numbers((3, 3)).read(value, place)
         if not are_rotations(found).all():
             raise place.fault("must be a right-handed rotation matrix")
         return _frozen(found.tolist())
@@ -347,10 +358,7 @@ class Struct(Generic[T]):
     def check(self, record: T, place: FieldPath) -> None:
         """Check and convert the fields of a frozen record; its `__post_init__` calls this.
 
-        Raises
-        ------
-        MlivrError
-            An error of the type of `place`, which names the field.
+        Raises an error of the type of `place`, which names the field.
         """
         for name, kind in self.validators.items():
             found = kind.read(getattr(record, name), place.field(name))

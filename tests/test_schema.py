@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mlivr_gym.errors import MlivrError, SettingError, ShapeError
+from mlivr_gym.errors import MlivrError, SettingError, ShapeError, shortened
 from mlivr_gym.schema import (
     NAME,
     Anything,
@@ -79,8 +79,20 @@ def test_numbers_have_a_shape_a_range_and_a_unit():
     assert "walk[0][1] is 4250, larger than 100 m; lengths are in metres" in refusal(
         length, [[0, 4250.0], [2, 3]]
     )
+    assert "walk[1][1] is nan; it must be a finite number" in refusal(length, [[2, 3], [5, np.nan]])
     assert refusal(Tuples((), 0.0), -1) == "walk is -1.0; it must be at least 0"
     assert refusal(Tuples((), 1.0, 2.0, "kg"), 3) == "walk is 3.0; it must be from 1 to 2 kg"
+
+
+@pytest.mark.parametrize(
+    "value",
+    [None, True, "1", [1], {}, np.nan, np.inf, 10**400, [[1, 2], [3]], ["1", "2", "3"],
+     [1, 2, None], [True, False, True], [1, 2, "x"], object()],
+    ids=lambda value: shortened(value)[:20],
+)  # fmt: skip
+def test_what_is_no_number_is_refused_by_name(value):
+    for shape in ((), (3,)):
+        assert refusal(Numbers(shape), value).startswith("walk")
 
 
 def test_the_number_of_rows_may_be_open():

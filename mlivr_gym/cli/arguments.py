@@ -258,12 +258,8 @@ def chosen_task(
     """Return the start as point ids, and the goal position [m].
 
     What is not given is that of Table I for the default robot on the JEM; otherwise it is drawn
-    with a fixed seed, since another robot may not be able to hold that start.
-
-    Raises
-    ------
-    NoPlanError
-        If the start cannot be held.
+    with a fixed seed, since another robot may not be able to hold that start. Raises a
+    `NoPlanError` if the start cannot be held.
     """
     start, goal = args.start, args.goal
     if start is None or goal is None:
@@ -298,10 +294,7 @@ def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]
 def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> None:
     """Refuse options that have no effect on this command line, for a reason.
 
-    Raises
-    ------
-    SettingError
-        If one of the options was given; the message names the first.
+    Raises a `SettingError` if one of the options was given; the message names the first.
     """
     for name in sorted(names):
         if getattr(args, name) != args.default(name):

@@ -110,10 +110,7 @@ def check_outputs(
 def make_folder(folder: str | Path) -> Path:
     """Make a folder and its missing parents.
 
-    Raises
-    ------
-    FileError
-        If it cannot be made.
+    Raises a `FileError` if it cannot be made.
     """
     path = Path(folder)
     try:

@@ -171,10 +171,7 @@ def suggestions(
 def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
-    Raises
-    ------
-    NoPlanError
-        If no plan exists; the message says which rule excludes it.
+    Raises a `NoPlanError` if no plan exists; the message says which rule excludes it.
     """
     if args.method in ("dijkstra", "greedy"):
         names = ("inflation",) if args.method == "greedy" else ("heuristic", "inflation")
@@ -241,10 +238,7 @@ def print_plan(
 ) -> None:
     """Print a plan.
 
-    Raises
-    ------
-    NoPlanError
-        If there is none.
+    Raises a `NoPlanError` if there is none.
     """
     plan = result.unwrap()
     print(

@@ -187,10 +187,7 @@ def plan_case(
 ) -> tuple[Plan, dict[str, Any], Array]:
     """Plan a case in one of `paper.MODES`; return plan, row of the table and search tree.
 
-    Raises
-    ------
-    NoPlanError
-        If no plan exists.
+    Raises a `NoPlanError` if no plan exists.
     """
     began = time.perf_counter()
     graph = case_graph(case, setup, mode)

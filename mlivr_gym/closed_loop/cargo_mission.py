@@ -242,10 +242,7 @@ def _with_limb(
 ) -> CargoMission:
     """Return the mission in which a given limb carries.
 
-    Raises
-    ------
-    NoPlanError
-        If it cannot reach the bag, fold with it, walk or stow it.
+    Raises a `NoPlanError` if it cannot reach the bag, fold with it, walk or stow it.
     """
     carrier = carrying_robot(graph.robot, limb, cargo)
     assert carrier.cargo is not None

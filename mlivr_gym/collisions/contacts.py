@@ -22,8 +22,8 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb, cargo_cap
 from mlivr_gym.collisions.placement import Placed, place_in_body
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Anything, FieldPath, ListOf
-from mlivr_gym.values import MAX_LENGTH, Triple, as_triple, read_numbers
+from mlivr_gym.schema import Anything, FieldPath, ListOf, Numbers
+from mlivr_gym.values import MAX_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 Configuration = tuple[Array, Array, Array]
@@ -31,6 +31,9 @@ Configuration = tuple[Array, Array, Array]
 
 Pair = tuple[str, str, float]
 """Names of two shapes and the distance between their surfaces [m]."""
+
+PLACE = Numbers((3,), most=MAX_LENGTH, unit="m")
+"""Validator of a base position."""
 
 
 @dataclass(frozen=True)
@@ -75,20 +78,18 @@ def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configurat
 def checked_configuration(robot: RobotSpec, configuration: Any) -> Configuration:
     """Check a configuration of a robot and return it as arrays of finite numbers.
 
-    Raises
-    ------
-    SettingError
-        If its shape or a number is wrong.
+    Raises a `SettingError` if its shape or a number is wrong.
     """
     parts = ListOf(Anything(), 3, 3).read(configuration, FieldPath("configuration", SettingError))
     position, quaternion, joints = parts
-    turn = read_numbers(quaternion, (4,), "base quaternion w, x, y, z", SettingError)
+    turn = Numbers((4,)).read(quaternion, FieldPath("base quaternion w, x, y, z", SettingError))
     if not np.any(turn):
         raise SettingError("base quaternion w, x, y, z is zero; it must have length 1")
+    angles = FieldPath("joint angles, six for each limb,", SettingError)
     return (
-        read_numbers(position, (3,), "base position", SettingError, MAX_LENGTH),
+        PLACE.read(position, FieldPath("base position", SettingError)),
         turn,
-        read_numbers(joints, (robot.limbs, 6), "joint angles, six for each limb,", SettingError),
+        Numbers((robot.limbs, 6)).read(joints, angles),
     )
 
 

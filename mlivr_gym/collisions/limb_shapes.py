@@ -328,12 +328,7 @@ def cube_capsules(half: float) -> tuple[Array, Array]:
 
     Each contains a quarter of the cube: the spheres at its ends contain an eighth each. The
     capsules protrude from the faces by 0.37 half edges; the sphere about the cube protrudes by
-    0.73.
-
-    Returns
-    -------
-    tuple[Array, Array]
-        Ends, shape (4, 2, 3), and radii, shape (4,) [m].
+    0.73. Ends have shape (4, 2, 3), radii (4,) [m].
     """
     at = 0.5 * half
     ends = np.array([[[x, y, -at], [x, y, at]] for x in (-at, at) for y in (-at, at)])

@@ -41,10 +41,7 @@ class CurrentMoves:
     def use_tables(self) -> TableMoves:
         """Return the moves from exact tables, which are used from now on.
 
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs.
+        Raises a `SettingError` if the robot has more than two limbs.
         """
         if not self.uses_tables:
             self._moves, self._version = self._table_moves(), self.graph.version

@@ -26,10 +26,7 @@ def check_dynamics(
 ) -> None:
     """Check that the dynamics of `MlivrEnv` support the other arguments.
 
-    Raises
-    ------
-    SettingError
-        If an argument is not; the message names it.
+    Raises a `SettingError` if an argument is not; the message names it.
     """
     if dynamics == "kinematic":
         return

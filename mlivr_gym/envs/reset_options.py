@@ -90,11 +90,8 @@ class ResetOptions:
     ) -> tuple[State | None, Array | None]:
         """Return start and goal [m], each None unless an option gives it.
 
-        Raises
-        ------
-        MlivrError
-            If the robot cannot start there, the goal lies outside the cabin, or the fixed task
-            cannot be drawn.
+        Raises a `MlivrError` if the robot cannot start there, the goal lies outside the cabin, or
+        the fixed task cannot be drawn.
         """
         start, goal = self.state(graph), self.goal
         if self.task is not None:
@@ -104,10 +101,7 @@ class ResetOptions:
     def state(self, graph: StanceGraph) -> State | None:
         """Return the start, or None if no option gives it.
 
-        Raises
-        ------
-        MlivrError
-            If the robot cannot start there; the message names the option.
+        Raises a `MlivrError` if the robot cannot start there; the message names the option.
         """
         if self.start is None:
             return None

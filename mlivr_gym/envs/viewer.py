@@ -73,12 +73,8 @@ class EnvViewer:
     def pictures(self, snapshots: Sequence[Snapshot]) -> list[Picture]:
         """Return the pictures of a sequence of snapshots, see `snapshot_frames`.
 
-        Each has shape (height, width, 3) and shows the goal and the path of the base.
-
-        Raises
-        ------
-        RenderError
-            If no GL library works.
+        Each has shape (height, width, 3) and shows the goal and the path of the base. Raises a
+        `RenderError` if no GL library works.
         """
         out: list[Picture] = []
         stances: list[Array] = []
@@ -132,10 +128,7 @@ class EnvViewer:
     def _show(self, configuration: Configuration) -> None:
         """Show a configuration in a window.
 
-        Raises
-        ------
-        RenderError
-            If there is no screen.
+        Raises a `RenderError` if there is no screen.
         """
         graph, scene = self.graph, self._current_scene()
         if not isinstance(scene, SceneWindow):

@@ -50,10 +50,8 @@ FLIP = np.diag([-1.0, -1.0, 1.0])
 def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
     """Check the displacements, the cost and the goal of a plan against its base positions.
 
-    Raises
-    ------
-    PlanError
-        If a value differs; the message names the field, the given value and the expected one.
+    Raises a `PlanError` if a value differs; the message names the field, the given value and the
+    expected one.
     """
     if (query.cost_name == "weighted") != (query.regrasp_price is not None):
         raise PlanError(
@@ -80,10 +78,8 @@ def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
 def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap) -> None:
     """Check the motion of a plan against its stances, base poses and branches.
 
-    Raises
-    ------
-    PlanError
-        If a value differs; the message names the field, the given value and the expected one.
+    Raises a `PlanError` if a value differs; the message names the field, the given value and the
+    expected one.
     """
     try:
         graph = _graph(world, grasp_map)
@@ -118,10 +114,8 @@ def _graph(world: World, grasp_map: GraspMap) -> ImplicitGraph:
 def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntArray:
     """Return the branch and flip of each limb as `branch + 8 * flip`, shape (K, N).
 
-    Raises
-    ------
-    PlanError
-        If the limbs do not hold their points with these joint angles, or are on other branches.
+    Raises a `PlanError` if the limbs do not hold their points with these joint angles, or are on
+    other branches.
     """
     angles = Angles.rows(16, *points.shape)
     base = poses(motion.base_positions, _rotations(motion))
@@ -198,12 +192,8 @@ def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntA
 
     That is the posture of the stance if its base pose is the given one, and otherwise a posture at
     a pose that a user or a refinement chose. Such a pose may have been evaluated without the
-    thresholds, and on them the allowed branches depend.
-
-    Raises
-    ------
-    PlanError
-        If a stance cannot be held on the given branches, or is not a node.
+    thresholds, and on them the allowed branches depend. Raises a `PlanError` if a stance cannot be
+    held on the given branches, or is not a node.
     """
     turns, chosen = _rotations(motion), graph.postures(points)
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)

@@ -179,11 +179,8 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
 def read_parts(data: Any) -> tuple[Query, World, Motion, Statistics]:
     """Read the parts of a plan from plain data.
 
-    Raises
-    ------
-    PlanError
-        If the data has another format or other graph rules, or a field is missing, unknown or
-        invalid; the message names it.
+    Raises a `PlanError` if the data has another format or other graph rules, or a field is missing,
+    unknown or invalid; the message names it.
     """
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         given = data.get("format") if isinstance(data, dict) else type(data).__name__

@@ -72,12 +72,7 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     """Return all shapes of a robot in a configuration: body, mounts, links and joints.
 
     The joints are drawn as rods, which no collision check uses: the collision shapes of the links
-    leave gaps there.
-
-    Raises
-    ------
-    SettingError
-        If the configuration does not fit the robot.
+    leave gaps there. Raises a `SettingError` if the configuration does not fit the robot.
     """
     shapes = LimbShapes(robot)
     position, quaternion, _ = configuration

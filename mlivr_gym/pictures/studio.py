@@ -39,12 +39,8 @@ def studio_spec(
 ) -> mujoco.MjSpec:
     """Return the model of `scene_spec` with lamps and a hull added; its names stay the same.
 
-    Limbs are shown by their visual meshes where these ship, unless `capsules` is set.
-
-    Raises
-    ------
-    ShapeError
-        If two boxes have the same id.
+    Limbs are shown by their visual meshes where these ship, unless `capsules` is set. Raises a
+    `ShapeError` if two boxes have the same id.
     """
     spec = scene_spec(grasp_map, robot, obstacles)
     if not capsules:

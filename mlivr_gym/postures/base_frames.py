@@ -56,11 +56,8 @@ def _fit_yaw(
 ) -> tuple[tuple[Array, Array], BoolArray]:
     """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
-    Returns
-    -------
-    tuple[tuple[Array, Array], BoolArray]
-        Cosine and sine of the yaw, shape (k,) each, and whether the reversed order of the mounts
-        fits better, shape (k,).
+    Returned are cosine and sine of the yaw, and whether the reversed order of the mounts fits
+    better, shape (k,) each.
     """
     limbs = positions.shape[1]
     angles = 2.0 * np.pi * np.arange(limbs) / limbs

@@ -16,11 +16,15 @@ from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.values import MAX_LENGTH, read_numbers
+from mlivr_gym.schema import FieldPath, Numbers
+from mlivr_gym.values import MAX_LENGTH
 from mlivr_gym.world.boxes import Box
 
 JOINT_TOLERANCE = 0.02
 """Maximum deviation of given joint angles from those that hold the points [rad]."""
+
+POSE = Numbers((7,), most=MAX_LENGTH, unit="m")
+"""Validator of a base pose: position [m] and quaternion."""
 
 
 def given_pose(pose: Any) -> tuple[float, ...]:
@@ -33,13 +37,8 @@ def given_pose(pose: Any) -> tuple[float, ...]:
     lists = (list, tuple, np.ndarray)
     pair = isinstance(pose, tuple) and len(pose) == 2
     pair = pair and all(isinstance(part, lists) and np.shape(part) != () for part in pose)
-    given = read_numbers(
-        [*pose[0], *pose[1]] if pair else pose,
-        (7,),
-        "start_pose (x, y, z [m], quaternion w, x, y, z)",
-        SettingError,
-        MAX_LENGTH,
-    )
+    place = FieldPath("start_pose (x, y, z [m], quaternion w, x, y, z)", SettingError)
+    given = POSE.read([*pose[0], *pose[1]] if pair else pose, place)
     length = float(np.linalg.norm(given[3:]))
     if abs(length - 1.0) > 0.01:
         raise SettingError(
@@ -60,18 +59,14 @@ def rotation_of(pose: Sequence[float]) -> Array:
 def given_joints(robot: RobotSpec, joints: Any) -> Array:
     """Check joint angles given by the user and return them by limb [rad], shape (N, 6).
 
-    Raises
-    ------
-    SettingError
-        If they are not six finite numbers for each limb, inside the joint limits.
+    Raises a `SettingError` if they are not six finite numbers for each limb, inside the joint
+    limits.
     """
     flat = isinstance(joints, list | tuple) and all(map(np.isscalar, joints))
     flat |= isinstance(joints, np.ndarray) and joints.ndim == 1
     shape = (6 * robot.limbs,) if flat else (robot.limbs, 6)
-    given = read_numbers(
-        joints, shape, "start_joints (six angles for each limb [rad])", SettingError
-    )
-    given = given.reshape(robot.limbs, 6)
+    place = FieldPath("start_joints (six angles for each limb [rad])", SettingError)
+    given = Numbers(shape).read(joints, place).reshape(robot.limbs, 6)
     limits = robot.joint_limits
     outside = np.argwhere(
         (given < limits[..., 0] - LIMIT_TOLERANCE) | (given > limits[..., 1] + LIMIT_TOLERANCE)
@@ -126,10 +121,7 @@ def branch_sets_of_joints(
 def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
     """Check that the joints of a limb, shape (6,) [rad], are in their windows.
 
-    Raises
-    ------
-    StanceError
-        If a joint is outside its window.
+    Raises a `StanceError` if a joint is outside its window.
     """
     low, high = robot.every_limb[limb].windows.T
     outside = np.flatnonzero((joints < low - JOINT_TOLERANCE) | (joints > high + JOINT_TOLERANCE))
@@ -143,12 +135,9 @@ def _check_windings(robot: RobotSpec, limb: int, joints: Array) -> None:
 
 
 def branch_angles_at(solver: PostureSolver, limb: int, point: int, posture: Postures) -> Array:
-    """Return the joint angles with which a limb holds a point at a posture.
+    """Return the joint angles of each branch with which a limb holds a point at a posture [rad].
 
-    Returns
-    -------
-    Array
-        Joint angles of each branch [rad], shape (8, 6); NaN for branches that do not exist.
+    They have shape (8, 6), with NaN for branches that do not exist.
     """
     out = Angles.rows(8)
     all_angles_at(

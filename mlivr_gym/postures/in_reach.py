@@ -238,12 +238,8 @@ def _perpendicular(v: Triple, axis: Triple) -> Triple:
 def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     """Compute the body axes at roll zero for all orders of the points.
 
-    Where both senses of an order fit equally well, both are included.
-
-    Returns
-    -------
-    bool
-        False if the points of an order do not determine the yaw.
+    Where both senses of an order fit equally well, both are included. Returned is False if the
+    points of an order do not determine the yaw.
     """
     e1 = _perpendicular((1.0, 0.0, 0.0), out)
     if length(e1) < 0.5:

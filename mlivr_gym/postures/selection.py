@@ -42,13 +42,8 @@ def evaluate_reach(
 ) -> float:
     """Compute flange poses and `w_m` of the branch classes of each limb at a base pose.
 
-    The results are stored in `candidate.limbs`.
-
-    Returns
-    -------
-    float
-        The minimum over the limbs of the `w_m` of their best class; 0 as soon as one is below
-        `floor`.
+    The results are stored in `candidate.limbs`. Returned is the minimum over the limbs of the `w_m`
+    of their best class; 0 as soon as one is below `floor`.
     """
     least = np.inf
     terms = scratch.holding.proof.terms

@@ -64,10 +64,7 @@ def limb_parts(
 def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
     """Return the bodies that belong to the robot's body, its root first.
 
-    Raises
-    ------
-    RobotError
-        If the limbs do not stand on one body.
+    Raises a `RobotError` if the limbs do not stand on one body.
     """
     model = file.model
     roots = {with_carriers(model, arm.first)[-1] for arm in arms}

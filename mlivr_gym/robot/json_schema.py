@@ -38,10 +38,7 @@ def robot_schema() -> dict[str, Any]:
 def json_schema_of(kind: Any) -> dict[str, Any]:
     """Return the JSON schema of what a kind reads.
 
-    Raises
-    ------
-    TypeError
-        If the kind is none of those that robots have.
+    Raises a `TypeError` if the kind is none of those that robots have.
     """
     match kind:
         case OrNone():

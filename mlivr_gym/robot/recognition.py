@@ -30,10 +30,8 @@ class ArmFamily(NamedTuple):
 def recognised(chain: JointChain) -> RecognisedArm:
     """Return an arm in the terms of the first family that it belongs to.
 
-    Raises
-    ------
-    RobotError
-        If it belongs to none; the message has the reason for each family and the axes.
+    Raises a `RobotError` if it belongs to none; the message has the reason for each family and the
+    axes.
     """
     reasons = []
     for family in FAMILIES:

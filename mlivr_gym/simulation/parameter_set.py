@@ -29,10 +29,7 @@ class ParameterSet:
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
         """Return a parameter set from an instance, plain data, or a name; the defaults from None.
 
-        Raises
-        ------
-        SettingError
-            If no parameter set has this name, or a field is unknown or invalid.
+        Raises a `SettingError` if no parameter set has this name, or a field is unknown or invalid.
         """
         for old, new in cls.renamed.items():
             if isinstance(given, dict) and old in given:

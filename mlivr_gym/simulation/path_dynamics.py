@@ -67,11 +67,8 @@ class SegmentDynamics(NamedTuple):
     def loads(self, scaling: PPoly) -> tuple[Array, Array]:
         """Return loads and speeds at `TIME_SAMPLES` times of a time scaling.
 
-        Returns
-        -------
-        tuple[Array, Array]
-            Magnitudes of joint torques, grasp forces and grasp torques in units of their limits,
-            shape (TIME_SAMPLES, 6 N + 2 n), and of velocities, shape (TIME_SAMPLES, 6 N + 1).
+        Magnitudes of joint torques, grasp forces and grasp torques, shape (TIME_SAMPLES, 6 N + 2
+        n), and of velocities, shape (TIME_SAMPLES, 6 N + 1), are in units of their limits.
         """
         times = np.linspace(0.0, scaling.x[-1], TIME_SAMPLES)
         sigma, rate, change = (scaling(times, order) for order in range(3))
@@ -115,10 +112,7 @@ def segment_dynamics(
 ) -> SegmentDynamics:
     """Compute the dynamics along a path segment, in units of the limits.
 
-    Raises
-    ------
-    RobotError
-        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     sigmas, count = segment.sigmas, len(segment.sigmas)
     holding = tuple(i for i in range(robot.limbs) if i != regrasp.limb)

@@ -128,12 +128,8 @@ def _computed(
 def _prepare(design: StudyDesign, path: Path) -> None:
     """Make the folder of a study, or check that it holds a part of the same study.
 
-    Raises
-    ------
-    FileError
-        If the folder cannot be made.
-    SettingError
-        If it holds another study.
+    Raises a `FileError` if the folder cannot be made, and a `SettingError` if it holds another
+    study.
     """
     try:
         (path / BLOCKS).mkdir(parents=True, exist_ok=True)

@@ -37,14 +37,9 @@ def write_html(
 
     The page loads nothing from elsewhere. An execution is played at a speed at which a step takes
     `STEP_TIME` on average, like a step of a plan. `capsules` draws the collision shapes in place of
-    visual meshes, as for more than two limbs, whose meshes would need most of `MAX_BYTES`.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    SettingError
-        If the file would be larger than `MAX_BYTES` even with few frames.
+    visual meshes, as for more than two limbs, whose meshes would need most of `MAX_BYTES`. Raises a
+    `FileError` if the file cannot be written, and a `SettingError` if the file would be larger than
+    `MAX_BYTES` even with few frames.
     """
     page = Page("127.0.0.1", 0, "mlivr-gym")
     try:

@@ -150,10 +150,7 @@ def recording_frames(recording: Recording) -> Frames:
 def load_recording(path: str | Path, plan: Plan) -> Recording:
     """Read the recording that `mlivr-gym simulate` has written for a plan.
 
-    Raises
-    ------
-    PlanError
-        If the file cannot be read, or belongs to another robot or a longer plan.
+    Raises a `PlanError` if the file cannot be read, or belongs to another robot or a longer plan.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:

@@ -160,10 +160,7 @@ class LivePlan:
     def put_box(self, name: str, centre: Array) -> None:
         """Add the obstacle of this id, or move it if it exists, to a centre [m].
 
-        Raises
-        ------
-        MlivrError
-            If collisions are not checked, or the map has a box of that id.
+        Raises a `MlivrError` if collisions are not checked, or the map has a box of that id.
         """
         existing = [box for box in self.graph.obstacles if box.id == name]
         half = np.array(existing[0].half) if existing else np.full(3, 0.5 * BOX_EDGE)

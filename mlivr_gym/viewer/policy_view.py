@@ -25,10 +25,7 @@ class PolicyView:
     def __init__(self, graph: StanceGraph) -> None:
         """Load the policy for the world of `graph`.
 
-        Raises
-        ------
-        SettingError
-            If the extra `agents` is not installed.
+        Raises a `SettingError` if the extra `agents` is not installed.
         """
         require(*REQUIRED_PACKAGES, extra="agents")
         from mlivr_gym.agents.learned import load_policy
@@ -50,12 +47,8 @@ class PolicyView:
     def probabilities(self, state: State, goal: Array, tolerance: float) -> Array:
         """Compute the probability of each action, shape (N, m), 0 for invalid actions.
 
-        The goal is given by its position [m] and the radius of the goal region [m].
-
-        Raises
-        ------
-        MlivrError
-            If the environment cannot start in that state.
+        The goal is given by its position [m] and the radius of the goal region [m]. Raises a
+        `MlivrError` if the environment cannot start in that state.
         """
         import torch
 

@@ -90,11 +90,7 @@ def scene_solids(
     """Return the scene of a robot in a module, with visual meshes where they ship.
 
     Limbs without meshes, or all with `capsules`, have rods for joints, which MuJoCo's scene omits.
-
-    Raises
-    ------
-    SceneError
-        If MuJoCo refuses the scene.
+    Raises a `SceneError` if MuJoCo refuses the scene.
     """
     model = compile_spec(scene_spec(grasp_map, robot, obstacles))
     faces = {scene_name(BOX, box.id): box.face for box in (*grasp_map.boxes, *obstacles)}
