@@ -29,17 +29,14 @@ def actor_critic_class(network: str) -> type[Any]:
     return PointerActorCritic if network == "pointer" else MaskableMultiInputActorCriticPolicy
 
 
-def make_actor_critic(
-    env: MlivrEnv, network: str, sizes: dict[str, Any], learning_rate: float = 3e-4
-) -> Any:
+def make_actor_critic(env: MlivrEnv, network: str, sizes: dict[str, Any]) -> Any:
     """Return a new actor-critic for an environment, with a network of `NETWORKS`.
 
-    `sizes` are further arguments of its class, such as widths of layers; the learning rate is that
-    of its optimiser, while imitation has one of its own. Raises a `SettingError` if the network's
-    name is unknown.
+    `sizes` are further arguments of its class, such as widths of layers; imitation has an optimiser
+    of its own. Raises a `SettingError` if the network's name is unknown.
     """
     space = point_space(env) if network == "pointer" else env.observation_space
-    return actor_critic_class(network)(space, env.action_space, lambda _: learning_rate, **sizes)
+    return actor_critic_class(network)(space, env.action_space, lambda _: 3e-4, **sizes)
 
 
 def as_tensors(actor_critic: Any, observation: Mapping[str, Any]) -> dict[str, Tensor]:

@@ -20,7 +20,7 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
-from mlivr_gym.schema import FieldPath
+from mlivr_gym.schema import FieldPath, Flag
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -147,8 +147,16 @@ class LookingPolicy:
     """
 
     def __init__(self, policy: Policy, looks: bool = True) -> None:
-        """Take the policy that chooses the steps."""
-        self.policy, self.looks = policy, looks
+        """Take the policy that chooses the steps.
+
+        Raises
+        ------
+        SettingError
+            If it has no method `act`, or `looks` is neither True nor False.
+        """
+        if not callable(getattr(policy, "act", None)):
+            raise FieldPath("policy", SettingError).refused(policy, "a Policy, with a method `act`")
+        self.policy, self.looks = policy, Flag().read(looks, FieldPath("looks", SettingError))
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.

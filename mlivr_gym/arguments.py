@@ -116,15 +116,10 @@ class FileName:
 
 @dataclass(frozen=True)
 class Reader(Generic[T]):
-    """Validator whose values are read by a function.
-
-    Attributes
-    ----------
-    make
-        Function that converts a value and its `FieldPath`, or raises an error.
-    """
+    """Validator whose values are read by a function."""
 
     make: Callable[[Any, FieldPath], T]
+    """Function that converts a value and its `FieldPath`, or raises an error."""
 
     def read(self, value: object, place: FieldPath) -> T:
         """Return what the function makes of the value."""
@@ -133,18 +128,12 @@ class Reader(Generic[T]):
 
 @dataclass(frozen=True)
 class WithError(Generic[T]):
-    """Another kind that raises a different type of error.
-
-    Attributes
-    ----------
-    error
-        Type of the error.
-    kind
-        The kind that reads the value.
-    """
+    """Another kind that raises a different type of error."""
 
     error: type[MlivrError]
+    """Type of the error."""
     kind: Validator[T]
+    """The kind that reads the value."""
 
     def read(self, value: object, place: FieldPath) -> T:
         """Return the value as the wrapped kind reads it."""

@@ -38,24 +38,16 @@ SETUP_DATA = Fields(
 
 @dataclass(frozen=True)
 class Case:
-    """One case of Table I.
-
-    Attributes
-    ----------
-    manipulability
-        Whether the manipulability thresholds apply.
-    cost
-        Name of the cost.
-    sparse
-        Whether the map is the sparse one.
-    title
-        Title of its figure.
-    """
+    """One case of Table I."""
 
     manipulability: bool
+    """Whether the manipulability thresholds apply."""
     cost: str
+    """Name of the cost."""
     sparse: bool
+    """Whether the map is the sparse one."""
     title: str
+    """Title of its figure."""
 
 
 CASES = {
@@ -80,24 +72,16 @@ translation [m], steps, minimum w_m and w_b, computing time [s]."""
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode in which the cases are planned.
-
-    Attributes
-    ----------
-    title
-        Name of the mode in tables.
-    transitions
-        Whether steps are checked.
-    collisions
-        Whether stances and steps are checked for collisions.
-    heuristic
-        Name of the heuristic.
-    """
+    """A mode in which the cases are planned."""
 
     title: str
+    """Name of the mode in tables."""
     transitions: bool
+    """Whether steps are checked."""
     collisions: bool
+    """Whether stances and steps are checked for collisions."""
     heuristic: str
+    """Name of the heuristic."""
 
 
 MODES = {

@@ -83,15 +83,10 @@ class Anything:
 
 @dataclass(frozen=True)
 class Text:
-    """Printable text.
-
-    Attributes
-    ----------
-    least
-        Minimum number of characters.
-    """
+    """Printable text."""
 
     least: int = 1
+    """Minimum number of characters."""
 
     def read(self, value: object, place: FieldPath) -> str:
         """Return the text; a lone surrogate, for example, is refused: no file could hold it."""
@@ -151,27 +146,18 @@ class Integer:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Finite numbers in an array or in nested lists of a given shape.
-
-    Attributes
-    ----------
-    shape
-        The shape; None as its first entry leaves the number of rows open.
-    least
-        Minimum of each number.
-    most
-        Maximum of each number.
-    unit
-        The unit. Of lengths [m] above `most` the message asks whether they are in millimetres.
-    rows
-        Minimum and maximum number of rows where the shape leaves it open.
-    """
+    """Finite numbers in an array or in nested lists of a given shape."""
 
     shape: tuple[int | None, ...] = ()
+    """The shape; None as its first entry leaves the number of rows open."""
     least: float = -np.inf
+    """Minimum of each number."""
     most: float = np.inf
+    """Maximum of each number."""
     unit: str = ""
+    """The unit. Of lengths [m] above `most` the message asks whether they are in millimetres."""
     rows: tuple[int, int] = (1, MAX_PARTS)
+    """Minimum and maximum number of rows where the shape leaves it open."""
 
     def read(self, value: object, place: FieldPath) -> Array:
         """Return the numbers as an array of floats."""
@@ -269,21 +255,14 @@ class ListOf(Generic[T]):
 
 @dataclass(frozen=True)
 class Fields:
-    """An object with named fields.
-
-    Attributes
-    ----------
-    required
-        Validator of each field that must be given.
-    optional
-        Validator of each field that may be given.
-    others
-        Whether further fields are allowed, of any kind.
-    """
+    """An object with named fields."""
 
     required: Mapping[str, Validator[Any]]
+    """Validator of each field that must be given."""
     optional: Mapping[str, Validator[Any]] = dataclasses.field(default_factory=dict)
+    """Validator of each field that may be given."""
     others: bool = False
+    """Whether further fields are allowed, of any kind."""
 
     @cached_property
     def _kinds(self) -> dict[str, Validator[Any]]:
@@ -312,21 +291,14 @@ class Fields:
 
 @dataclass(frozen=True)
 class Struct(Generic[T]):
-    """An object with the fields of a dataclass.
-
-    Attributes
-    ----------
-    made
-        The dataclass.
-    validators
-        Validator of each field.
-    complete
-        Whether fields that have a default value must be given too.
-    """
+    """An object with the fields of a dataclass."""
 
     made: type[T]
+    """The dataclass."""
     validators: Mapping[str, Validator[Any]]
+    """Validator of each field."""
     complete: bool = False
+    """Whether fields that have a default value must be given too."""
 
     @cached_property
     def fields(self) -> Fields:

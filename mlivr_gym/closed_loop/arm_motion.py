@@ -50,21 +50,14 @@ MAX_JUMP = 0.3
 
 @dataclass(frozen=True)
 class Handle:
-    """What a limb grasps: a point of the map, or the middle of a face of a bag.
-
-    Attributes
-    ----------
-    point
-        Position [m], shape (3,).
-    normal
-        Unit vector out of the face, shape (3,).
-    rail
-        Unit vector across it along which the gripper closes, shape (3,).
-    """
+    """What a limb grasps: a point of the map, or the middle of a face of a bag."""
 
     point: Array
+    """Position [m], shape (3,)."""
     normal: Array
+    """Unit vector out of the face, shape (3,)."""
     rail: Array
+    """Unit vector across it along which the gripper closes, shape (3,)."""
 
 
 class LimbMover:

@@ -38,22 +38,15 @@ PLACE = Numbers((3,), most=MAX_LENGTH, unit="m")
 
 @dataclass(frozen=True)
 class Contact:
-    """Two shapes that are closer to each other than the clearance.
-
-    Attributes
-    ----------
-    first
-        A shape of the robot by its name in the scene: `"limb0/forearm/0"` or `"body"`.
-    second
-        Another shape of the robot, or a box: `"box/{id}"`.
-    distance
-        Distance between the surfaces [m]. It is negative where a capsule penetrates, and 0 where
-        the body penetrates a box.
-    """
+    """Two shapes that are closer to each other than the clearance."""
 
     first: str
+    """A shape of the robot by its name in the scene: `"limb0/forearm/0"` or `"body"`."""
     second: str
+    """Another shape of the robot, or a box: `"box/{id}"`."""
     distance: float
+    """Distance between the surfaces [m]. It is negative where a capsule penetrates, and 0 where the
+    body penetrates a box."""
 
 
 def capsule_ends(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:

@@ -33,30 +33,20 @@ RESET_OPTIONS = Fields(
 
 @dataclass(frozen=True)
 class ResetOptions:
-    """Start and goal of an episode as the caller gives them; what is None is drawn.
-
-    Attributes
-    ----------
-    start
-        Point that each limb holds, N ids or indices.
-    start_pose
-        Base pose at the start: x, y, z [m] and quaternion w, x, y, z.
-    start_joints
-        Joint angles at the start, shape (N, 6) [rad].
-    goal
-        Goal position of the base, shape (3,) [m].
-    plan
-        A plan, from whose start the episode starts.
-    task
-        Number of a fixed task, which has both start and goal.
-    """
+    """Start and goal of an episode as the caller gives them; what is None is drawn."""
 
     start: Any = None
+    """Point that each limb holds, N ids or indices."""
     start_pose: Any = None
+    """Base pose at the start: x, y, z [m] and quaternion w, x, y, z."""
     start_joints: Any = None
+    """Joint angles at the start, shape (N, 6) [rad]."""
     goal: Any = None
+    """Goal position of the base, shape (3,) [m]."""
     plan: Plan | None = None
+    """A plan, from whose start the episode starts."""
     task: Any = None
+    """Number of a fixed task, which has both start and goal."""
 
     @classmethod
     def of(

@@ -27,30 +27,21 @@ class PathSegment:
 
     The derivatives of the base are its linear velocity in the world frame and its angular velocity
     in the body frame, the convention of MuJoCo's free joint.
-
-    Attributes
-    ----------
-    phase
-        Index into `regrasp.PHASES`.
-    sigmas
-        Path parameter sigma at the samples, from 0 to 1, shape (K,).
-    base_positions
-        Base positions in the world, shape (K, 3) [m].
-    base_quaternions
-        Base orientations in the world w, x, y, z, shape (K, 4).
-    joints
-        Joint angles, shape (K, N, 6) [rad].
-    curve
-        Cubic spline through base position, accumulated base rotation and joint angles at the
-        samples; its derivatives by sigma have shape (k, 6 + 6 N) [m, rad].
     """
 
     phase: int
+    """Index into `regrasp.PHASES`."""
     sigmas: Array
+    """Path parameter sigma at the samples, from 0 to 1, shape (K,)."""
     base_positions: Array
+    """Base positions in the world, shape (K, 3) [m]."""
     base_quaternions: Array
+    """Base orientations in the world w, x, y, z, shape (K, 4)."""
     joints: Array
+    """Joint angles, shape (K, N, 6) [rad]."""
     curve: scipy.interpolate.CubicSpline
+    """Cubic spline through base position, accumulated base rotation and joint angles at the
+    samples; its derivatives by sigma have shape (k, 6 + 6 N) [m, rad]."""
 
     @property
     def travel(self) -> float:

@@ -44,51 +44,35 @@ singularity."""
 
 @dataclass(frozen=True)
 class Regrasp:
-    """One step with all that determines its path, by indices and arrays; `Step` is what files have.
-
-    Attributes
-    ----------
-    limb
-        Index of the limb that moves.
-    before
-        Point index of each limb before the step, N numbers.
-    to_point
-        Index of the point that the limb grasps.
-    positions
-        Base positions before and after the step, shape (2, 3) [m].
-    rotations
-        Base rotations before and after the step, shape (2, 3, 3).
-    path_kind
-        Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`.
-    pivot
-        Centre of an arc in the world, shape (3,) [m].
-    branches
-        Branch of each limb before the step, followed by that of the swing limb after it,
-        N + 1 numbers.
-    joints
-        Joint angles before the step, shape (N, 6) [rad].
-    grasp_joints
-        Joint angles of the swing limb after the step, shape (6,) [rad].
-    knots
-        Base parameter and joint angles at each knot of the swing, shape (k, 7); empty if the
-        swing was not checked.
-    rounded
-        Fractions of the lines before and after each knot that its rounded corner replaces, shape
-        (k, 2); 0 where the swing stops. By default no corner is rounded.
-    """
+    """One step with all that determines its path, by indices and arrays; files have `Step`."""
 
     limb: int
+    """Index of the limb that moves."""
     before: tuple[int, ...]
+    """Point index of each limb before the step, N numbers."""
     to_point: int
+    """Index of the point that the limb grasps."""
     positions: Array
+    """Base positions before and after the step, shape (2, 3) [m]."""
     rotations: Array
+    """Base rotations before and after the step, shape (2, 3, 3)."""
     path_kind: int
+    """Kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
     pivot: Array
+    """Centre of an arc in the world, shape (3,) [m]."""
     branches: tuple[int, ...]
+    """Branch of each limb before the step, followed by that of the swing limb after it, N + 1
+    numbers."""
     joints: Array
+    """Joint angles before the step, shape (N, 6) [rad]."""
     grasp_joints: Array
+    """Joint angles of the swing limb after the step, shape (6,) [rad]."""
     knots: Array
+    """Base parameter and joint angles at each knot of the swing, shape (k, 7); empty if the swing
+    was not checked."""
     rounded: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    """Fractions of the lines before and after each knot that its rounded corner replaces, shape (k,
+    2); 0 where the swing stops. By default no corner is rounded."""
 
     @property
     def after(self) -> tuple[int, ...]:

@@ -23,19 +23,13 @@ from mlivr_gym.arrays import Array
 
 @dataclass(frozen=True)
 class RoundedLines:
-    """Lines with rounded corners between two points of rest.
-
-    Attributes
-    ----------
-    knots
-        Base parameter and joint angles at each knot, shape (k, 7), with k at least 2.
-    corners
-        Fractions of the lines before and after each inner knot that its rounding replaces, shape
-        (k - 2, 2), positive.
-    """
+    """Lines with rounded corners between two points of rest."""
 
     knots: Array
+    """Base parameter and joint angles at each knot, shape (k, 7), with k at least 2."""
     corners: Array
+    """Fractions of the lines before and after each inner knot that its rounding replaces, shape (k
+    - 2, 2), positive."""
 
     @cached_property
     def knot_sigmas(self) -> Array:

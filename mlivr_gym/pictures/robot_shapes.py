@@ -129,18 +129,18 @@ def pale(colour: str, share: float) -> str:
     return str(to_hex((red, green, blue)))
 
 
-def draw_robot(axes: Any, parts: Sequence[Part], *, zorder: float = 5.0) -> None:
+def draw_robot(axes: Any, parts: Sequence[Part]) -> None:
     """Draw parts of a robot in 3-D axes as shaded solids."""
     faces = np.concatenate([part.faces for part in parts])
     shades = [_lit(part.colour, part.faces) for part in parts]
-    _add_faces(axes, faces, np.concatenate(shades), zorder)
+    _add_faces(axes, faces, np.concatenate(shades), 5.0)
 
 
-def draw_ghost(axes: Any, parts: Sequence[Part], *, zorder: float = 1.2) -> None:
+def draw_ghost(axes: Any, parts: Sequence[Part]) -> None:
     """Draw parts of a robot in 3-D axes as a ghost: pale, without shading, in the background."""
     faces = np.concatenate([part.faces for part in parts])
     colours = [pale(part.colour, GHOST_PALENESS) for part in parts for _ in part.faces]
-    _add_faces(axes, faces, colours, zorder)
+    _add_faces(axes, faces, colours, 1.2)
 
 
 def _add_faces(axes: Any, faces: Array, colours: Any, zorder: float) -> None:

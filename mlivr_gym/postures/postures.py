@@ -15,38 +15,26 @@ from mlivr_gym.postures.relabelling import relabelled, relabelled_frames
 
 @dataclass(frozen=True)
 class Postures:
-    """Postures of k stances with N limbs.
-
-    Attributes
-    ----------
-    base_position
-        Base positions in the world [m], shape (k, 3).
-    base_rotation
-        Base rotations in the world, shape (k, 3, 3).
-    w_m
-        Limb manipulability, shape (k, N); 0 where the stance cannot be held.
-    w_b
-        Base manipulability, shape (k,).
-    branch
-        Branch of each limb at which the posture has its margin, shape (k, N).
-    branch_sets
-        Branches and flips on which each limb may hold, as 16-bit branch sets, shape (k, N).
-    pose_number
-        Index of the base pose among the candidates, see `candidate_poses`, shape (k,); -1 for a
-        given base pose, and where no candidate was chosen.
-    cause
-        Cause of the collision where only a collision keeps the stance from being held, else 0,
-        shape (k,); see `distances`.
-    """
+    """Postures of k stances with N limbs."""
 
     base_position: Array
+    """Base positions in the world [m], shape (k, 3)."""
     base_rotation: Array
+    """Base rotations in the world, shape (k, 3, 3)."""
     w_m: Array
+    """Limb manipulability, shape (k, N); 0 where the stance cannot be held."""
     w_b: Array
+    """Base manipulability, shape (k,)."""
     branch: IntArray
+    """Branch of each limb at which the posture has its margin, shape (k, N)."""
     branch_sets: IntArray
+    """Branches and flips on which each limb may hold, as 16-bit branch sets, shape (k, N)."""
     pose_number: IntArray
+    """Index of the base pose among the candidates, see `candidate_poses`, shape (k,); -1 for a
+    given base pose, and where no candidate was chosen."""
     cause: IntArray
+    """Cause of the collision where only a collision keeps the stance from being held, else 0, shape
+    (k,); see `distances`."""
 
     @property
     def reachable(self) -> BoolArray:

@@ -15,7 +15,7 @@ from mlivr_gym.robot.file_limb import FileLimb
 from mlivr_gym.robot.file_parts import body_parts
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.link_frames import inverse
-from mlivr_gym.robot.rigid import RigidBody, joined
+from mlivr_gym.robot.rigid import RigidBody, box_inertia, joined
 from mlivr_gym.values import Triple
 
 EVEN = 1e-6
@@ -84,8 +84,7 @@ def body_of(
 
 def _body_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:
     """Return the inertia of a body, None if it is that of a homogeneous box."""
-    square = np.broadcast_to(np.asarray(size), 3) ** 2
-    box = [*(solid.mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0]
+    box = box_inertia(solid.mass, np.broadcast_to(np.asarray(size, dtype=np.float64), 3))
     same = np.allclose(solid.inertia, box, rtol=1e-9, atol=1e-9)
     return None if same and np.allclose(solid.centre, 0.0, atol=1e-9) else solid.inertia
 

@@ -146,15 +146,8 @@ class FileLimb:
         )
         dynamics = self.dynamics
         if dynamics.base_centre is not None and dynamics.base_inertia is not None:
-            xx, yy, zz, xy, xz, yz = dynamics.base_inertia
-            inertia = turn[:3, :3].T @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            inertia = inertia @ turn[:3, :3]
-            order = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-            dynamics = replace(
-                dynamics,
-                base_centre=back(dynamics.base_centre),
-                base_inertia=tuple(inertia[order].tolist()),
-            )
+            base = RigidBody(1.0, dynamics.base_centre, dynamics.base_inertia).moved(turn.T)
+            dynamics = replace(dynamics, base_centre=base.centre, base_inertia=base.inertia)
         return replace(
             self,
             limb=replace(self.limb, **fields),

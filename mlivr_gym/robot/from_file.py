@@ -38,36 +38,25 @@ R = TypeVar("R", bound=DerivedFigures)
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A robot as a file describes it.
-
-    Attributes
-    ----------
-    fields
-        Fields of `RobotSpec`.
-    joint_names
-        Names of the joints that move in the file, N of six; equal limbs of one arm share them.
-    signs
-        1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
-        offset`.
-    offsets
-        The offsets [rad], shape (N, 6).
-    capsule_excess
-        How far the capsules of each link reach beyond its shapes at most [m], by limb and link.
-    body_excess
-        How far the box of the body reaches beyond its shapes [m].
-    position_error
-        Largest distance of a flange from that of the file over random joint angles [m]. It is above
-        0 because axes that are nearly parallel or perpendicular in the file are exactly so in the
-        family.
-    """
+    """A robot as a file describes it."""
 
     fields: dict[str, Any]
+    """Fields of `RobotSpec`."""
     joint_names: tuple[tuple[str, ...], ...]
+    """Names of the joints that move in the file, N of six; equal limbs of one arm share them."""
     signs: Array
+    """1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
+    offset`."""
     offsets: Array
+    """The offsets [rad], shape (N, 6)."""
     capsule_excess: tuple[dict[str, float], ...]
+    """How far the capsules of each link reach beyond its shapes at most [m], by limb and link."""
     body_excess: float
+    """How far the box of the body reaches beyond its shapes [m]."""
     position_error: float
+    """Largest distance of a flange from that of the file over random joint angles [m]. It is above
+    0 because axes that are nearly parallel or perpendicular in the file are exactly so in the
+    family."""
 
     def from_file_angles(self, angles: Array) -> Array:
         """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""

@@ -32,33 +32,23 @@ MOST_CAPSULES = 64
 
 @dataclass(frozen=True)
 class Mount:
-    """The place of one limb on the body, and the parts in which it differs from the other limbs.
-
-    Attributes
-    ----------
-    position
-        Origin of the limb's base in the body frame [m].
-    rotation
-        Rows of the rotation from the limb's base axes to the body's; its third column is the axis
-        of the first joint.
-    limb
-        Kinematics of this limb; None for `RobotSpec.limb`.
-    capsules
-        Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
-        given, for those of the UR5e stretched to its lengths.
-    dynamics
-        Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
-        is given, for those of the arm that has its lengths.
-    visuals
-        Meshes that show this limb; None for `RobotSpec.visuals`, or none if `limb` is given.
-    """
+    """The place of one limb on the body, and the parts in which it differs from the other limbs."""
 
     position: Triple
+    """Origin of the limb's base in the body frame [m]."""
     rotation: tuple[Triple, Triple, Triple]
+    """Rows of the rotation from the limb's base axes to the body's; its third column is the axis of
+    the first joint."""
     limb: AnyLimb | None = None
+    """Kinematics of this limb; None for `RobotSpec.limb`."""
     capsules: tuple[Capsule, ...] | None = None
+    """Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
+    given, for those of the UR5e stretched to its lengths."""
     dynamics: LimbDynamics | None = None
+    """Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
+    is given, for those of the arm that has its lengths."""
     visuals: tuple[Visual, ...] | None = None
+    """Meshes that show this limb; None for `RobotSpec.visuals`, or none if `limb` is given."""
 
     def __post_init__(self) -> None:
         """Check every figure."""

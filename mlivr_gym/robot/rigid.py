@@ -9,6 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.description import LEAST_MASS
+from mlivr_gym.robot.link_frames import inverse
 from mlivr_gym.values import Triple
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -40,36 +41,25 @@ def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> Rigid
     """
     parts = []
     for body in numbers:
-        mass = float(model.body_mass[body])
-        if mass <= 2.0 * LEAST_MASS:
-            continue
-        turn = data.xmat[body].reshape(3, 3)
-        centre = data.xpos[body] + turn @ model.body_ipos[body]
-        axes = turn @ _matrix(model.body_iquat[body])
-        parts.append((mass, centre, axes @ np.diag(model.body_inertia[body]) @ axes.T))
-    mass, centre, inertia = _sum(parts)
-    if not mass:
+        mass, place = float(model.body_mass[body]), np.eye(4)
+        if mass > 2.0 * LEAST_MASS:
+            place[:3, :3], place[:3, 3] = data.ximat[body].reshape(3, 3), data.xipos[body]
+            moments = (*model.body_inertia[body].tolist(), 0.0, 0.0, 0.0)
+            parts.append(RigidBody(mass, (0.0, 0.0, 0.0), moments).moved(place))
+    if not parts:
         return RigidBody(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-    turn = frame[:3, :3].T
-    inertia = turn @ inertia @ turn.T
-    x, y, z = (turn @ (centre - frame[:3, 3])).tolist()
-    return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
+    return combined(parts).moved(inverse(frame))
 
 
-def _sum(parts: Sequence[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
-    """Return mass, centre and inertia about it of parts in one frame (parallel axis theorem)."""
-    mass = sum(part[0] for part in parts)
-    centre = sum((m * c for m, c, _ in parts), np.zeros(3)) / (mass or 1.0)
+def combined(parts: Sequence[RigidBody]) -> RigidBody:
+    """Return parts in one frame as one body (parallel axis theorem)."""
+    mass = sum(part.mass for part in parts)
+    centre = sum((part.mass * np.array(part.centre) for part in parts), np.zeros(3)) / mass
     inertia = np.zeros((3, 3))
-    for m, c, about in parts:
-        away = c - centre
-        inertia += about + m * ((away @ away) * np.eye(3) - np.outer(away, away))
-    return mass, centre, inertia
-
-
-def combined(parts: Iterable[RigidBody]) -> RigidBody:
-    """Return parts in one frame as one body."""
-    mass, centre, inertia = _sum([(p.mass, np.array(p.centre), _inertia_matrix(p)) for p in parts])
+    for part in parts:
+        away = np.array(part.centre) - centre
+        about = (away @ away) * np.eye(3) - np.outer(away, away)
+        inertia += _inertia_matrix(part) + part.mass * about
     x, y, z = centre.tolist()
     return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
 
@@ -86,15 +76,6 @@ def box_inertia(mass: float, edges: Array) -> tuple[float, ...]:
     """Return the inertia of a homogeneous box about its middle [kg m^2]."""
     square = edges**2
     return (*(mass * (square.sum() - square) / 12.0).tolist(), 0.0, 0.0, 0.0)
-
-
-def _matrix(quaternion: Array) -> Array:
-    w, x, y, z = quaternion
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
 
 
 def cylinder(mass: float, radius: float, length: float, height: float) -> RigidBody:

@@ -31,15 +31,10 @@ MOST_POSES = 64
 
 @dataclass(frozen=True)
 class PairOf:
-    """Validator of one of several pairs of names, in either order.
-
-    Attributes
-    ----------
-    pairs
-        The pairs.
-    """
+    """Validator of one of several pairs of names, in either order."""
 
     pairs: tuple[tuple[str, str], ...]
+    """The pairs."""
 
     def read(self, value: object, place: FieldPath) -> tuple[str, str]:
         """Return the pair in the order in which it is listed."""
@@ -52,15 +47,10 @@ class PairOf:
 
 @dataclass(frozen=True)
 class SizeOrEdges:
-    """Validator of the edge of a cube [m], or of three edges of a box.
-
-    Attributes
-    ----------
-    least
-        Smallest edge [m].
-    """
+    """Validator of the edge of a cube [m], or of three edges of a box."""
 
     least: float = SMALLEST_BODY
+    """Smallest edge [m]."""
 
     @property
     def edge(self) -> Tuples:

@@ -35,30 +35,20 @@ AT_REST = len(PHASES)
 
 @dataclass(frozen=True)
 class Frames:
-    """A sequence of k timed configurations.
-
-    Attributes
-    ----------
-    times
-        Time of each frame, shape (k,) [s].
-    step
-        Index of the step, or number of the stance if the robot is at rest, shape (k,).
-    phase
-        Index into `regrasp.PHASES`, or `AT_REST`, shape (k,).
-    base_positions
-        Base positions, shape (k, 3) [m].
-    base_quaternions
-        Base orientations w, x, y, z, shape (k, 4).
-    joint_positions
-        Joint angles, shape (k, N, 6) [rad].
-    """
+    """A sequence of k timed configurations."""
 
     times: Array
+    """Time of each frame, shape (k,) [s]."""
     step: IntArray
+    """Index of the step, or number of the stance if the robot is at rest, shape (k,)."""
     phase: IntArray
+    """Index into `regrasp.PHASES`, or `AT_REST`, shape (k,)."""
     base_positions: Array
+    """Base positions, shape (k, 3) [m]."""
     base_quaternions: Array
+    """Base orientations w, x, y, z, shape (k, 4)."""
     joint_positions: Array
+    """Joint angles, shape (k, N, 6) [rad]."""
 
     def __len__(self) -> int:
         """Return the number of frames."""

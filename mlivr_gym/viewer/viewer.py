@@ -71,9 +71,8 @@ class Viewer:
     """
 
     def __init__(
-        self, page: Page, live: LivePlan, recording: Recording | None = None,
-        aspect: float = ASPECT, capsules: bool = False,
-    ) -> None:  # fmt: skip
+        self, page: Page, live: LivePlan, recording: Recording | None = None, capsules: bool = False
+    ) -> None:
         """Draw module and robot; `refresh` draws the plan, or its execution if recorded."""
         self.page, self.live, self.recording = page, live, recording
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, (), capsules)
@@ -87,14 +86,14 @@ class Viewer:
         self._states: tuple[State | None, ...] = ()
         self._ticks = self._boxes = 0
         self._hidden = frozenset({"tree"})
-        self._separate, self._aspect = False, aspect
+        self._separate = False
         drawing.add_lights(page)
         drawing.draw_module(page, "module", self.scene)
         drawing.draw_points(page, live.graph.grasp_map)
         drawing.draw_robot(page, "robot", self.scene)
         goal = np.array(live.query.goal)
         self._positions = drawing.visible_positions(live.graph.grasp_map, goal, live.plan)
-        self.hide_walls_from(drawing.aim_camera(page, self._positions, aspect))
+        self.hide_walls_from(drawing.aim_camera(page, self._positions, ASPECT))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -390,6 +389,4 @@ class Viewer:
                 if self._separate:
                     positions = np.concatenate([positions, positions + SECOND_OFFSET])
                     elevation = drawing.SECOND_ELEVATION
-                self.hide_walls_from(
-                    drawing.aim_camera(self.page, positions, self._aspect, elevation)
-                )
+                self.hide_walls_from(drawing.aim_camera(self.page, positions, ASPECT, elevation))

@@ -1,9 +1,6 @@
 """The command `render`."""
 
 import json
-import os
-import subprocess
-import sys
 
 import numpy as np
 from PIL import Image
@@ -11,17 +8,6 @@ from PIL import Image
 from mlivr_gym.cli.render import shots_of
 from mlivr_gym.errors import RenderError
 from mlivr_gym.motion.plan import Plan
-
-
-def test_render_falls_back_without_gl(tmp_path):
-    """Where GL fails, or not, in a process of its own: there is a picture."""
-    environment = os.environ | {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": "osmesa"}
-    out = tmp_path / "scene.png"
-    line = f"-m mlivr_gym.cli.main render --start D2a:4 D2b:4 --out {out}"
-    command = [sys.executable, *line.split()]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0
-    assert out.read_bytes().startswith(b"\x89PNG")
 
 
 def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):

@@ -94,6 +94,8 @@ def test_predict_loops_of_sb3_contrib(env, wrapper):
         action, _ = model.predict(obs, action_masks=get_action_masks(world))
         obs, _, terminated, truncated, info = world.step(action)
         assert not info["invalid_action"]
+        assert wrapper is None or (obs["action_mask"] == info["action_mask"]).all()
+        assert world.observation_space.contains(obs)
         if terminated or truncated:
             obs, _ = world.reset()
 

@@ -139,6 +139,10 @@ def test_policies_that_know_what_the_robot_knows_arrive(env, known):
                 assert info["is_success"]
                 assert info["steps"] - info["looks"] >= fewest
                 assert looks or not info["looks"]
+    with pytest.raises(SettingError, match="policy is 'astar'; it must be a Policy"):
+        LookingPolicy("astar")
+    with pytest.raises(SettingError, match="looks is 2; it must be true or false"):
+        LookingPolicy(ExpertPolicy(), 2)
     with pytest.raises(SettingError, match="must be a UnknownMapEnv"):
         LookingPolicy(ExpertPolicy()).act(known, {}, np.ones(1, dtype=bool))
 

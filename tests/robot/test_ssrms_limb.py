@@ -14,7 +14,6 @@ from mlivr_gym import RobotSpec, SsrmsLimb
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.manipulability import limb_manipulability
-from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
@@ -67,25 +66,6 @@ def test_forward_kinematics_of_all_seven_joints_is_that_of_pinocchio(held, q):
     ours = flange(replace(LIMB, held_angle=held), q)
     np.testing.assert_allclose(ours[0], position, atol=1e-12)
     np.testing.assert_allclose(ours[1], axes, atol=1e-12)
-
-
-@given(TURN, ANGLES)
-@MANY
-def test_w_m_of_the_joints_that_move_is_a_lower_bound_of_that_of_all(held, q):
-    """`w_m` of the six is `|det J| / l_c^3` of the columns 2 to 7, from Pinocchio."""
-    limb, jacobian = replace(LIMB, held_angle=held), published(held, q)[2]
-    moving = limb_manipulability(jacobian[:, 1:], L_C)
-    assert limb_manipulability(jacobian, L_C) >= moving * (1.0 - 1e-9) - 1e-12
-    s3, s5 = np.sin(q[[2, 4]])
-    u = limb.a2 * np.cos(q[1]) + limb.a3 * np.cos(q[1] + q[2]) + limb.d5 * np.sin(q[1:4].sum())
-    assert abs(limb.a2 * limb.a3 * s3 * s5 * u) / L_C**3 == pytest.approx(moving, abs=1e-7)
-
-
-@given(ANGLES)
-@MANY
-def test_frames_of_the_links_end_at_the_flange_of_the_closed_form(q):
-    frames, form = link_frames(LIMB, q), forward_kinematics(q, LIMB.lengths)
-    np.testing.assert_allclose(frames[6], form[6], atol=1e-12)
 
 
 @pytest.mark.parametrize("held", [0.0, 0.5 * np.pi, -1.0])

@@ -3,7 +3,6 @@
 import re
 
 import pytest
-from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
@@ -21,13 +20,6 @@ def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
     # Names of standards apart, nothing is named that could be fetched.
     fetched = re.findall(r"""(?:src|href)=["']?(https?://[^"' >]+)""", text)
     assert not fetched
-
-
-def test_an_execution_is_written_too(checked_graph, walk, tmp_path):
-    recording = recording_of(walk)
-    path = tmp_path / "walk.html"
-    assert export.write_html(path, checked_graph, walk, recording) <= 2_000_000
-    assert "<title>mlivr2: execution, 4 steps" in path.read_text(encoding="utf-8")
 
 
 def test_a_large_scene_has_fewer_pictures(checked_graph, walk, tmp_path, monkeypatch):
