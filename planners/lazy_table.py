@@ -153,7 +153,7 @@ class LazyTwoLimbTable(LazyTable):
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
         if graph.obstacles or graph.occupied or not self.is_complete:
-            branch_sets = packed(graph.branch_sets)
+            branch_sets = packed(graph.steps.branch_sets)
             releasable = self.table.releasable & branch_sets
             joined = self.table.joined.copy()
             self.table = self.table._replace(
@@ -163,7 +163,8 @@ class LazyTwoLimbTable(LazyTable):
                 self._record_releases(np.flatnonzero(graph.steps.releases["known"].all(axis=1)))
 
     def _record_releases(self, rows: IntArray) -> None:
-        """Copy the branches on which limbs can be released from the graph."""
+        """Copy the branches of checked nodes, and those on which limbs can be released."""
+        self.table.branch_sets[rows] = packed(self.graph.steps.branch_sets[rows])
         self.table.releasable[rows] = packed(self.graph.releasable[rows].astype(np.int64))
 
     def check_edges(self, edges: IntArray) -> None:
@@ -227,7 +228,8 @@ class LazyNodeTable(LazyTable):
             branch_sets, releasable = table.branch_sets.copy(), table.releasable.copy()
             self.table = table._replace(branch_sets=branch_sets, releasable=releasable)
             reach = graph.robot.extent + graph.settings.clearance
-            self._may_touch = graph.close_to_obstacles(table.base_position, reach)
+            base = table.base_position
+            self._may_touch = graph.close_to_obstacles(base, base, reach)
             self._unchecked = self._may_touch.copy()
             self.belief = CollisionBelief(cells())
 

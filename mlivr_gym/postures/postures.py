@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.relabelling import relabelled, relabelled_frames
 
@@ -48,6 +49,17 @@ class Postures:
         rows = Pose.rows(len(self.w_b))
         rows["position"], rows["rotation"] = self.base_position, self.base_rotation
         return rows
+
+    def checked(self, points: IntArray, every: bool) -> CheckedPostures:
+        """Return them as checks against boxes read them, with the points held, shape (k, N).
+
+        `every` says whether all branches are checked and removed from the branch sets; otherwise
+        only the causes on the branches of the postures are set. Both are changed in place.
+        """
+        points, every_branch = np.ascontiguousarray(points), np.array([every])
+        return CheckedPostures(
+            points, self.base_rows, self.branch, self.branch_sets, self.cause, every_branch
+        )
 
     def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
         """Return the postures of selected stances."""

@@ -137,25 +137,11 @@ class PostureSolver:
             check_points(rows, self.surroundings(grid), QueryScratch.rows(1), causes)
         return np.array(out.max(axis=0), dtype=np.int64)
 
-    def remove_touching(
-        self, chosen: IntArray, stances: IntArray, postures: Postures, grid: BoxGrid, others: bool
-    ) -> None:
-        """Remove the branches that touch a box from the branch sets of the stances `chosen`.
-
-        All stances have shape (k, N); branch sets and causes of their postures are changed in
-        place. Without `others`, only the causes on the branches of the postures are set.
-        """
-        geometry = CheckedPostures(
-            np.ascontiguousarray(stances),
-            postures.base_rows,
-            postures.branch,
-            postures.branch_sets,
-            postures.cause,
-            np.array([others]),
-        )
+    def remove_touching(self, chosen: IntArray, postures: CheckedPostures, grid: BoxGrid) -> None:
+        """Remove the branches that touch a box from the branch sets of postures given by index."""
         world, rows = self.surroundings(grid), QueryScratch.rows
         in_parallel(
-            len(chosen), remove_touching_branches, chosen, geometry, self.shapes.rows, world,
+            len(chosen), remove_touching_branches, chosen, postures, self.shapes.rows, world,
             scratch_rows=rows,
         )  # fmt: skip
 
@@ -204,7 +190,8 @@ class PostureSolver:
         postures.cause[nodes] = touching
         postures.branch_sets[nodes[touching > 0]] = 0
         nodes = nodes[touching == 0]
-        self.remove_touching(nodes, stances, postures, self.boxes, self.settings.transitions)
+        checked = postures.checked(stances, self.settings.transitions)
+        self.remove_touching(nodes, checked, self.boxes)
         again = nodes[postures.cause[nodes] > 0]
         if not len(again):
             return

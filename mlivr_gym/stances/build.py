@@ -12,7 +12,8 @@ from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import TOUCHED
+from mlivr_gym.stances.two_limb_graph import REMOVED, TwoLimbGraph
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
@@ -61,6 +62,24 @@ def stance_graph(
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "
-            f"{graph.why_empty()}"
+            f"{_why_empty(graph)}"
         )
     return graph
+
+
+def _why_empty(graph: TwoLimbGraph) -> str:
+    """Return why a graph without stances has none."""
+    if not graph.reachable:
+        return (
+            f"no base pose at heights {graph.robot.heights} m lets limbs mounted "
+            f"{graph.robot.mount_radius:g} m from the axis reach two points"
+        )
+    touching = ", ".join(
+        f"{count} touch {TOUCHED[REMOVED[name]]}" for name, count in graph.removed.items() if count
+    )
+    return (
+        f"of {graph.reachable} stances in reach none meets w_m >= {graph.limb_threshold:g} and "
+        f"w_b >= {graph.base_threshold:g} with limbs that can depart at w_m >= "
+        f"{graph.settings.path_floor:g}"
+        + (f"; of those that meet the thresholds {touching}" if touching else "")
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
-from mlivr_gym.kinematics.batches import rows_close
+from mlivr_gym.kinematics.batches import SLACK
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
@@ -20,7 +20,10 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 GROUP_EDGE = 0.3
-"""Edge of the cubes of space whose obstacles are compared with positions as one box [m]."""
+"""Edge of the cubes of space whose obstacles are compared with positions as one box, by reach."""
+
+CELL_EDGE = 0.1
+"""Edge of the cells whose positions are compared with obstacles as one [m]."""
 
 
 class ChangingWorld(ABC):
@@ -134,21 +137,22 @@ class ChangingWorld(ABC):
         """
 
     def close_to_obstacles(
-        self, positions: Array, reach: float, boxes: Sequence[Box] | None = None
+        self, low: Array, high: Array, reach: float, boxes: Sequence[Box] | None = None
     ) -> BoolArray:
-        """Return which positions, shape (n, 3), may lie within `reach` [m] of obstacles, or of all.
+        """Return which regions between corners, (n, 3) each, may be within `reach` of obstacles.
 
-        Boxes whose centres are close to each other count as one box that contains them.
+        Boxes, by default all, whose centres are close to each other count as one that contains
+        them.
         """
-        others, groups = np.arange(len(positions)), dict[tuple[float, ...], list[Array]]()
+        close, groups = np.zeros(len(low), dtype=np.bool_), dict[tuple[float, ...], list[Array]]()
         for box in self.obstacles if boxes is None else boxes:
-            key = tuple(coordinate // GROUP_EDGE for coordinate in box.centre)
+            key = tuple(coordinate // (GROUP_EDGE * reach) for coordinate in box.centre)
             groups.setdefault(key, []).append(box.bounds)
         for bounds in groups.values():
-            low, high = np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]
-            others = np.delete(others, rows_close(positions[others], low, high, reach))
-        close = np.ones(len(positions), dtype=np.bool_)
-        close[others] = False
+            first, last = np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]
+            rest = np.flatnonzero(~close)
+            gaps = np.maximum(np.maximum(low[rest] - last, first - high[rest]), 0.0)
+            close[rest] = np.einsum("ij,ij->i", gaps, gaps) <= (reach + SLACK) ** 2
         return close
 
     def remove_branches_at_obstacles(
@@ -156,7 +160,6 @@ class ChangingWorld(ABC):
         chosen: IntArray,
         points: IntArray,
         postures: Postures,
-        grid: BoxGrid | None = None,
     ) -> None:
         """Remove the branches that touch an obstacle from the branch sets of some stances.
 
@@ -168,12 +171,19 @@ class ChangingWorld(ABC):
             Point indices of all stances, shape (k, N).
         postures
             Their postures; the branch sets are changed in place.
-        grid
-            The obstacles to check, by default all.
         """
-        grid = grid or self.obstacle_grid
-        if grid is None:
+        if self.obstacle_grid is None:
             return
-        self.solver.remove_touching(chosen, points, postures, grid, others=True)
-        causes = self.solver.causes_at_points(grid)
+        self.solver.remove_touching(chosen, postures.checked(points, True), self.obstacle_grid)
+        causes = self.solver.causes_at_points(self.obstacle_grid)
         postures.branch_sets[(causes[points] > 0).any(axis=1)] = 0
+
+
+def cells_of_positions(positions: Array) -> tuple[IntArray, Array, Array]:
+    """Return the cell of each position, (n,), and the corners of what is in each cell, (c, 3)."""
+    places = np.floor(positions / CELL_EDGE).astype(np.int64)
+    cells, cell = np.unique(places, axis=0, return_inverse=True)
+    low, high = np.full(cells.shape, np.inf), np.full(cells.shape, -np.inf)
+    np.minimum.at(low, cell, positions)
+    np.maximum.at(high, cell, positions)
+    return cell, low, high

@@ -8,6 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.stances.two_limb_rows import StanceRows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable
 from mlivr_gym.transitions.records import StanceArrays
@@ -25,6 +26,8 @@ class TwoLimbEdges:
         The steps.
     close
         Stances that may touch an obstacle on a step from or to them, shape (n,).
+    unchecked
+        Stances of which some branches may touch an obstacle themselves, shape (n,).
     """
 
     is_complete: bool
@@ -55,7 +58,7 @@ class TwoLimbEdges:
         """
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
-        self.close = np.zeros(len(base), dtype=np.bool_)
+        self.close, self.unchecked = np.zeros((2, len(base)), dtype=np.bool_)
         self._world = checks.world(None)
         count = int((rows.degree**2).sum()) if settings.transitions else 1
         self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)
@@ -77,22 +80,27 @@ class TwoLimbEdges:
         )
 
     def among_obstacles(
-        self, branch_sets: IntArray, gone: BoolArray, close: BoolArray, obstacles: BoxGrid | None
+        self,
+        branch_sets: IntArray,
+        unchecked: BoolArray,
+        close: BoolArray,
+        obstacles: BoxGrid | None,
     ) -> TwoLimbEdgesAmongObstacles:
         """Return the steps among obstacles and occupied points.
 
         Parameters
         ----------
         branch_sets
-            Branches and flips on which each limb may hold, shape (n, 2).
-        gone
-            Stances that hold an occupied point, shape (n,).
+            Branches and flips on which each limb may hold, shape (n, 2); none at a point that is
+            occupied or touches an obstacle.
+        unchecked
+            Stances of which some of these branches may touch an obstacle, shape (n,).
         close
             Stances that may touch an obstacle on a step from or to them, shape (n,).
         obstacles
             The obstacles, if there are any.
         """
-        return TwoLimbEdgesAmongObstacles(self, branch_sets, gone, close, obstacles)
+        return TwoLimbEdgesAmongObstacles(self, branch_sets, unchecked, close, obstacles)
 
     def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_index`."""
@@ -133,6 +141,9 @@ class TwoLimbEdges:
         back = line_branches if line_branches < 0 else 8 * (line_branches % 8) + line_branches // 8
         edges[self.index(support, before, after)] = edge
         edges[self.index(support, after, before)] = (*edge[:-1], back)
+
+    def check_nodes(self, chosen: slice | IntArray) -> None:
+        """Remove the branches of stances that touch obstacles, once."""
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
@@ -202,17 +213,18 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         self,
         free: TwoLimbEdges,
         branch_sets: IntArray,
-        gone: BoolArray,
+        unchecked: BoolArray,
         close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
         """Start from the steps without obstacles, see `TwoLimbEdges.among_obstacles`."""
-        self.free, self.close = free, close
+        self.free, self.close, self.unchecked, self._obstacles = free, close, unchecked, obstacles
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, obstacles_only=True)
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
         releases = free.stances.releases
         releases = releases.view(np.uint8).copy().view(releases.dtype)
+        gone = ~branch_sets.any(axis=1)
         releases["branches"][gone] = 0
         releases["known"][gone] = True
         releases["known"][close & ~gone] = False
@@ -221,6 +233,21 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         edges = TwoLimbEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
         self.is_complete = free.is_complete and edges is free.table.edges
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
+        no_branch, no_cause = np.full_like(branch_sets, -1), np.zeros(len(close), dtype=np.int64)
+        self._postures = CheckedPostures(
+            free.table.points, free.stances.base, no_branch, branch_sets, no_cause, np.array([True])
+        )
+
+    def check_nodes(self, chosen: slice | IntArray) -> None:
+        """Remove the branches of stances that touch obstacles, once."""
+        if isinstance(chosen, slice):
+            rows = np.arange(len(self.unchecked))[chosen]
+        else:
+            rows = np.unique(chosen)
+        rows = rows[self.unchecked[rows]]
+        if len(rows) and self._obstacles is not None:
+            self.unchecked[rows] = False
+            self.checks.solver.remove_touching(rows, self._postures, self._obstacles)
 
     def check_step(self, support: int, before: int, after: int) -> None:
         """Check one step as `check_steps` does, with less overhead."""
@@ -230,6 +257,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases, branch_sets, moving = self.stances.releases, self.stances.branch_sets, 1 - support
         known = releases["known"]
         ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
+        self.check_nodes(np.array([before, after]))
         if ends:
             self._check_releases(np.array(ends))
         if self.table.edges is self.free.table.edges:
@@ -267,6 +295,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases, branch_sets = self.stances.releases, self.stances.branch_sets
         self.free.check_releases(todo)
         s, limb = todo.T
+        self.check_nodes(s)
         releases[s, limb] = self.free.stances.releases[s, limb]
         blocked = branch_sets[s, 1 - limb] == 0
         releases["branches"][s[blocked], limb[blocked]] = 0
@@ -286,6 +315,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         self.free.check_steps(support, before, after)
         both = np.concatenate([before, after])
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        self.check_nodes(both)
         steps = self._steps(support, before, after)
         known = self.free.table.edges[self.index(support, before, after)]
         branches = self.stances.releases["branches"]

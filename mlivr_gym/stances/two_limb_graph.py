@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
@@ -24,6 +24,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
+from mlivr_gym.stances.obstacles import cells_of_positions
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -61,8 +62,8 @@ class TwoLimbGraph(StanceGraph):
         Limb manipulability, shape (n, 2).
     w_b
         Base manipulability, shape (n,).
-    branch, branch_sets
-        Branch of each limb in the posture, and branches on which it may hold, shape (n, 2) each.
+    branch
+        Branch of each limb in the posture, shape (n, 2).
     pose_number
         Number of the candidate base pose, see `candidate_poses`, shape (n,).
     rows
@@ -93,7 +94,7 @@ class TwoLimbGraph(StanceGraph):
         self.points, chosen = known.points, known.postures
         self.base_position, self.base_rotation = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
-        self.branch, self.branch_sets = chosen.branch, chosen.branch_sets
+        self.branch = chosen.branch
         self.pose_number = chosen.pose_number
         m = len(grasp_map)
         rows = rows_of(self.points, m)
@@ -149,6 +150,12 @@ class TwoLimbGraph(StanceGraph):
         )
 
     @property
+    def branch_sets(self) -> IntArray:
+        """Branches and flips on which each limb may hold among the obstacles, shape (n, 2)."""
+        self._known.check_nodes(slice(None))
+        return self._known.table.branch_sets
+
+    @property
     def is_complete(self) -> bool:
         """Whether every step is known, among the present obstacles and occupied points."""
         return self._known.is_complete
@@ -159,7 +166,10 @@ class TwoLimbGraph(StanceGraph):
 
     @property
     def steps(self) -> TwoLimbTable:
-        """The edges checked so far, among the present obstacles, as compiled code reads them."""
+        """The edges checked so far, among the present obstacles, as compiled code reads them.
+
+        Of stances that no edge or release was checked for, branches may still touch obstacles.
+        """
         return self._known.table
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
@@ -183,24 +193,28 @@ class TwoLimbGraph(StanceGraph):
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         """Start from the stances as they were before obstacles were added, or without obstacles."""
         if added is None:
-            added = self.obstacles
-            self._known, self.branch_sets = self._free, self._free.table.branch_sets
+            added, self._known = self.obstacles, self._free
         if not (self.obstacles or self.occupied):
             return
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
         reach = around + 0.8 * self.max_displacement
-        close = self.close_to_obstacles(self.base_position, reach, added)
-        gone = np.asarray(np.isin(self.points, list(self.occupied)).any(axis=1))
-        self.branch_sets = self.branch_sets.copy()
-        self.branch_sets[gone] = 0
-        if close.any():
-            chosen = np.flatnonzero(close & self.branch_sets.all(axis=1))
-            chosen = chosen[self.close_to_obstacles(self.base_position[chosen], around, added)]
-            stances = chosen, self.points, self.node_postures(slice(None))
-            self.remove_branches_at_obstacles(*stances, box_grid(added))
-        close |= self._known.close
-        self._known = self._free.among_obstacles(self.branch_sets, gone, close, self.obstacle_grid)
+        cell, low, high = self._cells
+        close = self.close_to_obstacles(low, high, reach, added)[cell]
+        closest = self.close_to_obstacles(low, high, around, added)[cell]
+        forbidden = self.solver.causes_at_points(box_grid(added)) > 0
+        forbidden[list(self.occupied)] = True
+        known, branch_sets = self._known, self._known.table.branch_sets.copy()
+        branch_sets[forbidden[self.points].any(axis=1)] = 0
+        masks = known.unchecked | closest, known.close | close
+        self._known = self._free.among_obstacles(branch_sets, *masks, self.obstacle_grid)
+        if not self.settings.transitions:
+            self._known.check_nodes(slice(None))
+
+    @cached_property
+    def _cells(self) -> tuple[IntArray, Array, Array]:
+        """The base positions by cells, which are compared with obstacles in place of them."""
+        return cells_of_positions(self.base_position)
 
     @property
     def releasable(self) -> IntArray:
@@ -222,25 +236,6 @@ class TwoLimbGraph(StanceGraph):
         apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
         return 2 * int((apart > robot.span + 1e-9).sum())
 
-    def why_empty(self) -> str:
-        """Return why a graph without stances has none."""
-        if not self.reachable:
-            return (
-                f"no base pose at heights {self.robot.heights} m lets limbs mounted "
-                f"{self.robot.mount_radius:g} m from the axis reach two points"
-            )
-        touching = ", ".join(
-            f"{count} touch {TOUCHED[REMOVED[name]]}"
-            for name, count in self.removed.items()
-            if count
-        )
-        return (
-            f"of {self.reachable} stances in reach none meets w_m >= {self.limb_threshold:g} and "
-            f"w_b >= {self.base_threshold:g} with limbs that can depart at w_m >= "
-            f"{self.settings.path_floor:g}"
-            + (f"; of those that meet the thresholds {touching}" if touching else "")
-        )
-
     def find(self, stance: Sequence[int]) -> int:
         """Return the index of a stance given by point indices, -1 if it is no node."""
         self.check_stance(stance)
@@ -261,13 +256,14 @@ class TwoLimbGraph(StanceGraph):
     def node_postures(self, chosen: slice | IntArray) -> Postures:
         """Return the postures of stances given by index."""
         position = self.base_position[chosen]
+        self._known.check_nodes(chosen)
         return Postures(
             position,
             self.base_rotation[chosen],
             self.w_m[chosen],
             self.w_b[chosen],
             self.branch[chosen],
-            self.branch_sets[chosen],
+            self._known.table.branch_sets[chosen],
             self.pose_number[chosen],
             np.zeros(len(position), dtype=np.int64),
         )
@@ -343,7 +339,8 @@ class TwoLimbGraph(StanceGraph):
         limbs, rows = [], []
         for limb in range(2):
             row = self.stances_with(1 - limb, stance[1 - limb])
-            is_node = (self.branch_sets[row] > 0).all(axis=1)
+            self._known.check_nodes(row)
+            is_node = (self.steps.branch_sets[row] > 0).all(axis=1)
             row = row[is_node & (self.points[row, limb] != stance[limb])]
             rows.append(row)
             limbs.append(np.full(len(row), limb, dtype=np.int64))
@@ -366,7 +363,8 @@ class TwoLimbGraph(StanceGraph):
             return np.full(len(after), ALL, dtype=np.int64)
         steps = [np.array(one) for one in np.broadcast_arrays(support, before, after)]
         self.check_steps(*steps)
-        return np.asarray(self.steps.edges["kept"][self._known.index(*steps)], dtype=np.int64)
+        kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
+        return kept
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
@@ -382,6 +380,8 @@ class TwoLimbGraph(StanceGraph):
         both = state.branch_sets[0], state.branch_sets[1]
         if self.settings.transitions and not self.is_complete:
             self._known.check_releases(np.array([[s, 0], [s, 1]]))
+            rows = [self.stances_with(limb, state.stance[limb]) for limb in range(2)]
+            self._known.check_nodes(np.concatenate(rows))
             count = unknown_steps(s, both, self.steps, branch_sets)
             support, after = branch_sets[:count].T.copy()
             self.check_steps(support, np.full(count, s), after)
