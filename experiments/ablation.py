@@ -51,9 +51,6 @@ VARIANTS: dict[str, list[Patch]] = {
     "all": [],
     "only the stages of the cheapest path": stages(STAGES[-2:], STAGES[-2:]),
     "no probe for an enclosed start": stages(STAGES, AMONG[2:]),
-    "failed checks are not avoided": stages(
-        STAGES, [stage._replace(avoids_failures=False) for stage in AMONG]
-    ),
     "no stage of weight 1 / 2 among obstacles": stages(STAGES, (*AMONG[:2], *AMONG[3:])),
     "no stage of weight 1 / 1.1": stages(
         (*STAGES[:-3], *STAGES[-2:]), (*AMONG[:-3], *AMONG[-2:])

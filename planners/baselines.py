@@ -11,8 +11,7 @@
   corridor around it, which is widened if that fails.
 
 A* without manipulability (Takada 2023) is `Planner` on a graph with
-`Settings(manipulability=False)`; `walks.count_steps` then counts how many steps of its plans are
-edges under the thresholds.
+`Settings(manipulability=False)`.
 """
 
 from __future__ import annotations

@@ -6,13 +6,13 @@ widened, up to the whole map; only the whole map proves that there is none.
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
@@ -176,22 +176,10 @@ def nearest_distances(points: Array, others: Array) -> Array:
 
 def _cheapest_hops(means: Array, here: int, end: int, span: float) -> list[int]:
     """Return the cells from one to another at the least sum of squared hops (Dijkstra 1959)."""
-    cost, before, queue = {here: 0.0}, {here: here}, [(0.0, here)]
-    while queue:
-        spent, cell = heapq.heappop(queue)
-        if cell == end:
-            break
-        if spent > cost[cell]:
-            continue
-        squares = ((means - means[cell]) ** 2).sum(axis=1)
-        for other in np.flatnonzero(squares <= span**2).tolist():
-            total = spent + float(squares[other])
-            if total < cost.get(other, np.inf):
-                cost[other], before[other] = total, cell
-                heapq.heappush(queue, (total, other))
-    if end not in before:
-        return [here, end]
+    squares = ((means[:, None] - means) ** 2).sum(axis=2)
+    squares[squares > span**2] = 0.0  # no hop
+    before = scipy.sparse.csgraph.dijkstra(squares, indices=here, return_predecessors=True)[1]
     path = [end]
-    while path[-1] != here:
-        path.append(before[path[-1]])
-    return path[::-1]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return path[::-1] if path[-1] == here else [here, end]

@@ -73,10 +73,6 @@ class SearchGraph(NamedTuple):
     """Edges that were checked, with the branches that they keep."""
     weights: CostWeights
     """Weights of the cost."""
-    cells: NDArray[np.int32]
-    """Cell of each node, shape (n,)."""
-    cell_costs: Array
-    """Cost of a step into each cell in addition."""
 
 
 class SearchParameters(NamedTuple):
@@ -269,7 +265,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, cells, cell_costs = search_graph
+    table, checked_edges, weights = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -299,7 +295,6 @@ def _expand(
             if not each_keeps_one(kept, limbs):
                 continue
             cost = labels.cost[label] + edge_cost(table, s, other, weights)
-            cost += cell_costs[cells[other]]
             if not cost + h[other] < status.incumbent_cost:
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)

@@ -10,7 +10,6 @@ Results are cached for further queries.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
-from mlivr_gym.planners.collision_belief import CollisionBelief
 from mlivr_gym.planners.labels import NodePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
@@ -51,8 +49,6 @@ class LazyTable(ABC):
         The table; nodes and edges that were checked have the branches that remain in this world.
     checked_edges
         Edges that were checked.
-    belief
-        Where checks against obstacles failed, or None if that is not recorded.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
@@ -66,7 +62,6 @@ class LazyTable(ABC):
         """Start with no edge checked."""
         self.version, self.table = graph.version, table
         self.checked_edges = CheckedEdges.empty(len(table.points))
-        self.belief: CollisionBelief | None = None
 
     def unchecked(self, edges: IntArray) -> IntArray:
         """Return those of the given edges that were not checked, each once."""
@@ -217,10 +212,8 @@ class LazyNodeTable(LazyTable):
 
     is_complete = label_independent = False
 
-    def __init__(
-        self, graph: ImplicitGraph, table: NodeTable, cells: Callable[[], NDArray[np.int32]]
-    ) -> None:
-        """Start with no node and no edge checked; `cells` returns the cells of the nodes."""
+    def __init__(self, graph: ImplicitGraph, table: NodeTable) -> None:
+        """Start with no node and no edge checked."""
         super().__init__(graph, table)
         self.graph, self._free_table = graph, table
         self._unchecked = np.zeros(len(table.points), dtype=np.bool_)
@@ -231,7 +224,6 @@ class LazyNodeTable(LazyTable):
             base = table.base_position
             self._may_touch = graph.close_to_obstacles(base, base, reach)
             self._unchecked = self._may_touch.copy()
-            self.belief = CollisionBelief(cells())
 
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
@@ -256,8 +248,6 @@ class LazyNodeTable(LazyTable):
         self.table.branch_sets[rows] = branch_sets
         self.table.releasable[rows] &= branch_sets
         is_reduced = branch_sets != self._free_table.branch_sets[rows]
-        if self.belief is not None:
-            self.belief.record(rows, np.where(branch_sets == 0, 1.0, 0.5 * is_reduced))
         return bool(is_reduced.any())
 
     def check_edges(self, edges: IntArray) -> None:
@@ -280,9 +270,6 @@ class LazyNodeTable(LazyTable):
             self._record_releases(rows, relabelled(stances.releases, -relabellings))
         kept = packed(relabelled(found, i + 1)[:, : graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
-        if self.belief is not None:
-            close = self._may_touch[rows]
-            self.belief.record(rows[close], np.tile(kept == 0, 2)[close].astype(np.float64))
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
             after, reverse, kept
         )
@@ -389,10 +376,10 @@ def branch_sets_along(
     return found
 
 
-def make_lazy_table(graph: StanceGraph, cells: Callable[[], NDArray[np.int32]]) -> LazyTable | None:
+def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
     """Return the nodes of a graph in the present world, or None if the graph has no table."""
     if isinstance(graph, TwoLimbGraph):
         return LazyTwoLimbTable(graph)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
-        return LazyNodeTable(graph, graph.table, cells)
+        return LazyNodeTable(graph, graph.table)
     return None

@@ -9,16 +9,13 @@ and replanning is fast.
 from __future__ import annotations
 
 from collections import OrderedDict
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.batches import distances, rows_close
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
-from mlivr_gym.planners.collision_belief import cells_of
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.labels import Labels
@@ -71,7 +68,6 @@ class LowerBounds:
         self.graph, self.table = graph, table
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
-        self._one_cell = np.zeros(len(table.points), dtype=np.int32)
         self._lazy_table: LazyTable | None = None
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
@@ -80,31 +76,13 @@ class LowerBounds:
         self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
         self._extension = (0.0, 0) if two_limbs else SEARCH_EXTENSION
 
-    @cached_property
-    def _cells(self) -> NDArray[np.int32]:
-        """Cell of each node in which obstacles may block the robot, shape (n,)."""
-        return cells_of(self.table.base_position)
-
     @property
     def lazy_table(self) -> LazyTable:
         """Nodes and edges in the present world, with the results of earlier checks in it."""
         if self._lazy_table is None or self._lazy_table.version != self.graph.version:
-            self._lazy_table = make_lazy_table(self.graph, lambda: self._cells)
+            self._lazy_table = make_lazy_table(self.graph)
         assert self._lazy_table is not None
         return self._lazy_table
-
-    def cells_with_costs(self, weight: float) -> tuple[NDArray[np.int32], Array]:
-        """Return cells of the nodes, shape (n,), and the cost of failed checks in each of them.
-
-        Parameters
-        ----------
-        weight
-            Weight of that cost; if it is 0, all nodes are in one cell that costs nothing.
-        """
-        belief = self.lazy_table.belief
-        if belief is None or weight == 0.0:
-            return self._one_cell, np.zeros(1)
-        return belief.cells, weight * belief.costs()
 
     def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
         """Return cached bounds that are exact from some nodes, or None."""

@@ -26,8 +26,6 @@ class SearchStage(NamedTuple):
     hold for all labels."""
     only_after_exhaustion: bool = False
     """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
-    avoids_failures: bool = False
-    """Whether steps to places at which checks failed cost more, see `collision_belief`."""
 
 
 FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
@@ -63,7 +61,7 @@ ENCLOSURE_PROOF = SearchStage(
 """The same search without dominance between different labels. It expands every state that can be
 reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
-FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8), avoids_failures=True)
+FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8))
 """The stage that finds a first path among obstacles."""
 
 OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, FIRST_PATH_AMONG_OBSTACLES, *STAGES

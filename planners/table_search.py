@@ -28,7 +28,6 @@ from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
-from mlivr_gym.planners.collision_belief import FailureWeight
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
     SEARCH_COMPLETE,
@@ -138,7 +137,7 @@ class _TableSearch:
         self.lower_bound, self.has_path = 0.0, False
         self.expanded = self.generated = self.backward_expanded = self._last_expanded = 0
         self._is_complete = self._is_exhausted = False
-        self._labels, self._failure_weight = lower_bounds.labels, FailureWeight()
+        self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         position = self.graph.posture_of(start).base_position
         self.starts_at_goal = bool(self.goal.reached(position[0], start.stance))
@@ -243,7 +242,9 @@ class _TableSearch:
         start_bounds = np.maximum(start_bounds, MIN_COST_OUTSIDE_GOAL)
         start_bounds[start] = 0.0
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
-        search_graph = self._search_graph(lazy_table.checked_edges, goal.cost)
+        search_graph = SearchGraph(
+            lazy_table.table, lazy_table.checked_edges, cost_weights(goal.cost)
+        )
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
@@ -256,14 +257,6 @@ class _TableSearch:
         improved = np.maximum(goal_bounds.h, np.minimum(exact, found.lower_bound - start_bounds))
         improved[nodes] = 0.0
         return goal_bounds._replace(h=improved)
-
-    def _search_graph(
-        self, checked_edges: CheckedEdges, cost: Cost, avoids_failures: bool = False
-    ) -> SearchGraph:
-        """Return the graph of a search, with the cost of places at which checks failed or not."""
-        weight = self._failure_weight.value * cost.step_weight if avoids_failures else 0.0
-        cells = self._lower_bounds.cells_with_costs(weight)
-        return SearchGraph(self._lazy_table.table, checked_edges, cost_weights(cost), *cells)
 
     def paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, until the search ends."""
@@ -326,14 +319,12 @@ class _TableSearch:
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(parameters.max_expansions, search.limit - self.expanded)
-        search_graph = self._search_graph(known, goal_bounds.cost, stage.avoids_failures)
+        search_graph = SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost))
         found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
-        if stage.avoids_failures:
-            self._failure_weight.update(found.expanded)
         self._is_complete = found.end == SEARCH_COMPLETE
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import StanceError
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
@@ -73,18 +72,3 @@ def plan_of(
     query = Query((x, y, z), tolerance, "steps", None, method, "none")
     statistics = Statistics(float(len(motion.steps)), expanded, expanded)
     return Plan(query, World.of(graph), motion, statistics)
-
-
-def count_steps(graph: StanceGraph, stances: Sequence[Sequence[str | int]]) -> int:
-    """Return how many steps of a sequence of stances the graph has, from the first on."""
-    points = [graph.indices(stance) for stance in stances]
-    try:
-        state = graph.state(points[0])
-    except StanceError:
-        return 0
-    for done, stance in enumerate(points[1:]):
-        after = graph.step_to(state, stance)
-        if after is None:
-            return done
-        state = after
-    return len(points) - 1

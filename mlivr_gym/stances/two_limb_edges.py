@@ -10,7 +10,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.stances.two_limb_rows import StanceRows
-from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable
+from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable, edge_indices
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.step_check import StepChecks
 
@@ -103,44 +103,13 @@ class TwoLimbEdges:
         return TwoLimbEdgesAmongObstacles(self, branch_sets, unchecked, close, obstacles)
 
     def index(self, support: Any, before: Any, after: Any) -> Any:
-        """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_index`."""
-        table = self.table
-        point, local = table.points[before, support], table.local
-        row = table.offset[support, point] + local[support, before] * table.degree[support, point]
-        return row + local[support, after]
+        """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
+        return edge_indices(support, before, after, self.table)
 
     def step(self, support: int, before: int, after: int) -> Any:
         """Return the record of a step, a row of `TwoLimbEdge`; check it unless it is known."""
-        entry = self.index(support, before, after)
-        if not self.table.edges["known"][entry]:
-            self.check_step(support, before, after)
-        return self.table.edges[entry]
-
-    def check_step(self, support: int, before: int, after: int) -> None:
-        """Check one step as `check_steps` does, with less overhead."""
-        if self.collisions and before > after:
-            before, after = after, before
-        known = self.stances.releases["known"]
-        ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
-        if ends:
-            self.checks.release(self.stances, np.array(ends), self._world)
-        steps, branch_sets, table = self.checks.steps(1), self.stances.branch_sets, self.table
-        step, point = steps[0], table.points[before, support]
-        step["limb"], step["before"], step["after"] = 1 - support, before, after
-        step["pivot"] = self.checks.solver.grasps["point"][point]
-        step["branches"][support] = branch_sets[before, support] & branch_sets[after, support]
-        self.checks.check(steps, self.stances, self._world)
-        found = int(step["kept"][support]), int(step["on_arc"])
-        self._store_step(
-            support, before, after, (*found, 1, *step["folds"].tolist(), int(step["line_branches"]))
-        )
-
-    def _store_step(self, support: int, before: int, after: int, edge: tuple[int, ...]) -> None:
-        """Store the result of one step, the fields of `TwoLimbEdge`, in both directions."""
-        edges, line_branches = self.table.edges, edge[-1]
-        back = line_branches if line_branches < 0 else 8 * (line_branches % 8) + line_branches // 8
-        edges[self.index(support, before, after)] = edge
-        edges[self.index(support, after, before)] = (*edge[:-1], back)
+        self.check_steps(*(np.array([one]) for one in (support, before, after)))
+        return self.table.edges[self.index(support, before, after)]
 
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
@@ -248,41 +217,6 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         if len(rows) and self._obstacles is not None:
             self.unchecked[rows] = False
             self.checks.solver.remove_touching(rows, self._postures, self._obstacles)
-
-    def check_step(self, support: int, before: int, after: int) -> None:
-        """Check one step as `check_steps` does, with less overhead."""
-        if self.collisions and before > after:
-            before, after = after, before
-        kept, on_arc, _, *folds, line_branches = self.free.step(support, before, after).item()
-        releases, branch_sets, moving = self.stances.releases, self.stances.branch_sets, 1 - support
-        known = releases["known"]
-        ends = [(s, limb) for s in (before, after) for limb in (0, 1) if not known[s, limb]]
-        self.check_nodes(np.array([before, after]))
-        if ends:
-            self._check_releases(np.array(ends))
-        if self.table.edges is self.free.table.edges:
-            return
-        branches, shared = (
-            releases["branches"],
-            int(branch_sets[before, support] & branch_sets[after, support]),
-        )
-        able = branches[before, moving] and branches[after, moving]
-        kept = kept & shared if able else 0
-        if kept and (self.close[before] or self.close[after]):
-            steps = self.checks.steps(1)
-            step = steps[0]
-            step["limb"], step["before"], step["after"], step["recheck"] = (
-                moving,
-                before,
-                after,
-                True,
-            )
-            step["pivot"] = self.checks.solver.grasps["point"][self.table.points[before, support]]
-            step["branches"][support], step["kept"][support] = shared, kept
-            step["on_arc"], step["folds"], step["line_branches"] = on_arc, folds, line_branches
-            self.checks.check(steps, self.stances, self._world)
-            kept, on_arc = int(step["kept"][support]), int(step["on_arc"])
-        self._store_step(support, before, after, (kept, on_arc & kept, 1, *folds, line_branches))
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""

@@ -29,12 +29,7 @@ from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 from mlivr_gym.stances.two_limb_rows import rows_of
-from mlivr_gym.stances.two_limb_steps import (
-    TwoLimbTable,
-    longest_step,
-    two_limb_successors,
-    unknown_steps,
-)
+from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release, kept_on_edge
@@ -44,7 +39,7 @@ from mlivr_gym.world.grasp_map import GraspMap
 
 REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
 """Causes of collisions that remove a stance from the graph."""
-NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
+NO_STEPS: IntArray = np.zeros((0, 4), dtype=np.int64)
 
 
 class TwoLimbGraph(StanceGraph):
@@ -291,9 +286,7 @@ class TwoLimbGraph(StanceGraph):
         s = self._node(stance, posture)
         if s < 0:
             return super().releasable_branches(stance, posture, limb)
-        if not self.steps.releases["known"][s, limb]:
-            self._known.check_releases(np.array([[s, limb]]))
-        return int(self.releasable[s, limb])
+        return self._releasable_now(s, limb)
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """Return the edge of a step; see `StanceGraph.edge`."""
@@ -361,35 +354,40 @@ class TwoLimbGraph(StanceGraph):
         """
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)
-        steps = [np.array(one) for one in np.broadcast_arrays(support, before, after)]
-        self.check_steps(*steps)
-        kept: IntArray = self.steps.edges["kept"][self._known.index(*steps)].astype(np.int64)
-        return kept
+        if not self.is_complete:
+            self.check_steps(*map(np.array, np.broadcast_arrays(support, before, after)))
+        index = self._known.index(support, before, after)
+        return np.asarray(self.steps.edges["kept"][index], dtype=np.int64)
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
         if state.pose is not None:
             return super().successors(state)
-        s = self.find(state.stance)
-        if s < 0:
-            return Successors(NO_POINTS, NO_POINTS, np.zeros((0, 3)), np.zeros((0, 2), np.int64))
-        size = int(self.degree[0, state.stance[0]] + self.degree[1, state.stance[1]])
-        limb, stance = (np.empty(size, dtype=np.int64) for _ in range(2))
-        branch_sets = np.empty((size, 2), dtype=np.int64)
-        both = state.branch_sets[0], state.branch_sets[1]
-        if self.settings.transitions and not self.is_complete:
-            self._known.check_releases(np.array([[s, 0], [s, 1]]))
-            rows = [self.stances_with(limb, state.stance[limb]) for limb in range(2)]
-            self._known.check_nodes(np.concatenate(rows))
-            count = unknown_steps(s, both, self.steps, branch_sets)
-            support, after = branch_sets[:count].T.copy()
-            self.check_steps(support, np.full(count, s), after)
-        count = two_limb_successors(s, both, self.steps, limb, stance, branch_sets)
-        limb, stance = limb[:count], stance[:count]
-        return Successors(
-            limb, self.points[stance, limb], self.base_position[stance], branch_sets[:count]
-        )
+        s, found = self.find(state.stance), [NO_STEPS]
+        branch_sets = self.steps.branch_sets
+        grasps = self.releasable if self.settings.transitions else branch_sets
+        for limb in range(2) if s >= 0 else ():
+            support = 1 - limb
+            if can_release(state.branch_sets[limb], self._releasable_now(s, limb)):
+                row = self.row(support, s)
+                self._known.check_nodes(row)
+                shared = branch_sets[row, support] & state.branch_sets[support]
+                row, shared = row[shared != 0], shared[shared != 0]
+                kept = shared & self.kept_branches(support, s, row)
+                steps = np.stack([np.full(len(row), limb), row, kept, grasps[row, limb]], axis=1)
+                found.append(steps[steps[:, 2:].all(axis=1)])
+        limb, stance, kept, grasped = np.concatenate(found).T
+        both = np.stack([np.where(limb, kept, grasped), np.where(limb, grasped, kept)], axis=1)
+        return Successors(limb, self.points[stance, limb], self.base_position[stance], both)
+
+    def _releasable_now(self, s: int, limb: int) -> int:
+        """Return the branches on which a limb of a stance can be released, checked once."""
+        if not self.settings.transitions:
+            return ALL
+        if not self.steps.releases["known"][s, limb]:
+            self._known.check_releases(np.array([[s, limb]]))
+        return int(self.releasable[s, limb])
 
     @cached_property
     def max_displacement(self) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.transitions.rule import can_release, kept_on_edge
+from mlivr_gym.transitions.rule import kept_on_edge
 
 
 class TwoLimbEdge(Record):
@@ -83,97 +83,11 @@ def edge_index(support: int, before: int, after: int, table: TwoLimbTable) -> in
     return index
 
 
-@kernel
-def releasable(table: TwoLimbTable, s: int, limb: int) -> int:
-    """Return the branches on which a limb can be released, and may be once it has grasped."""
-    return int(table.releases[s, limb].branches)
-
-
-@entry
-def unknown_steps(s: int, branch_sets: tuple[int, int], table: TwoLimbTable, out: IntArray) -> int:
-    """List the steps that may leave a state and are not known yet.
-
-    Parameters
-    ----------
-    s
-        Stance.
-    branch_sets
-        Branches that each limb may be on.
-    table
-        The table, with the releases of the stance.
-    out
-        Receives support limb and stance after the step, shape (k, 2).
-
-    Returns
-    -------
-    int
-        Their number.
-    """
-    count = 0
-    for moving in range(2):
-        support = 1 - moving
-        if not can_release(branch_sets[moving], releasable(table, s, moving)):
-            continue
-        point = table.points[s, support]
-        for k in range(table.row_start[support, point], table.row_start[support, point + 1]):
-            s2 = table.rows[support, k]
-            if s2 == s or not kept_on_edge(branch_sets[support], table.branch_sets[s2, support]):
-                continue
-            if not table.edges[edge_index(support, s, s2, table)].known:
-                out[count, 0], out[count, 1] = support, s2
-                count += 1
-    return count
-
-
-@entry
-def two_limb_successors(
-    s: int,
-    branch_sets: tuple[int, int],
-    table: TwoLimbTable,
-    limb: IntArray,
-    stance: IntArray,
-    after: IntArray,
-) -> int:
-    """List the steps that leave stance `s`, by the rule of `transitions.rule`; return how many.
-
-    Parameters
-    ----------
-    s
-        Stance.
-    branch_sets
-        Branches that each limb may be on.
-    table
-        The table, in which all these steps are known.
-    limb
-        Receives the limb that moves on each step, shape (k,).
-    stance
-        Receives the stance reached, shape (k,).
-    after
-        Receives the branch sets after the step, shape (k, 2).
-    """
-    count = 0
-    for moving in range(2):
-        support = 1 - moving
-        if table.check and not can_release(branch_sets[moving], releasable(table, s, moving)):
-            continue
-        point = table.points[s, support]
-        for k in range(table.row_start[support, point], table.row_start[support, point + 1]):
-            s2 = table.rows[support, k]
-            if s2 == s:
-                continue
-            kept, grasped = (
-                kept_on_edge(branch_sets[support], table.branch_sets[s2, support]),
-                table.branch_sets[s2, moving],
-            )
-            if table.check and kept:
-                edge = table.edges[edge_index(support, s, s2, table)]
-                kept = kept_on_edge(kept, branches_kept(edge))
-                grasped = releasable(table, s2, moving)
-            if kept and grasped:
-                limb[count], stance[count] = moving, s2
-                after[count, support], after[count, moving] = kept, grasped
-                count += 1
-    return count
+def edge_indices(support: Any, before: Any, after: Any, table: TwoLimbTable) -> Any:
+    """Return the indices of edges as `edge_index` does, of numbers or arrays, shape (k,)."""
+    point, local = table.points[before, support], table.local
+    first = table.offset[support, point] + local[support, before] * table.degree[support, point]
+    return first + local[support, after]
 
 
 @entry

@@ -4,12 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from walk_steps import count_steps
 
 from mlivr_gym.cli import table1
 from mlivr_gym.cli.main import main
 from mlivr_gym.paper import CASES, CONSTRUCTION, FINDING, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Plan, refinement
-from mlivr_gym.planners.walks import count_steps
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from mlivr_gym.planners import (
     table_search,
     table_values,
 )
-from mlivr_gym.stances import node_table, two_limb_nodes, two_limb_steps
+from mlivr_gym.stances import node_table, two_limb_nodes
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
@@ -29,7 +29,7 @@ ENTRIES = (
     label_search._search, label_search.requeue_checked, backward_search._search,
     fewest_steps._expand_level, checked_edges._put, table_values.compute_costs,
     node_table.find_rows,
-    two_limb_nodes.mark_steps, two_limb_nodes.fill_lost, two_limb_steps.two_limb_successors,
+    two_limb_nodes.mark_steps, two_limb_nodes.fill_lost,
     limb_branch_sets.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
 

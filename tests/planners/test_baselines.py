@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import chisquare
+from walk_steps import count_steps
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners.baselines import (
@@ -12,7 +13,6 @@ from mlivr_gym.planners.baselines import (
     CORRIDORS,
     find_walk,
 )
-from mlivr_gym.planners.walks import count_steps
 from mlivr_gym.stances.random_states import random_state
 
 

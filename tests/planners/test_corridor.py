@@ -4,13 +4,13 @@ import networkx as nx
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from walk_steps import count_steps
 
 from mlivr_gym import Box, GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, StanceError, UnknownPointError
 from mlivr_gym.motion.plan_parts import World
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.corridor import around, nearest_distances, plan_in_corridor, route_of
-from mlivr_gym.planners.walks import count_steps
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 

@@ -64,11 +64,6 @@ def price(table, rows, cost):
     return cost.base_weight * away + cost.step_weight
 
 
-def no_cell_costs(count):
-    """The cells of nodes, with no cost of any."""
-    return np.zeros(count, dtype=np.int32), np.zeros(1)
-
-
 def exact_costs(table, goals, weights, start):
     """Least costs to the goals over pairs of nodes."""
     start_bounds = np.zeros(len(goals))
@@ -145,9 +140,6 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
         steps = steps.with_edges(
             np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
         )
-    cells, cell_costs = no_cell_costs(count)
-    if seed % 2:
-        cells, cell_costs = rng.integers(0, 9, count).astype(np.int32), rng.random(9)
     for _ in range(8):
         start = int(rng.integers(count))
         goal = goal_at(graph, table, int(rng.integers(count)), cost)
@@ -166,14 +158,14 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
                     there = b, tuple(after.tolist())
                     if there not in states:
                         queue.append(there)
-                    states.add_edge(here, there, cost=charged[e] + cell_costs[cells[b]])
+                    states.add_edge(here, there, cost=charged[e])
         costs = nx.single_source_dijkstra_path_length(
             states, (start, tuple(branch_sets[start].tolist())), weight="cost"
         )
         least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
         h = exact_costs(table, goals, weights, start)
         origins = NodeOrigins(np.array([start]), table.branch_sets[[start]], np.zeros(1))
-        search_graph = SearchGraph(table, steps, weights, cells, cell_costs)
+        search_graph = SearchGraph(table, steps, weights)
         path, lower_bound, *_ = cheapest_path(
             search_graph, h, origins, Labels.allocate(count), EXACT
         )
@@ -206,9 +198,7 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     h = exact_costs(table, goals, cost_weights(goal.cost), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
     origins = NodeOrigins(np.array([far]), table.branch_sets[[far]], np.zeros(1))
-    search_graph = SearchGraph(
-        table, CheckedEdges.empty(count), cost_weights(goal.cost), *no_cell_costs(count)
-    )
+    search_graph = SearchGraph(table, CheckedEdges.empty(count), cost_weights(goal.cost))
     _, least, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)
     monkeypatch.setattr(labels_module, "CAPACITY", 64)
     path, lower_bound, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)

@@ -231,19 +231,3 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
             assert "no path from" in found.message
     assert ends == {"", "search exhausted"}
     assert max(bounds) < 1.0 + 1e-6
-
-
-def test_places_cost_more_where_checked_nodes_lost_branches(known):
-    first, table = known
-    if table.limbs == 2:
-        pytest.skip("searches of two limbs need no first path")
-    graph, centre = again(first, table), table.base_position[0]
-    graph.add_obstacles([Box.between("box", "obstacle", centre - 0.1, centre + 0.1)])
-    lazy_table = LowerBounds(graph).lazy_table
-    lazy_table.check_nodes(np.arange(0, len(table.points), 2))
-    lost = lazy_table.table.branch_sets != table.branch_sets
-    belief = lazy_table.belief
-    failed = np.bincount(belief.cells, lost, len(belief.costs())) > 0
-    assert failed.any()
-    np.testing.assert_array_equal(belief.costs() > 0, failed)
-    graph.remove_obstacles()

@@ -1,11 +1,12 @@
 """Walks: the plans they make, and how much of them can be executed."""
 
 import numpy as np
+from walk_steps import count_steps
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.walks import count_steps, plan_of
+from mlivr_gym.planners.walks import plan_of
 
 
 def test_a_walk_makes_a_plan(small_map):
