@@ -33,7 +33,7 @@ from mlivr_gym.planners.query import (
     SearchQuery,
 )
 from mlivr_gym.planners.refinement import refined
-from mlivr_gym.planners.searches import Algorithm1Searcher, GraphSearcher, Searcher
+from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -179,9 +179,7 @@ class Planner:
             timer.start_state = timer.lap()
             return _without_plan(START_INFEASIBLE, str(error), timer)
         timer.start_state = timer.lap()
-        is_algorithm1 = search.method == "algorithm1"
-        searcher: Searcher = Algorithm1Searcher(self.graph) if is_algorithm1 else self._searcher
-        result = searcher.find(search, start_state)
+        result = self._searcher.find(search, start_state)
         timer.search = timer.lap()
         if result is None:
             return _without_plan(GOAL_UNREACHABLE, _not_connected(target), timer)

@@ -8,8 +8,6 @@ graph.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from mlivr_gym.planners.algorithm1 import algorithm1
@@ -26,18 +24,8 @@ from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.transitions.state import State
 
 
-class Searcher(Protocol):
-    """A search over one stance graph."""
-
-    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
-        """Search from a state; return None if no sequence of moves connects it with the goal.
-
-        A move changes the point of one limb, whether or not a step can make it.
-        """
-
-
 class GraphSearcher:
-    """The compiled searches, over a node table or an implicit graph; see the module for which."""
+    """The searches of one stance graph; see the module for which."""
 
     def __init__(self, graph: StanceGraph, *, build_sets: bool = True) -> None:
         """Prepare to search a stance graph.
@@ -62,8 +50,13 @@ class GraphSearcher:
         return self._lower_bounds
 
     def find(self, search: SearchQuery, start: State) -> SearchResult | None:
-        """Search from a state, see `Searcher.find`."""
+        """Search from a state; return None if no sequence of moves connects it with the goal.
+
+        A move changes the point of one limb, whether or not a step can make it.
+        """
         graph = self.graph
+        if search.method == "algorithm1":
+            return _find_by_algorithm1(graph, search, start)
         if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
             return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
         lower_bounds = self.lower_bounds()
@@ -87,32 +80,15 @@ class GraphSearcher:
         )
 
 
-class Algorithm1Searcher:
-    """Algorithm 1 of the paper in plain Python."""
-
-    def __init__(self, graph: StanceGraph) -> None:
-        """Prepare to search a stance graph."""
-        self.graph = graph
-
-    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
-        """Search from a state, see `Searcher.find`."""
-        tree_found = algorithm1(
-            self.graph,
-            start,
-            search.goal,
-            search.heuristic,
-            inflation=search.inflation,
-            limit=search.limit,
-            progress=search.progress,
-        )
-        states = tuple(tree_found.states[k] for k in path_indices(tree_found.parents))
-        tree = search_tree(np.array(tree_found.positions), tree_found.parents)
-        counts = len(tree_found.states), tree_found.generated
-        return SearchResult(
-            tree_found.status,
-            states,
-            tree_found.costs[-1],
-            *counts,
-            tree,
-            bound=search.guaranteed_bound,
-        )
+def _find_by_algorithm1(graph: StanceGraph, search: SearchQuery, start: State) -> SearchResult:
+    """Search from a state by Algorithm 1 of the paper in plain Python."""
+    found = algorithm1(
+        graph, start, search.goal, search.heuristic,
+        inflation=search.inflation, limit=search.limit, progress=search.progress,
+    )  # fmt: skip
+    states = tuple(found.states[k] for k in path_indices(found.parents))
+    tree = search_tree(np.array(found.positions), found.parents)
+    counts = len(found.states), found.generated
+    return SearchResult(
+        found.status, states, found.costs[-1], *counts, tree, bound=search.guaranteed_bound
+    )
