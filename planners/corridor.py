@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
@@ -175,11 +174,19 @@ def nearest_distances(points: Array, others: Array) -> Array:
 
 
 def _cheapest_hops(means: Array, here: int, end: int, span: float) -> list[int]:
-    """Return the cells from one to another at the least sum of squared hops (Dijkstra 1959)."""
-    squares = ((means[:, None] - means) ** 2).sum(axis=2)
-    squares[squares > span**2] = 0.0  # no hop
-    before = scipy.sparse.csgraph.dijkstra(squares, indices=here, return_predecessors=True)[1]
+    """Return the cells from one to another at the least sum of squared hops (Bellman 1958)."""
+    hops = ((means[:, None] - means) ** 2).sum(axis=2)
+    hops[(hops > span**2) | (hops == 0.0)] = np.inf
+    cost, before = np.full(len(means), np.inf), np.full(len(means), here)
+    cost[here] = 0.0
+    while True:
+        through = cost[:, None] + hops
+        better = np.flatnonzero(through.min(axis=0) < cost)
+        if not len(better):
+            break
+        before[better] = through[:, better].argmin(axis=0)
+        cost[better] = through[before[better], better]
     path = [end]
-    while before[path[-1]] >= 0:
+    while path[-1] != here:
         path.append(int(before[path[-1]]))
-    return path[::-1] if path[-1] == here else [here, end]
+    return path[::-1]
