@@ -37,9 +37,6 @@ WAITS = np.arange(0.0, HORIZON + 1.0)
 KEPT = LEAST_DISTANCE + ALLOWANCE
 """Distance that the robot is to keep by prediction [m]."""
 
-REST = 5.0
-"""Time after a step for which the robot must be able to stay [s]."""
-
 ARM_RADIUS = 0.06
 """Radius of the capsule from elbow to elbow [m]."""
 
@@ -97,6 +94,12 @@ class CrewMember(ParameterSet):
         share = np.minimum(gone / max(float(np.linalg.norm(line)), 1e-9), 1.0)
         middles: Array = np.array(self.start) + share[:, None] * line
         return middles
+
+    @property
+    def arrival(self) -> float:
+        """Time at which it arrives [s]."""
+        length = float(np.linalg.norm(np.array(self.end) - self.start))
+        return self.begin + length / self.speed
 
     @property
     def capsules(self) -> tuple[Array, Array]:
@@ -159,10 +162,12 @@ def segment_distances(first: Array, second: Array) -> Array:
     return distances
 
 
-def waiting_time(path: PathCheck, crew: Sequence[CrewMember], now: float) -> float | None:
+def waiting_time(
+    path: PathCheck, crew: Sequence[CrewMember], now: float, kept: float = KEPT
+) -> float | None:
     """Return the shortest time in `WAITS` to wait before a step; None if the robot must not stay.
 
-    While the robot waits, moves, and rests for `REST` afterwards, it keeps `KEPT` from all.
+    While the robot waits and moves, it keeps a distance from all.
 
     Parameters
     ----------
@@ -172,28 +177,15 @@ def waiting_time(path: PathCheck, crew: Sequence[CrewMember], now: float) -> flo
         The crew members.
     now
         The present time [s].
+    kept
+        The distance [m].
     """
     radii, period = path.radii, path.times[1]
-    rest = np.arange(period, REST, period)
-    times = np.concatenate([path.times, path.times[-1] + rest])
-    axes = np.concatenate([path.axes, np.repeat(path.axes[-1:], len(rest), axis=0)])
     waiting = np.arange(0.0, WAITS[-1] + period, period)
     still = np.repeat(path.axes[:1], len(waiting), axis=0)
-    is_close = distance_from_crew(still, radii, crew, now + waiting) < KEPT
+    is_close = distance_from_crew(still, radii, crew, now + waiting) < kept
     longest = waiting[np.argmax(is_close)] if is_close.any() else np.inf
     for wait in WAITS[longest > WAITS]:
-        if distance_from_crew(axes, radii, crew, now + wait + times).min() >= KEPT:
+        if distance_from_crew(path.axes, radii, crew, now + wait + path.times).min() >= kept:
             return float(wait)
     return None
-
-
-def room_after(path: PathCheck, crew: Sequence[CrewMember], now: float) -> float:
-    """Return how near crew members come to the robot after a step that begins now [m].
-
-    It is at most what is kept; it is negative infinity if they come too near during the step.
-    """
-    if distance_from_crew(path.axes, path.radii, crew, now + path.times).min() < KEPT:
-        return -np.inf
-    times = now + path.times[-1] + np.arange(0.0, HORIZON, path.times[1])
-    still = np.repeat(path.axes[-1:], len(times), axis=0)
-    return min(float(distance_from_crew(still, path.radii, crew, times).min()), KEPT)

@@ -27,12 +27,13 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.crew import (
     KEPT,
+    LEAST_DISTANCE,
     CrewMember,
     distance_from_crew,
-    room_after,
     waiting_time,
 )
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
+from mlivr_gym.closed_loop.evasion import Evasion
 from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.errors import SettingError, ShapeError
@@ -46,7 +47,7 @@ from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
 from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.transitions.state import State, moving_limb
 from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE
@@ -60,11 +61,17 @@ In each of them the controller may approach several times, see `ControllerParame
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""
 
-MOST_TRIED = 40
-"""Number of steps that are compared to make way for a crew member."""
+MOST_TRIED = 60
+"""Number of first steps of ways out whose trajectories are compared with the crew."""
 
-LEAST_GAIN = 0.05
-"""Distance by which a step that makes way must lead farther away than the one before [m]."""
+TRIED_IN_TURN = (KEPT, False), (KEPT, True), (LEAST_DISTANCE, True), (0.0, True)
+"""Distance that a way out keeps [m], and whether its search is optimistic."""
+
+PROOF = LEAST_DISTANCE, True
+"""If none of these ways out is left at the start, crew members cannot be avoided."""
+
+NOT_BEGUN = "no clear time", "no swing"
+"""Failures of steps that were not begun."""
 
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
@@ -193,7 +200,7 @@ class _Loop:
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
         self._attempts = dict[int, int]()
-        self._room = -np.inf  # distance from crew members after the last step that made way
+        self._evasion = Evasion(self.graph, self._belief.shapes, self._crew)
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
@@ -263,12 +270,27 @@ class _Loop:
         self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)
         return result.plan
 
-    def _wait(self, trajectory: Trajectory) -> float | None:
-        """Return how long to wait for crew members to pass; None if the robot is in their way."""
+    def _wait(
+        self,
+        trajectory: Trajectory,
+        *,
+        after: State,
+        kept: float = KEPT,
+        is_optimistic: bool = False,
+    ) -> float | None:
+        """Return how long to wait for crew members to pass before a step; None if it may not begin.
+
+        After it, there must be a way to a stance in which the robot can stay.
+        """
         if not self._crew:
             return 0.0
         path, now = self._belief.path(trajectory), self._executor.simulation.time
-        duration = waiting_time(path, self._crew, now)
+        duration = waiting_time(path, self._crew, now, kept)
+        if duration is not None:
+            arrival = now + duration + float(path.times[-1])
+            search = partial(self._evasion.escape, is_optimistic=is_optimistic)
+            if not search(after, arrival, kept).states:
+                return None
         if duration:
             self._note("waits", duration=duration)
         return duration
@@ -279,9 +301,9 @@ class _Loop:
         executor.follow(plan)
         moves = self.graph.successors(executor.state)
         row = moves.find(limb, self.graph.grasp_map.index(name))
-        failure = self._move(limb, name, moves.branch_sets[row], self._wait)
+        wait = partial(self._wait, after=moves.after(executor.state, row))
+        failure = self._move(limb, name, moves.branch_sets[row], wait)
         if failure is None:
-            self._room = -np.inf
             self.record.add_step(plan)
         elif failure.kind == "no clear time":
             self._evade()
@@ -289,34 +311,32 @@ class _Loop:
             self._end(STOPPED, failure.message)
 
     def _evade(self) -> None:
-        """Take the step after which crew members are farthest; hold if none leads away."""
-        executor, now = self._executor, self._executor.simulation.time
-        times, moves = now + np.arange(0.0, 20.0), self.graph.successors(executor.state)
-        middles = np.concatenate([member.middles(times) for member in self._crew])
-        away = np.linalg.norm(moves.base_position[:, None] - middles, axis=2).min(axis=1)
-        rooms, rows = list[float](), np.argsort(-away)[:MOST_TRIED].tolist()
+        """Take the first step out of the lanes of crew members; hold if it is best to stay.
 
-        def note_room(trajectory: Trajectory) -> None:
-            rooms.append(room_after(self._belief.path(trajectory), self._crew, now))
-
-        def take(row: int, wait: Callable[[Trajectory], float | None]) -> None:
-            limb, name = int(moves.limb[row]), self.graph.grasp_map.ids[moves.point[row]]
-            self._move(limb, name, moves.branch_sets[row], wait)
-
-        best, most = -1, self._room
-        for row in rows:
-            rooms.clear()
-            take(row, note_room)
-            if rooms and rooms[0] > most + LEAST_GAIN:
-                best, most = row, rooms[0]
-            if most >= KEPT:
+        If no way keeps the distance, one is taken that keeps less, see `TRIED_IN_TURN`.
+        """
+        executor = self._executor
+        for kept, is_optimistic in TRIED_IN_TURN:
+            refused = frozenset[tuple[int, ...]]()
+            for _ in range(MOST_TRIED):
+                now = executor.simulation.time
+                path = self._evasion.escape(executor.state, now, kept, refused, is_optimistic)
+                if len(path.states) < 2:
+                    is_proved = (kept, is_optimistic) == PROOF and path.is_exhausted
+                    self.record.is_crew_unavoidable |= is_proved and now == 0.0
+                    break
+                before, after = path.states[:2]
+                limb = moving_limb(before.stance, after.stance)
+                name = self.graph.grasp_map.ids[after.stance[limb]]
+                wait = partial(self._wait, after=after, kept=kept, is_optimistic=is_optimistic)
+                failure = self._move(limb, name, np.array(after.branch_sets), wait)
+                if failure is None or failure.kind not in NOT_BEGUN:
+                    return
+                refused |= {after.stance}
+            if len(path.states) == 1:
                 break
-        if best >= 0:
-            self._room = most
-            take(best, lambda _: 0.0)
-        else:
-            self._note("holds", duration=HOLDING_TIME)
-            self._measure(executor.hold(HOLDING_TIME))
+        self._note("holds", duration=HOLDING_TIME)
+        self._measure(executor.hold(HOLDING_TIME))
 
     def _measure(self, executed: SimulatedInterval) -> None:
         """Record the largest force, and the smallest distance from crew members."""

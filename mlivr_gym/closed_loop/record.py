@@ -64,6 +64,9 @@ class ClosedLoopRecord:
         Simulated time [s].
     crew_distance
         Smallest distance from a crew member [m]; None if there is none.
+    is_crew_unavoidable
+        Whether no sequence of steps from the start keeps the distance from crew members, which the
+        search has shown by trying all; see `evasion`.
     """
 
     outcome: str = FAILED
@@ -75,6 +78,7 @@ class ClosedLoopRecord:
     peak_force: float = 0.0
     duration: float = 0.0
     crew_distance: float | None = None
+    is_crew_unavoidable: bool = False
 
     @property
     def steps(self) -> int:
@@ -107,6 +111,7 @@ class ClosedLoopRecord:
             "duration": self.duration,
             "peak_force": self.peak_force,
             "crew_distance": self.crew_distance,
+            "is_crew_unavoidable": self.is_crew_unavoidable,
             "sensed": [box.to_dict() for box in self.sensed],
             "refused": list(self.refused),
             "events": [

@@ -72,6 +72,7 @@ def test_it_makes_way_for_who_comes_towards_it(graph):
     record = run_closed_loop(graph, START, GOAL, crew=[LENGTHWISE])
     assert record.outcome == ARRIVED
     assert record.crew_distance >= LEAST_DISTANCE
+    assert not record.is_crew_unavoidable
     actions = [action for plan, _ in record.plans for action in plan.actions]
     steps = [(e.values["limb"], e.values["point"]) for e in record.events if e.kind == "step"]
     assert not set(steps) <= set(actions)  # it took a step that is none of its plans
@@ -84,6 +85,12 @@ def test_it_holds_if_it_cannot_make_way(graph):
     assert {"holds", "step"} <= {event.kind for event in record.events}
     assert record.outcome == ARRIVED
     assert record.crew_distance < 0.0
+
+
+def test_who_starts_at_the_robot_cannot_be_avoided(graph):
+    x, y, z = graph.posture_of(graph.state(START)).base_position[0].tolist()
+    member = CrewMember((x, y, z), (x + 5.0, y, z))
+    assert run_closed_loop(graph, START, GOAL, crew=[member]).is_crew_unavoidable
 
 
 @pytest.mark.parametrize(
