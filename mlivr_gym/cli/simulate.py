@@ -97,9 +97,10 @@ def add_command(add: Add) -> None:
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
     text = (
         "full: feedforward, and a sensor guides the approach; feedforward: the paper's PD control "
-        "with feedforward; paper: the paper's PD control; station: full, for a station's arms"
+        "with feedforward; paper: the paper's PD control; delayed: full, for a delay of 10 ms; "
+        "station: full, for a station's arms"
     )
-    controllers = ("full", "feedforward", "paper", "station")
+    controllers = ("full", "feedforward", "paper", "delayed", "station")
     option(parser, "--controller CONTROLLER", text, "full", choices=controllers)
     text = "grasps of a robot of the UR5e's size, or of the size of a station's arms"
     option(parser, "--physics PHYSICS", text, "default", choices=("default", "station"))

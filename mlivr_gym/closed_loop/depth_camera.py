@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from typing import Any, ClassVar
 
@@ -72,6 +73,7 @@ class DepthCamera(ParameterSet):
         "period": Tuples((), 0.01, 1e3, "s"),
     }
 
+    @cache
     def rays(self) -> Array:
         """Return unit vectors of the rays of all cameras in the body frame, shape (8, p^2, 3)."""
         half = np.tan(0.5 * self.field_of_view)
@@ -83,6 +85,7 @@ class DepthCamera(ParameterSet):
             right = np.array([forward[1], -forward[0], 0.0]) / np.hypot(*forward[:2])
             image[:] = forward + u * right + v * np.cross(forward, right)
         unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+        unit.flags.writeable = False
         return unit
 
     def measure(

@@ -39,8 +39,9 @@ from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRec
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
-from mlivr_gym.schema import Integer, ListOf, OrNone
+from mlivr_gym.schema import Integer, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
@@ -73,6 +74,9 @@ PROOF = LEAST_DISTANCE, True
 NOT_BEGUN = "no clear time", "no swing"
 """Failures of steps that were not begun."""
 
+INFLATION = 2.0
+"""Suboptimality bound of the plans of more than two limbs, with a time limit."""
+
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
 
@@ -93,6 +97,7 @@ NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path"
         "setup": OrNone(InstanceOf(Setup)),
         "seed": SEED,
         "max_steps": Integer(1, 100_000),
+        "time_limit": OrNone(Tuples((), 0.0)),
         "show": OrNone(Function()),
     }
 )
@@ -110,6 +115,7 @@ def run_closed_loop(
     setup: Setup | None = None,
     seed: int = 0,
     max_steps: int = 200,
+    time_limit: float | None = None,
     show: Callable[[Event], None] | None = None,
 ) -> ClosedLoopRecord:
     """Sense, plan and step until the goal, in a module of which the robot does not know all.
@@ -141,6 +147,10 @@ def run_closed_loop(
         Seed of the disturbances and of the noise of the cameras.
     max_steps
         Number of attempted steps after which the robot stops.
+    time_limit
+        Maximum time of each planning [s], after which the robot stops if it has no plan. More than
+        two limbs then follow a plan that is proved within `INFLATION`, or the best one found in
+        this time; without a limit they follow the first one found.
     show
         Called with each event.
 
@@ -170,7 +180,11 @@ def run_closed_loop(
         )
     executor = StepExecutor(graph, setup or Setup(), (*graph.obstacles, *unknown))
     planner = Planner(graph)
-    plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
+    inflation = INFLATION if graph.limbs > 2 and time_limit is not None else None
+    plan = partial(
+        planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance, inflation=inflation,
+        time_limit=time_limit,
+    )  # fmt: skip
     loop = _Loop(executor, plan, (camera, tuple(crew)), seed, show)
     try:
         loop.run(start, refusing_points, max_steps)
@@ -208,6 +222,7 @@ class _Loop:
         state = self.graph.state(start)
         first = self._plan_from(state)  # it chooses the branches of the start
         if first.plan is None:
+            record.proved = first.reason in PROVED_IMPOSSIBLE
             self._end(STOPPED, first.message)
             return
         executor.start(state, first.plan if first.plan.steps else None, self._seed)
@@ -265,6 +280,7 @@ class _Loop:
         result = self._plan_from(state)
         computing_time = time.perf_counter() - began
         if result.plan is None:
+            self.record.proved = result.reason in PROVED_IMPOSSIBLE
             self._end(STOPPED, result.message)
             return None
         self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)

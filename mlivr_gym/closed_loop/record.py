@@ -49,6 +49,9 @@ class ClosedLoopRecord:
         `ARRIVED`, `STOPPED` or `FAILED`.
     reason
         Why the walk ended, in one sentence.
+    proved
+        Whether a robot that stopped has proved that no plan exists in the world that it believes
+        in.
     events
         What happened, in order.
     plans
@@ -71,6 +74,7 @@ class ClosedLoopRecord:
 
     outcome: str = FAILED
     reason: str = ""
+    proved: bool = False
     events: list[Event] = field(default_factory=list)
     plans: list[tuple[Plan, int]] = field(default_factory=list)
     sensed: tuple[Box, ...] = ()
@@ -107,6 +111,7 @@ class ClosedLoopRecord:
         return {
             "outcome": self.outcome,
             "reason": self.reason,
+            "proved": self.proved,
             "steps": self.steps,
             "duration": self.duration,
             "peak_force": self.peak_force,

@@ -166,7 +166,7 @@ class MlivrEnv(StanceGraphEnv):
     | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, `"clutter"`, or a `TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
     | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"station"`, see `Setup.of` |
-    | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"station"`, see `Setup.of` |
+    | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"delayed"`, `"station"` |
     | `disturbances` | None | `"none"`, `"all"`, see `Setup.of`; drawn for each episode |
     | `physics` | None | grasps and failures: None or `"station"`, see `Setup.of` |
     | `grasp_failure` | 0.0 | mean failure probability, or that of each point; kinematic only |

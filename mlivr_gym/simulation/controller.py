@@ -119,6 +119,15 @@ It has neither feedforward nor guidance, and its references stay those of the tr
 FEEDFORWARD = replace(PAPER, feedforward=True)
 """The gains of the paper with feedforward."""
 
+DELAYED = ControllerParameters(
+    kp_free=(400.0, 600.0, 600.0, 100.0, 100.0, 80.0), kd_free=(20.0, 30.0, 30.0, 5.0, 5.0, 4.0),
+    kp_hold=(200.0, 300.0, 300.0, 250.0, 350.0, 300.0),
+    kd_hold=(20.0, 30.0, 30.0, 12.0, 18.0, 15.0),
+)  # fmt: skip
+"""Gains for a delay of 10 ms from a reading to its torque: half of those of a free limb, and a
+quarter of those of a support limb. Two limbs that hold points move the small inertia of the links
+between them; there a delayed derivative gain is unstable first."""
+
 STATION = ControllerParameters(
     kp_free=(2e5, 2e5, 1e5, 1e4, 5e3, 300.0), kd_free=(1e5, 1e5, 5e4, 5e3, 2e3, 100.0),
     kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.3, patience=60.0,
@@ -131,13 +140,15 @@ beside it with 1e3 kg m^2 about the joints between them, which limits a sampled 
 """
 
 CONTROLLERS = {
-    "full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER, "station": STATION,
+    "full": ControllerParameters(), "feedforward": FEEDFORWARD, "paper": PAPER,
+    "delayed": DELAYED, "station": STATION,
 }  # fmt: skip
 """Controllers by name.
 
 * `"full"`, the default: feedforward, references aligned at each step, and a guided approach.
 * `"feedforward"`: the PD control of the paper with feedforward.
 * `"paper"`: the PD control of the paper.
+* `"delayed"`: as `"full"`, with gains for a delay of 10 ms.
 * `"station"`: as `"full"`, with gains for arms of the size of a space station's.
 """
 

@@ -63,6 +63,8 @@ class DisturbanceRanges(ParameterSet):
         Standard deviation of the gripper sensor in each position component [m].
     sensor_angle
         Standard deviation of the gripper sensor in each rotation component [rad].
+    refusal
+        Probability that an attempt to grasp fails although the gripper is at its point.
 
     Examples
     --------
@@ -87,6 +89,7 @@ class DisturbanceRanges(ParameterSet):
     point_angle: float = 0.0
     sensor_position: float = 0.001
     sensor_angle: float = float(np.deg2rad(0.5))
+    refusal: float = 0.0
 
     label: ClassVar[str] = "disturbances"
     validators: ClassVar[Mapping[str, Validator[Any]]] = {
@@ -104,6 +107,7 @@ class DisturbanceRanges(ParameterSet):
         "point_angle": Tuples((), 0.0, 1.0, "rad"),
         "sensor_position": Tuples((), 0.0, 1.0, "m"),
         "sensor_angle": Tuples((), 0.0, 1.0, "rad"),
+        "refusal": Tuples((), 0.0, 0.95),
     }
 
     def only(self, name: str) -> DisturbanceRanges:

@@ -105,6 +105,7 @@ class SimulatedRobot:
         self.data = mujoco.MjData(self.model)
         self.time, self._time_steps, self._plan_step = 0.0, 0, 0
         self.refusing: frozenset[int] = frozenset()
+        self._rng = np.random.default_rng([self.disturbance.seed, 4])
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
         model, data = self.model, self.data
@@ -153,6 +154,11 @@ class SimulatedRobot:
         """Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad]."""
         base = self.data.qpos[:7].copy()
         return base[:3], base[3:], self.data.qpos[7:].reshape(-1, 6).copy()
+
+    def refuses(self, point: int) -> bool:
+        """Return whether an attempt to grasp a point fails although the gripper is at it."""
+        chance = self.disturbance.ranges.refusal
+        return point in self.refusing or (chance > 0.0 and self._rng.uniform() < chance)
 
     def grasp_error(self, limb: int, point: int) -> tuple[float, float]:
         """Return distance [m] and angle [rad] between a gripper and its grasp on a point."""

@@ -116,17 +116,20 @@ class Simulation(SimulatedRobot):
                 return self._turn_back(runs[-1], back, turned_at[0], ends)
             rest = np.arange(turned_at[0], len(trajectory.times))
             runs.append(self.run(trajectory.at(rest), reference.at(rest), enter))
+        refused = False
         while runs[-1].failure is None:
             runs += self._wait_until_close(trajectory, reference)
             captured = can_capture(self.physics, *self.grasp_error(limb, point))
+            refused = self.refuses(point)
             sure = captured and (self._guidance.is_close or not self.controller.guided)
-            if sure or attempts == self.controller.attempts or runs[-1].failure is not None:
+            last = attempts == self.controller.attempts
+            if (sure and not refused) or last or runs[-1].failure is not None:
                 break
             attempts += 1
             runs += self._repeat_approach(trajectory, reference)
         recording = Recording.join([run.recording for run in runs])
         peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
-        failure = failure or self._grasp_failure(limb, point)
+        failure = failure or self._grasp_failure(limb, point, refused)
         if failure is not None:
             return SimulatedInterval(recording, peaks, None, failure)
         distance, angle = self.grasp_error(limb, point)
@@ -226,10 +229,10 @@ class Simulation(SimulatedRobot):
             raise SimulationError("a trajectory must be that of one step, in which one limb moves")
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
-    def _grasp_failure(self, limb: int, point: int) -> Failure | None:
+    def _grasp_failure(self, limb: int, point: int, refused: bool) -> Failure | None:
         """Return why a gripper cannot grasp a point, or None if it can."""
         error, name = self.grasp_error(limb, point), self.grasp_map.ids[point]
-        found = grasp_failure(self.physics, limb, name, error, point in self.refusing)
+        found = grasp_failure(self.physics, limb, name, error, refused)
         if found is None:
             return None
         kind, message, values = found

@@ -8,6 +8,7 @@ from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import robot_spec
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 CAMERA = DepthCamera(period=0.5)
@@ -104,9 +105,17 @@ def test_it_stops_where_no_way_is_left(graph, plan):
     graph.vacate()
     assert record.outcome == STOPPED
     assert record.reason
+    assert record.proved
     assert record.refused  # it tried what the plan offers
     assert record.steps == 0
     assert kinds(record)[-1] == "end"
+
+
+def test_a_planner_without_time_to_plan_proves_nothing(jem):
+    graph = stance_graph(jem, robot_spec("mlivr3"))
+    record = run_closed_loop(graph, ("D3a:8", "D3a:1", "D3a:4"), (4.2, 0.0, 0.42), time_limit=0.0)
+    assert (record.outcome, record.proved, record.steps) == (STOPPED, False, 0)
+    assert "limit reached" in record.reason
 
 
 def test_it_stops_after_the_steps_that_it_may_take(graph, plan):

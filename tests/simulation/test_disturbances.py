@@ -122,6 +122,37 @@ def test_a_grasp_that_misses_is_attempted_again(checked_graph, plan):
     np.testing.assert_allclose(np.diff(times), 2.0 * approach, atol=0.01)
 
 
+def test_a_grasp_is_refused_as_often_as_stated_and_approached_again(checked_graph, plan):
+    ranges = DisturbanceRanges(refusal=0.3)
+    simulation = Setup(disturbances=ranges).simulation(checked_graph.grasp_map, plan.world.robot)
+    refusals = np.array([simulation.refuses(3) for _ in range(10_000)])
+    assert refusals.mean() == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / 10_000))
+    assert (refusals[:-1] & refusals[1:]).mean() == pytest.approx(0.09, abs=0.02)  # independent
+    assert not any(Setup().simulation(checked_graph.grasp_map, plan.world.robot).refuses(k)
+                   for k in range(50))  # fmt: skip
+    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
+    for refused, attempts, failure in ((0, 1, None), (1, 2, None), (2, 2, "refused grasp")):
+        simulation = Simulation(checked_graph.grasp_map, plan.world.robot)
+        answers = iter([True] * refused + [False] * 3)
+        simulation.refuses = lambda _, answers=answers: next(answers)
+        done = execute_timed_plan(simulation, walk)
+        if failure is None:
+            assert done[0].capture.attempts == attempts
+        else:
+            assert done[-1].failure.kind == failure
+
+
+def test_gains_for_a_delay_hold_where_those_without_it_swing_up(checked_graph, plan):
+    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
+    late, failures = DisturbanceRanges(delay=0.01), {}
+    for name in ("full", "delayed"):
+        setup = Setup.of("gentle", name, disturbances=late)
+        simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
+        failures[name] = execute_timed_plan(simulation, walk)[-1].failure
+    assert failures["delayed"] is None
+    assert failures["full"].kind == "lost hold"
+
+
 def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph, plan):
     setup, step = Setup(GENTLE, disturbances=ALL), first_steps(plan, 1)
     alone = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=1))
