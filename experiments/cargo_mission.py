@@ -2,12 +2,13 @@
 
     python experiments/cargo_mission.py [--out results]
 
-Each mission is carried out in MuJoCo at two paces. Writes `cargo_mission.json` and
-`cargo_mission.md`.
+Each mission is carried out in MuJoCo at two paces. Writes `cargo_mission.json`,
+`cargo_mission.md` and the film `cargo_mission.gif`.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from reports import experiment, table
@@ -15,6 +16,7 @@ from tqdm import tqdm
 
 from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
+from mlivr_gym.pictures.mission_film import mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.limits import PACES
 
@@ -26,6 +28,9 @@ PARTS = ("walk", "pick up", "fold", "carry", "stow")
 
 MASSES, SIZE = (1.0, 10.0, 30.0, 100.0), 0.2
 """Masses [kg] and edge [m] of the bags."""
+
+FILMED = 10.0
+"""Mass of the bag in the film [kg]."""
 
 
 def measured() -> dict[str, Any]:
@@ -84,5 +89,13 @@ make up to {force:.0f} N. [How to carry cargo](../docs/how-to/cargo.md).
 {table(head, cells)}"""
 
 
+def moving_picture(data: dict[str, Any], path: Path) -> None:
+    """Film the mission with a bag of `FILMED` kilograms."""
+    mission = plan_cargo_mission(
+        stance_graph(robot="mlivr3"), START, PICK, STOW, Cargo(FILMED, SIZE)
+    )
+    mission_film(mission, mission.execute(), path.with_suffix(".gif"), size=(480, 270))
+
+
 if __name__ == "__main__":
-    experiment("cargo_mission", __doc__, measured, markdown)
+    experiment("cargo_mission", __doc__, measured, markdown, moving_picture)

@@ -11,6 +11,7 @@ from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.stances.build import stance_graph
@@ -29,6 +30,7 @@ def add_command(add: Add) -> None:
     option(parser, "--pick POINT", "id of the point on which the bag stands")
     option(parser, "--stow POINT", "id of the point on which it shall stand")
     option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
+    option(parser, "--film FILE", "film the mission to a .gif or an .mp4")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,7 +38,9 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
     from mlivr_gym.simulation.limits import PACES as LIMITS
 
-    check_outputs(args.out, inputs=input_files(args))
+    check_outputs(args.out, args.film, inputs=input_files(args))
+    if args.film is not None:
+        check_film_format(args.film)
     for name in ("cargo", "start", "pick", "stow"):
         if getattr(args, name) is None:
             raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
@@ -67,6 +71,11 @@ def run(args: argparse.Namespace) -> int:
     args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
     args.result["motions"] = [knots.tolist() for knots in mission.motions]
+    if args.film:
+        from mlivr_gym.pictures.mission_film import mission_film
+
+        mission_film(mission, parts, args.film)
+        print(f"film: {args.film}")
     if args.out:
         write_whole(args.out, json.dumps(args.result, indent=1))
         print(f"mission: {args.out}")

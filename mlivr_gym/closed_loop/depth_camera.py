@@ -73,20 +73,9 @@ class DepthCamera(ParameterSet):
         "period": Tuples((), 0.01, 1e3, "s"),
     }
 
-    @cache
     def rays(self) -> Array:
         """Return unit vectors of the rays of all cameras in the body frame, shape (8, p^2, 3)."""
-        half = np.tan(0.5 * self.field_of_view)
-        centres = (np.arange(self.pixels) + 0.5) / self.pixels * 2.0 - 1.0
-        u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
-        rays = np.empty((len(CORNERS), self.pixels**2, 3))
-        for image, corner in zip(rays, CORNERS, strict=True):
-            forward = corner / np.sqrt(3.0)
-            right = np.array([forward[1], -forward[0], 0.0]) / np.hypot(*forward[:2])
-            image[:] = forward + u * right + v * np.cross(forward, right)
-        unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-        unit.flags.writeable = False
-        return unit
+        return _rays(self.pixels, self.field_of_view)
 
     def measure(
         self,
@@ -131,3 +120,19 @@ class DepthCamera(ParameterSet):
             distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
             hits.append(position + distance[:, None] * rays[hit])
         return np.concatenate(hits)
+
+
+@cache
+def _rays(pixels: int, field_of_view: float) -> Array:
+    """Return the rays of cameras with given pixels along each side and field of view [rad]."""
+    half = np.tan(0.5 * field_of_view)
+    centres = (np.arange(pixels) + 0.5) / pixels * 2.0 - 1.0
+    u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
+    rays = np.empty((len(CORNERS), pixels**2, 3))
+    for image, corner in zip(rays, CORNERS, strict=True):
+        forward = corner / np.sqrt(3.0)
+        right = np.array([forward[1], -forward[0], 0.0]) / np.hypot(*forward[:2])
+        image[:] = forward + u * right + v * np.cross(forward, right)
+    unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+    unit.flags.writeable = False
+    return unit

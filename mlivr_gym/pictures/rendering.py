@@ -115,6 +115,7 @@ class SceneRenderer:
             "camera": OrNone(CAMERA),
             "route": OrNone(InstanceOf(Route)),
             "ghosts": ListOf(Anything()),
+            "boxes": ListOf(InstanceOf(Box)),
         }
     )
     def render(
@@ -127,6 +128,7 @@ class SceneRenderer:
         camera: Camera | None = None,
         route: Route | None = None,
         ghosts: Sequence[Configuration] = (),
+        boxes: Sequence[Box] = (),
     ) -> NDArray[np.uint8]:
         """Render one configuration.
 
@@ -146,6 +148,8 @@ class SceneRenderer:
             Route of a plan that is drawn in the scene.
         ghosts
             Configurations of translucent copies of the robot.
+        boxes
+            Boxes that are drawn in this picture alone.
 
         Returns
         -------
@@ -173,6 +177,8 @@ class SceneRenderer:
         self._renderer.update_scene(self.data, eye, options)
         for ghost in ghosts:
             self._add_ghost(ghost, options)
+        for box in boxes:
+            self._add_box(box)
         if route is not None:
             route.add_to(self._renderer.scene)
         image: NDArray[np.uint8] = self._renderer.render().copy()
@@ -182,6 +188,18 @@ class SceneRenderer:
         label_positions = np.array([place for place, _, _ in labels]).reshape(-1, 3)
         pixels = camera.pixels(label_positions, image.shape[1], image.shape[0])
         return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
+
+    def _add_box(self, box: Box) -> None:
+        """Add a box to the scene that is rendered next, in the colour of obstacles."""
+        import mujoco
+
+        from mlivr_gym.simulation.scene import COLOURS
+
+        scene, kind = self._renderer.scene, mujoco.mjtGeom.mjGEOM_BOX
+        geom, colour = scene.geoms[scene.ngeom], np.array(COLOURS[box.kind], dtype=np.float32)
+        rotation = np.array(box.rotation).ravel()
+        mujoco.mjv_initGeom(geom, kind, np.array(box.half), np.array(box.centre), rotation, colour)
+        scene.ngeom += 1
 
     def overview(self) -> Camera:
         """Return a camera that sees the whole map, and a robot anywhere on it."""

@@ -28,11 +28,13 @@ FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5,
 """Geom group of each cabin face; the robot has group 0."""
 
 _POINT, _PANEL = (0.95, 0.75, 0.10, 1), (0.80, 0.82, 0.84, 1)
-_COLOURS = {
+COLOURS = {
     "panel": _PANEL, "closeout": _PANEL, "bulkhead": _PANEL, "rack": (0.90, 0.90, 0.88, 1),
     "track": (0.45, 0.48, 0.52, 1), "handrail": (0.10, 0.35, 0.75, 1), "stanchion": STEEL_COLOUR,
     "obstacle": (0.85, 0.35, 0.15, 0.85),
 }  # fmt: skip
+"""Colour of each kind of box, red, green, blue and opacity."""
+
 _METAL = ("track", "handrail")
 
 
@@ -85,7 +87,7 @@ def scene_spec(
     for box in boxes:
         world.add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
-            size=box.half, rgba=_COLOURS[box.kind],
+            size=box.half, rgba=COLOURS[box.kind],
             material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
             contype=SURROUNDINGS, conaffinity=ROBOT, quat=quaternion_of(np.array(box.rotation)),
         )  # fmt: skip

@@ -1,0 +1,105 @@
+"""Film of a cargo mission: the bag where it stands, in the gripper, and where it is stowed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.closed_loop.cargo_mission import BAG, CargoMission, MissionPart
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.pictures.captions import strip_height, with_caption
+from mlivr_gym.pictures.film import (
+    DEFAULT_SIZE,
+    check_film_format,
+    film_cameras,
+    film_samples,
+    save_film,
+)
+from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.robot.cargo import LockedLimb
+from mlivr_gym.values import as_triple
+from mlivr_gym.world.boxes import Box
+
+CARRIED = "fold", "carry", "stow"
+"""Parts of a mission in which the gripper holds the bag."""
+
+
+def mission_film(
+    mission: CargoMission,
+    parts: Sequence[MissionPart],
+    path: str | Path,
+    *,
+    size: tuple[int, int] = DEFAULT_SIZE,
+    speed: float = 8.0,
+) -> None:
+    """Film a mission that was carried out, all parts one after the other; see `film.film`.
+
+    Parameters
+    ----------
+    mission
+        The mission.
+    parts
+        What `mission.execute` returned.
+    path
+        File to write: `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
+    size
+        Width and height [px].
+    speed
+        Speed of the film relative to simulated time.
+
+    Raises
+    ------
+    RenderError
+        If no GL library can be used, or films of this format cannot be written.
+    FileError
+        If the file cannot be written.
+    """
+    check_film_format(path)
+    graph, ends = mission.graphs[0], np.cumsum([part.recording.times[-1] for part in parts])
+    standing = next(box for box in mission.plans[0].world.obstacles if box.id == BAG)
+    shown = [
+        (part, k, _configuration(mission, part, k))
+        for part in parts
+        for k in film_samples(part.recording, speed).tolist()
+    ]
+    (width, height), obstacles = size, mission.graphs[1].obstacles
+    picture_height, pictures = height - strip_height(height), []
+    renderer = SceneRenderer(graph.grasp_map, graph.robot, width, picture_height, obstacles)
+    cameras = film_cameras(graph.robot, [here for *_, here in shown], width / picture_height)
+    begins = dict(zip([part.name for part in parts], [0.0, *ends[:-1]], strict=True))
+    for (part, k, here), camera in zip(shown, cameras, strict=True):
+        bag = _held_bag(mission, here) if part.name in CARRIED else standing
+        picture = renderer.render(*here, camera=camera, boxes=(bag,))
+        time = begins[part.name] + part.recording.times[k]
+        text = f"{time:.0f} s of {ends[-1]:.0f} s (x{speed:g}): {part.name}, limb {mission.limb}"
+        pictures.append(with_caption(picture, text, height))
+    renderer.close()
+    save_film(pictures, path)
+
+
+def _configuration(mission: CargoMission, part: MissionPart, k: int) -> Configuration:
+    """Return the configuration of the whole robot in a sample of a part."""
+    recording, limb = part.recording, mission.limb
+    joints = recording.joint_positions[k]
+    if part.name == "carry":
+        joints = np.insert(joints, limb, mission.motions[1][-1], axis=0)
+    return recording.base_positions[k], recording.base_quaternions[k], joints
+
+
+def _held_bag(mission: CargoMission, here: Configuration) -> Box:
+    """Return the bag in the gripper that carries it."""
+    robot, (position, quaternion, joints) = mission.graphs[0].robot, here
+    dynamics = robot.dynamics_of(mission.limb)
+    mount = replace(robot.mounted[mission.limb], dynamics=dynamics)
+    locked = LockedLimb(mount, tuple(joints[mission.limb].tolist()))
+    frame = replace(mission.cargo, limb=locked).frame_on(robot.body_edges, robot.tool_length)
+    turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    half = as_triple(0.5 * mission.cargo.edges)
+    return Box(
+        BAG, "obstacle", as_triple(position + turn @ frame[:3, 3]), half,
+        Box.rows(turn @ frame[:3, :3]),
+    )  # fmt: skip
