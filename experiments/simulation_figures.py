@@ -51,6 +51,8 @@ def controller() -> str:
         f"and makes at most {full.attempts} approaches.\n"
         "  Gains differ for supporting and free limbs: in a sampled controller, the velocity gain "
         "of a joint must stay below its\n  inertia divided by the period.\n"
+        "* `delayed` is `full` with gains for a delay of 10 ms from a reading to its torque, with\n"
+        "  which those of `full` are unstable.\n"
         "* `station` is `full` with gains for arms of the size of a space station's.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "
         f"{physics.grasp_rotational_stiffness:g} N m/rad) that is established only within "

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.closed_loop.crew import CrewMember, distance_from_crew
+from mlivr_gym.closed_loop.crew import KEPT, LEAST_DISTANCE, CrewMember, distance_from_crew
 from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -35,6 +35,16 @@ LEAST_STEP_TIME = 2.5
 
 MOST_EXPANDED = 300
 """Maximum number of stances that a search expands."""
+
+
+MOST_TRIED = 60
+"""Number of first steps of ways out whose trajectories are compared with the crew."""
+
+TRIED_IN_TURN = (KEPT, False), (KEPT, True), (LEAST_DISTANCE, True), (0.0, True)
+"""Distance that a way out keeps [m], and whether its search is optimistic."""
+
+PROOF = LEAST_DISTANCE, True
+"""If none of these ways out is left at the start, crew members cannot be avoided."""
 
 
 class EscapePath(NamedTuple):

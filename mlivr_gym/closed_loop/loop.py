@@ -25,15 +25,9 @@ import numpy as np
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.crew import (
-    KEPT,
-    LEAST_DISTANCE,
-    CrewMember,
-    distance_from_crew,
-    waiting_time,
-)
+from mlivr_gym.closed_loop.crew import KEPT, CrewMember, distance_from_crew, waiting_time
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
-from mlivr_gym.closed_loop.evasion import Evasion
+from mlivr_gym.closed_loop.evasion import MOST_TRIED, PROOF, TRIED_IN_TURN, Evasion
 from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.errors import SettingError, ShapeError
@@ -61,15 +55,6 @@ In each of them the controller may approach several times, see `ControllerParame
 
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""
-
-MOST_TRIED = 60
-"""Number of first steps of ways out whose trajectories are compared with the crew."""
-
-TRIED_IN_TURN = (KEPT, False), (KEPT, True), (LEAST_DISTANCE, True), (0.0, True)
-"""Distance that a way out keeps [m], and whether its search is optimistic."""
-
-PROOF = LEAST_DISTANCE, True
-"""If none of these ways out is left at the start, crew members cannot be avoided."""
 
 NOT_BEGUN = "no clear time", "no swing"
 """Failures of steps that were not begun."""

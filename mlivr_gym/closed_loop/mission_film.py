@@ -24,7 +24,7 @@ from mlivr_gym.robot.cargo import LockedLimb
 from mlivr_gym.values import as_triple
 from mlivr_gym.world.boxes import Box
 
-CARRIED = "fold", "carry", "stow"
+IN_GRIPPER = "fold", "carry", "stow"
 """Parts of a mission in which the gripper holds the bag."""
 
 
@@ -72,7 +72,7 @@ def mission_film(
     cameras = film_cameras(graph.robot, [here for *_, here in shown], width / picture_height)
     begins = dict(zip([part.name for part in parts], [0.0, *ends[:-1]], strict=True))
     for (part, k, here), camera in zip(shown, cameras, strict=True):
-        bag = _held_bag(mission, here) if part.name in CARRIED else standing
+        bag = held_bag(mission, here) if part.name in IN_GRIPPER else standing
         picture = renderer.render(*here, camera=camera, boxes=(bag,))
         time = begins[part.name] + part.recording.times[k]
         text = f"{time:.0f} s of {ends[-1]:.0f} s (x{speed:g}): {part.name}, limb {mission.limb}"
@@ -90,7 +90,7 @@ def _configuration(mission: CargoMission, part: MissionPart, k: int) -> Configur
     return recording.base_positions[k], recording.base_quaternions[k], joints
 
 
-def _held_bag(mission: CargoMission, here: Configuration) -> Box:
+def held_bag(mission: CargoMission, here: Configuration) -> Box:
     """Return the bag in the gripper that carries it."""
     robot, (position, quaternion, joints) = mission.graphs[0].robot, here
     dynamics = robot.dynamics_of(mission.limb)
