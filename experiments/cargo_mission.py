@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
-from mlivr_gym.closed_loop.mission_film import mission_film
+from mlivr_gym.pictures.mission_film import mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.limits import PACES
 

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
     args.result["motions"] = [knots.tolist() for knots in mission.motions]
     if args.film:
-        from mlivr_gym.closed_loop.mission_film import mission_film
+        from mlivr_gym.pictures.mission_film import mission_film
 
         mission_film(mission, parts, args.film)
         print(f"film: {args.film}")

@@ -15,9 +15,9 @@ from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.closed_loop import cargo_mission
 from mlivr_gym.closed_loop.arm_motion import LimbMover, limb_trajectory
 from mlivr_gym.closed_loop.cargo_mission import loaded_robot, plan_cargo_mission, standing
-from mlivr_gym.closed_loop.mission_film import held_bag, mission_film
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import MlivrError, NoPlanError
+from mlivr_gym.pictures.mission_film import held_bag, mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
