@@ -66,8 +66,12 @@ class Mode(NamedTuple):
     """Whether a crew member crosses the cabin."""
 
 
-GENTLE, SLOW = Setup.of("gentle", "delayed", disturbances=ERRORS), Setup(Durations(), PAPER)
-"""Setups of the robot's own controller with all errors, and of the paper's without."""
+GENTLE = Setup.of("gentle", "delayed", disturbances=ERRORS)
+SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
+"""Setups of the robot's own controller and of the paper's, with all errors."""
+
+CREW, CREW_TASKS = "two limbs, cameras, no errors, a crew member crosses", 24
+"""The series in which a crew member crosses the cabin, and its largest number of tasks."""
 
 ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 """The robots by their number of limbs."""
@@ -75,16 +79,14 @@ ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 MODES = {
     "two limbs, cameras, no errors": Mode("mlivr2", "cameras", Setup()),
     "two limbs, blind, no errors": Mode("mlivr2", "blind", Setup()),
-    "two limbs, cameras, no errors, a crew member crosses": Mode(
-        "mlivr2", "cameras", Setup(), crew=True
-    ),
+    CREW: Mode("mlivr2", "cameras", Setup(), crew=True),
+    "two limbs, paper's controller, cameras, all errors": Mode("mlivr2", "cameras", SLOW),
     **{
         f"{number} limbs, {name}, all errors": Mode(robot, loop, setup)
         for number, robot in ROBOTS.items()
         for name, loop, setup in (
             ("cameras", "cameras", GENTLE), ("open loop", "open", GENTLE),
-            ("paper's controller, cameras", "cameras", replace(SLOW, disturbances=ERRORS)),
-            ("paper's controller, open loop", "open", replace(SLOW, disturbances=ERRORS)),
+            ("paper's controller, open loop", "open", SLOW),
         )
     },
 }  # fmt: skip
@@ -217,18 +219,26 @@ COLUMNS = (
 
 def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return all walks by mode."""
-    rows = study_rows("closed_loop:walk", tasks, workers, mode=list(MODES))
-    return {
-        "tasks": tasks,
-        "modes": {
-            mode: [
-                {name: row[name] for name in COLUMNS}
-                for row in rows
-                if row["mode"] == mode and row["outcome"] is not None
-            ]
-            for mode in MODES
-        },
-    }
+    others = [mode for mode in MODES if mode != CREW]
+    rows = study_rows("closed_loop:walk", tasks, workers, mode=others)
+    rows += study_rows("closed_loop:walk", min(tasks, CREW_TASKS), workers, mode=[CREW])
+    return {"tasks": tasks, "modes": by_mode(rows)}
+
+
+def by_mode(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return the walks of each mode, with rounded numbers."""
+    walks: dict[str, list[dict[str, Any]]] = {mode: [] for mode in MODES}
+    for row in rows:
+        if row["outcome"] is not None:
+            times = [round(seconds, 4) for seconds in row["replanning_times"]]
+            kept = {name: rounded(row[name]) for name in COLUMNS}
+            walks[row["mode"]].append(kept | {"replanning_times": times})
+    return walks
+
+
+def rounded(value: Any) -> Any:
+    """Return a number to three decimal places, and anything else as it is."""
+    return round(value, 3) if isinstance(value, float) else value
 
 
 def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
@@ -239,7 +249,7 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     proved = sum(walked["proved"] for walked in stopped)
     true = sum(walked["proved"] and not walked["is_possible"] for walked in stopped)
     both = [w for w in walks if w["outcome"] == ARRIVED and w["in_hindsight"]]
-    more = sum(w["steps"] for w in both) / max(sum(w["in_hindsight"] for w in both), 1)
+    more = [w["steps"] for w in both], [w["in_hindsight"] for w in both]
     forces = [w["peak_force"] for w in walks]
     gaps = [w["crew_distance"] for w in walks if w["crew_distance"] is not None]
     never = sum(w["is_crew_unavoidable"] for w in walks)
@@ -247,7 +257,7 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     return [
         mode, str(len(walks)), str(outcomes[ARRIVED]), f"{len(stopped)} ({proved}, {true})",
         ", ".join(f"{kind} {count}" for kind, count in failures.most_common()) or "0",
-        f"{more:.2f}", f"{max(forces):.0f} ({sum(force > 100.0 for force in forces)})",
+        f"{sum(more[0]) / sum(more[1]):.2f}" if both else NOTHING, f"{max(forces):.0f} ({sum(force > 100.0 for force in forces)})",
         f"{np.mean(times):.0f}, {np.percentile(times, 95):.0f}" if times else NOTHING,
         f"{min(gaps):.2f} ({sum(gap < LEAST_DISTANCE for gap in gaps)}, {never})"
         if gaps else NOTHING,
@@ -303,10 +313,11 @@ encoders {turn:g} degrees off, points {off:g} mm and {angle:g} degrees off, gras
 {ERRORS.stiffness:g} times as stiff or as soft, {ERRORS.acceleration:g} g, {delay:g} ms of delay,
 {refused:g} % of the grasps refused, and the others of `DisturbanceRanges`. The robot's own
 controller is `delayed` at the gentle pace with errors, `full` at the fast one without; the paper's
-takes 50 s a step. *Open loop* is the first plan, carried out without looking. A robot that stopped
-holds all its points; its proof is about what it has sensed, and true if no plan exists in the whole
-module either. Crew members cross the cabin at 0.5 m/s across or along it, and do not evade the
-robot; *unavoidable* are walks in which the search for a way out was exhausted at the start.
+takes 50 s a step. Replanning times are those of one walk on each core. *Open loop* is the first
+plan, carried out without looking. A robot that stopped holds all its points; its proof is about
+what it has sensed, and true if no plan exists in the whole module either. Crew members cross the
+cabin at 0.5 m/s across or along it, and do not evade the robot; *unavoidable* are walks in which
+the search for a way out was exhausted at the start.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
 
@@ -319,4 +330,6 @@ def draw_walk(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("closed_loop", __doc__, measured, markdown, draw_walk, tasks=200, workers=CORES)
+    experiment(
+        "closed_loop", __doc__, measured, markdown, draw_walk, None, tasks=200, workers=CORES
+    )  # fmt: skip

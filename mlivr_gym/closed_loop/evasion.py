@@ -44,7 +44,7 @@ TRIED_IN_TURN = (KEPT, False), (KEPT, True), (LEAST_DISTANCE, True), (0.0, True)
 """Distance that a way out keeps [m], and whether its search is optimistic."""
 
 PROOF = LEAST_DISTANCE, True
-"""If none of these ways out is left at the start, crew members cannot be avoided."""
+"""If none of these ways out is left at the start, crew members count as unavoidable."""
 
 
 class EscapePath(NamedTuple):
@@ -101,7 +101,7 @@ class Evasion:
             Stances to which the first step must not lead.
         is_optimistic
             Whether steps take only `LEAST_STEP_TIME`, and the posture after a step need not keep
-            the distance before its end. If no such way exists, there is none at all.
+            the distance before its end. If no such way is found, longer steps have none either.
         """
         last, number = len(self._times) - 1, count()
         begin = min(int(now / PERIOD), last)

@@ -68,8 +68,8 @@ class ClosedLoopRecord:
     crew_distance
         Smallest distance from a crew member [m]; None if there is none.
     is_crew_unavoidable
-        Whether no sequence of steps from the start keeps the distance from crew members, which the
-        search has shown by trying all; see `evasion`.
+        Whether the search for a way out of the lanes of crew members was exhausted at the start,
+        although it took steps for shorter than any measured one; see `evasion`.
     """
 
     outcome: str = FAILED
