@@ -257,7 +257,8 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     return [
         mode, str(len(walks)), str(outcomes[ARRIVED]), f"{len(stopped)} ({proved}, {true})",
         ", ".join(f"{kind} {count}" for kind, count in failures.most_common()) or "0",
-        f"{sum(more[0]) / sum(more[1]):.2f}" if both else NOTHING, f"{max(forces):.0f} ({sum(force > 100.0 for force in forces)})",
+        f"{sum(more[0]) / sum(more[1]):.2f}" if both else NOTHING,
+        f"{max(forces):.0f} ({sum(force > 100.0 for force in forces)})",
         f"{np.mean(times):.0f}, {np.percentile(times, 95):.0f}" if times else NOTHING,
         f"{min(gaps):.2f} ({sum(gap < LEAST_DISTANCE for gap in gaps)}, {never})"
         if gaps else NOTHING,
