@@ -1,8 +1,9 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR-Random-v0`, `MLIVR-JEM-Unknown-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`,
-`MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`, `MLIVR-Station-v0` and `MLIVR-Truss-v0`.
+`MLIVR-Random-v0`, `MLIVR-JEM-Unknown-v0`, `MLIVR-JEM-Cargo-v0`, `MLIVR3-JEM-v0`,
+`MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`, `MLIVR-Station-v0` and
+`MLIVR-Truss-v0`.
 """
 
 from importlib import import_module
@@ -67,6 +68,13 @@ register(
     vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
     max_episode_steps=100,
     kwargs={"tasks": "far"},
+)
+register(
+    id="MLIVR-JEM-Cargo-v0",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    max_episode_steps=100,
+    kwargs={"tasks": "far", "cargo": {"mass": 30.0, "size": [0.4, 0.4, 0.3]}},
 )
 register(
     id="MLIVR-Random-v0",
