@@ -179,7 +179,7 @@ def film_pictures(
     width, height = size
     picture_height = height - (strip_height(height) if plan is not None else 0)
     renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles, capsules)
-    shown = [_configuration(recording, int(k)) for k in samples]
+    shown = [configuration_at(recording, int(k)) for k in samples]
     cameras = film_cameras(robot, shown, width / picture_height)
     route = Route.of(grasp_map, plan) if plan is not None else None
     pictures = []
@@ -232,7 +232,7 @@ def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str
     )
 
 
-def _configuration(recording: Recording, k: int) -> Configuration:
+def configuration_at(recording: Recording, k: int) -> Configuration:
     """Return the configuration of the robot in a sample of a recording."""
     return (
         recording.base_positions[k],

@@ -9,18 +9,23 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.closed_loop.cargo_mission import BAG, CargoMission, MissionPart
 from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
+    SPEED,
     check_film_format,
+    configuration_at,
     film_cameras,
     film_samples,
     save_film,
 )
-from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.robot.cargo import LockedLimb
+from mlivr_gym.schema import ListOf
 from mlivr_gym.values import as_triple
 from mlivr_gym.world.boxes import Box
 
@@ -28,6 +33,15 @@ IN_GRIPPER = "fold", "carry", "stow"
 """Parts of a mission in which the gripper holds the bag."""
 
 
+@checked(
+    {
+        **ARGUMENTS,
+        "mission": InstanceOf(CargoMission),
+        "parts": ListOf(InstanceOf(MissionPart), 1),
+        "size": SIZE,
+        "speed": SPEED,
+    }
+)
 def mission_film(
     mission: CargoMission,
     parts: Sequence[MissionPart],
@@ -53,6 +67,8 @@ def mission_film(
 
     Raises
     ------
+    SettingError
+        If an argument is of another kind or out of range.
     RenderError
         If no GL library can be used, or films of this format cannot be written.
     FileError
@@ -83,11 +99,10 @@ def mission_film(
 
 def _configuration(mission: CargoMission, part: MissionPart, k: int) -> Configuration:
     """Return the configuration of the whole robot in a sample of a part."""
-    recording, limb = part.recording, mission.limb
-    joints = recording.joint_positions[k]
+    position, quaternion, joints = configuration_at(part.recording, k)
     if part.name == "carry":
-        joints = np.insert(joints, limb, mission.motions[1][-1], axis=0)
-    return recording.base_positions[k], recording.base_quaternions[k], joints
+        joints = np.insert(joints, mission.limb, mission.motions[1][-1], axis=0)
+    return position, quaternion, joints
 
 
 def held_bag(mission: CargoMission, here: Configuration) -> Box:
