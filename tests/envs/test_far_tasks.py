@@ -1,9 +1,7 @@
 """Far tasks lead into the other half of a map; fixed tasks are the same everywhere."""
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import longest_axis
@@ -94,14 +92,3 @@ def test_a_task_is_given_alone(env):
         copies.reset(options={"task": [0]})
     assert env.state == before[0]
     np.testing.assert_array_equal(env.goal, before[1])
-
-
-def test_the_registered_environment_is_far_and_sound(small_map):
-    made = gymnasium.make("MLIVR-JEM-Far-v0", map=small_map, collisions=False)
-    assert made.unwrapped.tasks.far
-    check_env(made.unwrapped, skip_render_check=True)
-    copies = gymnasium.make_vec(
-        "MLIVR-JEM-Far-v0", num_envs=2, map=small_map, collisions=False,
-        vectorization_mode="vector_entry_point",
-    )  # fmt: skip
-    assert copies.unwrapped.env.tasks.far

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import gymnasium
 import numpy as np
+import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym import Limb, RobotSpec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain_value
+from mlivr_gym.envs.rewards import BaseReward
+from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
@@ -51,6 +54,20 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     assert type(env.spec.kwargs["map"]) is dict
     np.testing.assert_array_equal(theirs.graph.base_position, ours.graph.base_position)
     assert again.reset(seed=4)[1]["stance"] == env.reset(seed=4)[1]["stance"]
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [("reward", "steps"), ("reward", BaseReward()), ("tasks", WalkTasks()),
+     ("tasks", {"kind": "far"})],
+)  # fmt: skip
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_json_keeps_rewards_and_tasks(small_map, make, name, given):
+    made = make("MLIVR-JEM-v0", map=small_map, collisions=False, **{name: given})
+    again = make(EnvSpec.from_json(made.spec.to_json()))
+    ours, theirs = (getattr(one.unwrapped, "env", one.unwrapped) for one in (made, again))
+    assert getattr(ours, name) == getattr(theirs, name)
+    assert again.spec == made.spec
 
 
 def test_failure_probabilities_paths_and_wrappers_survive(ladder, tmp_path):

@@ -5,10 +5,9 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.rewards import BaseReward, StepReward
+from mlivr_gym.envs.rewards import BaseReward
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 
 pytestmark = pytest.mark.usefixtures("cache")
@@ -110,17 +109,6 @@ def test_rewards_are_asked_about_steps_only(small_map):
     asked = len(reward.outcomes)
     assert copies.step(np.zeros(6, dtype=int))[1].tolist() == [0.0] * 6
     assert len(reward.outcomes) == asked
-
-
-@pytest.mark.parametrize("given", ["steps", "base", StepReward(), BaseReward()])
-def test_json_keeps_the_reward(small_map, given):
-    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)
-    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
-    assert again.unwrapped.reward == made.unwrapped.reward
-    assert again.spec == made.spec
-    made = gymnasium.make_vec("MLIVR-JEM-v0", map=small_map, collisions=False, reward=given)
-    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
-    assert again.unwrapped.env.reward == made.unwrapped.env.reward
 
 
 @pytest.mark.parametrize("given", ["base", BaseReward(), Toll()])

@@ -1,13 +1,10 @@
 """Task generators of a user's own: one object serves the single and the vector environment."""
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.task import Task
-from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError
 from mlivr_gym.stances.random_states import random_state
@@ -111,30 +108,6 @@ def test_what_reset_is_given_is_not_drawn(small_map, shuttle):
     env.reset(options={"start": start.stance, "goal": goal})
     copies.reset(options={"start": [start.stance] * 2, "goal": [goal] * 2})
     assert len(shuttle.drawn) == count
-
-
-@pytest.mark.parametrize("given", ["walk", WalkTasks(), {"kind": "walk"}])
-def test_json_keeps_the_walk(small_map, given):
-    arguments = {"map": small_map, "collisions": False}
-    made = gymnasium.make("MLIVR-JEM-v0", tasks=given, **arguments)
-    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json()))
-    assert again.unwrapped.tasks == made.unwrapped.tasks == WalkTasks()
-    assert again.spec == made.spec
-    plain = MlivrEnv(**arguments)
-    for env in (made, again, plain):
-        assert env.reset(seed=6)[1]["stance"] == plain.reset(seed=6)[1]["stance"]
-        np.testing.assert_array_equal(env.unwrapped.goal, plain.goal)
-    made = gymnasium.make_vec("MLIVR-JEM-v0", tasks=given, **arguments)
-    again = gymnasium.make_vec(EnvSpec.from_json(made.spec.to_json()))
-    assert again.unwrapped.env.tasks == WalkTasks()
-
-
-def test_a_spec_keeps_the_object(small_map, shuttle):
-    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, tasks=shuttle)
-    again = gymnasium.make(made.spec).unwrapped
-    assert isinstance(again.tasks, Shuttle)
-    again.reset(seed=2)
-    np.testing.assert_array_equal(again.goal, shuttle.goal)
 
 
 def test_faulty_tasks_are_refused(small_map, shuttle):

@@ -1,15 +1,11 @@
 """The unknown map: what is hidden, what looks and attempts reveal, and what they cost."""
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
 from mlivr_gym.agents import EvaluationTask, ExpertPolicy, LookingPolicy, evaluate, planner_policy
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.layout_tasks import CLUSTER_RADIUS, LayoutTasks
+from mlivr_gym.envs.layout_tasks import CLUSTER_RADIUS
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.unknown_map import PRIOR, UnknownMapEnv
 from mlivr_gym.errors import MlivrError, SettingError
@@ -180,14 +176,3 @@ def test_what_the_environment_cannot_do_is_refused(small_map):
     env.reset(seed=0)
     with pytest.raises(SettingError, match=str(env.action_space.n)):
         env.step(env.action_space.n)
-
-
-def test_the_registered_environment_is_sound(small_map):
-    arguments = {"map": small_map, "collisions": False, "look_range": 0.5}
-    made = gymnasium.make("MLIVR-JEM-Unknown-v0", **arguments)
-    check_env(made.unwrapped, skip_render_check=True)
-    check_env_of_sb3(made.unwrapped)
-    again = gymnasium.make(EnvSpec.from_json(made.spec.to_json())).unwrapped
-    assert (again.tasks, again.look_range) == (LayoutTasks(clustered=True), 0.5)
-    first, second = made.reset(seed=5), again.reset(seed=5)
-    np.testing.assert_array_equal(first[0]["unknown"], second[0]["unknown"])

@@ -136,21 +136,6 @@ def test_an_exported_robot_has_the_mass_of_its_cargo(tmp_path):
     assert type(robot).from_mjcf(file).body_mass == pytest.approx(50.0)
 
 
-def test_the_task_with_cargo_leads_a_loaded_robot_to_the_other_half_of_the_module():
-    env = gymnasium.make("MLIVR-JEM-Cargo-v0", disable_env_checker=True).unwrapped
-    assert env.graph.robot.cargo == Cargo(30.0, (0.4, 0.4, 0.3))
-    bare = replace(env.graph.robot, cargo=None)
-    assert env.graph.robot.body_solid.mass == pytest.approx(bare.body_solid.mass + 30.0)
-    x = env.graph.grasp_map.positions[:, 0]
-    for seed in range(3):
-        _, info = env.reset(seed=seed)
-        here = env.graph.posture_of(env.state).base_position[0, 0]
-        middle = 0.5 * (x.min() + x.max())
-        assert (here - middle) * (env.goal[0] - middle) < 0.0
-        *_, info = env.step(int(np.flatnonzero(info["action_mask"])[0]))
-        assert not info["invalid_action"]
-
-
 def test_an_environment_takes_cargo():
     env = gymnasium.make("MLIVR-JEM-v0", cargo={"mass": 12.0, "size": [0.3, 0.4, 0.2]}).unwrapped
     assert env.graph.robot.cargo == replace(ON_TOP, mass=12.0)

@@ -9,9 +9,8 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
-from mlivr_gym.simulation.disturbances import ALL, NONE, DisturbanceRanges, robot_body_ids
+from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
 from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
@@ -67,25 +66,6 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
         np.testing.assert_allclose(ratio, drawn.stiffness[limb])
     # MuJoCo's inverse weights follow the masses.
     assert not np.allclose(model.dof_invweight0, plain.dof_invweight0)
-
-
-def test_friction_holds_a_joint_up_to_its_torque(jem, plan):
-    """A torque below the friction does not turn the joint, one above does."""
-    for torque, turns in ((2.0, False), (4.0, True)):
-        ranges = DisturbanceRanges(friction=3.0)
-        drawn = replace(ranges.draw(1, 17, 2, len(jem)), friction=np.full((2, 6), 3.0))
-        simulation = replace_disturbance(jem, plan, drawn)
-        simulation.reset(*plan.configuration(0), [FREE, FREE])
-        data = simulation.data
-        before = data.qpos[7 + 5]
-        for _ in range(100):
-            data.ctrl[5] = torque
-            mujoco.mj_step(simulation.model, data)
-        assert (abs(data.qpos[7 + 5] - before) > 0.01) == turns
-
-
-def replace_disturbance(jem, plan, drawn):
-    return Simulation(jem, plan.world.robot, controller=FEEDFORWARD, disturbance=drawn)
 
 
 def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, plan):
@@ -166,16 +146,6 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
         with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
             list(execute_many(checked_graph, [plan], **bad))
-
-
-def test_no_disturbance_is_the_robot_that_the_controller_knows(jem, plan):
-    drawn = NONE.draw(11, 17, 2, len(jem))
-    assert not np.any([drawn.friction, drawn.damping, drawn.encoder_bias])
-    assert not np.any(drawn.gravity)
-    np.testing.assert_array_equal(drawn.masses, 1.0)
-    np.testing.assert_array_equal(drawn.stiffness, 1.0)
-    with pytest.raises(SettingError, match=r"disturbances.friction is -1.*from 0 to 1000 N m"):
-        DisturbanceRanges(friction=-1.0)
 
 
 @pytest.mark.parametrize(

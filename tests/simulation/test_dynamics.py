@@ -1,4 +1,4 @@
-"""Masses, momentum and energy of the simulated robot, and which robots are simulated."""
+"""Masses and kinematics of the simulated robot, and which robots are simulated."""
 
 from dataclasses import asdict, replace
 
@@ -12,27 +12,10 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
-from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import set_configuration
 from mlivr_gym.simulation.simulator import Simulation
-
-
-@pytest.fixture
-def floating(jem, plan):
-    """A robot that holds nothing, controllers and grasps without effect, turning and bending."""
-    simulation = Simulation(jem, plan.world.robot, Physics(timestep=0.001))
-    model, data = simulation.model, simulation.data
-    model.actuator_biasprm[:] = 0.0
-    simulation.reset(
-        np.array([4.0, 0.0, 0.0]),
-        np.array([1.0, 0, 0, 0]),
-        plan.motion.joint_positions[0],
-        [FREE, FREE],
-    )
-    data.qvel[:] = np.random.default_rng(0).uniform(-0.2, 0.2, model.nv)
-    return simulation
 
 
 @pytest.mark.parametrize("limbs", [2, 3, 4])
@@ -69,34 +52,6 @@ def test_mass_matrix_and_kinematics_are_pinocchios(jem, limbs):
             np.testing.assert_allclose(
                 data.site(f"limb{i}/grasp").xmat.reshape(3, 3), frame.rotation, atol=1e-9
             )
-
-
-def momenta(simulation):
-    mujoco.mj_forward(simulation.model, simulation.data)
-    linear = simulation.mass * simulation.data.sensor("velocity").data
-    centre = simulation.data.subtree_com[simulation.model.body("base").id]
-    return linear.copy(), simulation.data.sensor("angular_momentum").data + np.cross(centre, linear)
-
-
-def test_momentum_is_kept_when_nothing_is_held_and_nothing_pulls(floating):
-    linear, angular = momenta(floating)
-    for _ in range(1000):
-        mujoco.mj_step(floating.model, floating.data)
-    assert floating.data.ncon == 0
-    after = momenta(floating)
-    np.testing.assert_allclose(after[0], linear, atol=2e-3 * np.linalg.norm(linear))
-    np.testing.assert_allclose(after[1], angular, atol=5e-3 * np.linalg.norm(angular))
-
-
-def test_energy_falls_under_damping_alone(floating):
-    model, data = floating.model, floating.data
-    model.dof_damping[6:] = 50.0
-    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    energies = []
-    for _ in range(300):
-        mujoco.mj_step(model, data)
-        energies.append(data.energy[1])
-    assert (np.diff(energies) < 0.0).all()
 
 
 UNKNOWN = Limb(d1=0.1807, a2=-0.6127, a3=-0.5, d4=0.17415, d5=0.11985, d6=0.11655)

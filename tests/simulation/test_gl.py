@@ -52,17 +52,14 @@ def folder(tmp_path_factory, small_graph):
     return folder
 
 
-def test_commands_tell_it_in_one_line(folder):
-    command = ("-m", "mlivr_gym")
-    world = ("--map", "map.json", "--no-collisions")
-    simulated = ("simulate", "--map", "map.json", "--plan", "plan.json", "--no-film", "--out", "w")
-    for words in (simulated, ("render", *world, "--out", "picture.png")):
-        done = run(folder, "foo", *command, *words)
-        assert done.returncode == 2, done.stderr
-        told = [line for line in done.stderr.splitlines() if line.startswith("mlivr-gym: ")]
-        assert len(told) == 1
-        assert "MUJOCO_GL is 'foo'; valid choices are 'egl', 'osmesa', 'glfw'" in told[0]
-        assert "Traceback" not in done.stderr
+def test_a_command_tells_it_in_one_line(folder):
+    words = "simulate --map map.json --plan plan.json --no-film --out w"
+    done = run(folder, "foo", "-m", "mlivr_gym", *words.split())
+    assert done.returncode == 2, done.stderr
+    told = [line for line in done.stderr.splitlines() if line.startswith("mlivr-gym: ")]
+    assert len(told) == 1
+    assert "MUJOCO_GL is 'foo'; valid choices are 'egl', 'osmesa', 'glfw'" in told[0]
+    assert "Traceback" not in done.stderr
     assert sorted(path.name for path in folder.iterdir()) == ["map.json", "plan.json"]
 
 
@@ -73,11 +70,10 @@ def test_the_environment_steps_and_does_not_render(folder):
 
 
 def test_what_mujoco_knows_is_taken(folder):
-    """As MuJoCo itself takes it, or a library that is missing is told."""
+    """Or a library that is missing is told."""
     assert {"", "egl", "glfw"} <= ALIASES | set(BACKENDS)
     done = run(folder, " EGL ", "-c", "import mlivr_gym.simulation.simulator")
     assert done.returncode == 0 or "cannot render with MUJOCO_GL" in done.stderr
-    assert done.returncode == run(folder, " EGL ", "-c", "import mujoco").returncode
 
 
 def test_an_interruption_while_a_context_opens_leaves_one_traceback(folder):

@@ -7,13 +7,12 @@ import pinocchio
 import pytest
 
 from mlivr_gym.errors import PlanError
-from mlivr_gym.fastest import least_reaction_plan, step_reactions, with_least_reaction
+from mlivr_gym.fastest import step_reactions, with_least_reaction
 from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import GENTLE, Limits
+from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import reaction_of
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
@@ -76,15 +75,3 @@ def test_a_file_keeps_the_chosen_swings_and_no_others(checked_graph, jem, chosen
     data["motion"]["steps"][0]["knots"][1][1] += 1e-3
     with pytest.raises(PlanError, match=r"motion\.steps\[0\]"):
         Plan.from_dict(data, jem)
-
-
-def test_the_candidates_are_ordered_by_their_reaction(checked_graph):
-    found = least_reaction_plan(
-        Planner(checked_graph), ("D2a:4", "D2b:4"), (4.0, 0.0, 0.42), GENTLE
-    )
-    impulses = [one.impulse for one in found]
-    assert impulses == sorted(impulses)
-    for one in found:
-        steps = step_reactions(checked_graph, one.plan, GENTLE)
-        assert one.impulse == pytest.approx(sum(step.impulse for step in steps))
-        assert one.peak_force == max(step.peak_force for step in steps)

@@ -1,8 +1,6 @@
 """Two iiwa from a URDF of one, joint 3 held: their stances, plans, and a walk in MuJoCo."""
 
-import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 from coal_ruler import Ruler, grasps_of
 from held_points import assert_held
@@ -11,11 +9,8 @@ from wrist_arms import flange_of, iiwa_from_file, pinocchio_wrist_arm
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.kinematics.manipulability import limb_manipulability
-from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
 CLEARANCE = 0.02
 ROBOT = iiwa_from_file(0.8)
@@ -52,20 +47,6 @@ def test_limbs_hold_their_points_in_every_stance_as_pinocchio_has_it(graph, jem)
             assert w_m >= graph.limb_threshold - 1e-9
 
 
-def test_the_scene_has_the_links_where_pinocchio_has_the_flange():
-    model = robot_alone(ROBOT).compile()
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    for _ in range(20):
-        joints = rng.uniform(-2.0, 2.0, (2, 6))
-        set_configuration(model, data, np.zeros(3), np.array([1.0, 0, 0, 0]), joints)
-        for i in range(2):
-            mount = pin.SE3(ROBOT.mount_rotations[i], ROBOT.mount_positions[i]).homogeneous
-            truth = mount @ flange_of(MODEL, ROBOT.limb, joints[i])[0]
-            site = data.site(f"limb{i}/flange")
-            np.testing.assert_allclose(site.xpos, truth[:3, 3], atol=1e-12)
-            np.testing.assert_allclose(site.xmat.reshape(3, 3), truth[:3, :3], atol=1e-12)
-
-
 def test_along_plans_coal_finds_the_clearance(graph, plans, jem):
     ruler, found = Ruler(graph.robot, jem.boxes), []
     for plan in plans:
@@ -81,16 +62,3 @@ def test_along_plans_coal_finds_the_clearance(graph, plans, jem):
                 )  # fmt: skip
                 found += ruler.measured(here, grasps_of(graph, points), 2.0 * CLEARANCE)
     assert min(found)[0] >= CLEARANCE - 1e-9
-
-
-def test_plans_are_what_a_check_of_them_finds(plans, jem):
-    for plan in plans:
-        check_motion(plan.query, plan.world, plan.motion, jem)
-
-
-def test_a_plan_is_carried_out_in_mujoco(graph, plans):
-    plan = min(plans, key=lambda plan: len(plan.steps))
-    walk = execute(graph, plan)
-    assert walk.failure is None
-    assert len(walk.captures) == len(plan.steps)
-    assert max(capture.distance for capture in walk.captures) < 0.01
