@@ -34,28 +34,6 @@ def test_commands_train_and_evaluate(capsys, tmp_path, short, ladder_file):
     assert "policy is 'magic'" in capsys.readouterr().err
 
 
-def test_ctrl_c_ends_the_command_train_with_a_checkpoint_and_130(
-    capsys, tmp_path, monkeypatch, short, ladder_file
-):
-    hyper = {"bc": {"imitation": short}, "networks": {"pointer": {"width": 16, "summary": 8}}}
-    (tmp_path / "hyper.json").write_text(json.dumps(hyper))
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("mlivr_gym.cli.train.Progress.show", interrupt)
-    code = main(
-        ["train", "--map", str(ladder_file), "--no-collisions", "--method", "bc", "--quiet",
-         "--hyperparameters", str(tmp_path / "hyper.json"), "--out", str(tmp_path / "policy")]
-    )  # fmt: skip
-    told = capsys.readouterr().err
-    assert code == 130
-    assert told.startswith("mlivr-gym: training interrupted")
-    assert told.count("\n") == 1
-    assert (tmp_path / "policy.pt").exists()
-    assert (tmp_path / "policy.json").exists()
-
-
 @pytest.mark.parametrize("split", SPLITS)
 def test_a_split_is_evaluated_with_all_its_tasks(split):
     """Each world of the split with its own map; nothing of the other splits."""

@@ -22,14 +22,6 @@ START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 ROBOT = robot_spec("mlivr2")
 
 
-def test_a_larger_clearance_leaves_fewer_stances(small_map):
-    sizes = [
-        len(stance_graph(small_map, settings=Settings(clearance=c))) for c in (0.0, 0.012, 0.024)
-    ]
-    assert sizes[0] >= sizes[1] >= sizes[2]
-    assert sizes[0] > sizes[2]
-
-
 def test_obstacles_take_away_and_give_back(checked_graph):
     graph, planner = checked_graph, Planner(checked_graph)
     free = planner.plan(START, GOAL, "steps").unwrap()

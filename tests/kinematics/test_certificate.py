@@ -118,7 +118,7 @@ def test_no_pose_within_the_bounds_is_below_what_they_prove(limb):
     The planted fault: what half the change proves is broken by some pose.
     """
     rng, losses, faults = np.random.default_rng(0), [], 0
-    for k in range(300 if limb.family_code == SPHERICAL_SHOULDER else 150):
+    for k in range(240 if limb.family_code == SPHERICAL_SHOULDER else 120):
         q = random_posture(limb, rng, k)
         size = 10.0 ** rng.uniform(-3.0, -1.0)
         change = [(size, 0.0), (0.0, size), (size, size * rng.uniform(0.3, 2.0))][rng.integers(3)]

@@ -1,7 +1,6 @@
 """Every operation of arms of all families against Pinocchio models built from their tables."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,12 +9,10 @@ from arms import ARMS, frames, jacobian, truth, turned
 from branches import arm_of, flange_axis
 from branches import solutions as solutions_of
 from compiled import called
-from held_points import assert_held
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import volume
 
-from mlivr_gym import GraspMap, robot_spec, stance_graph
 from mlivr_gym.kinematics.arm import UR, JointAxes
 from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes, link_frames
 from mlivr_gym.kinematics.manipulability import limb_manipulability
@@ -197,25 +194,3 @@ def test_links_of_the_station_arm_are_the_published_bodies(locked, q):
     np.testing.assert_allclose(found[:6], expected[:6], atol=1e-12)
     np.testing.assert_allclose(found[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
     np.testing.assert_allclose(frames(station_arm.LIMB, q)[6], published[6], atol=1e-12)
-
-
-def test_a_robot_with_two_such_arms_holds_stances_of_a_map_of_its_size():
-    """Each limb of each stance reaches its grasp on each of its branches, as published."""
-    points = [
-        {"id": f"{row}:{k}", "face": "deck", "position": [3.0 * k, 3.0 * row, 0.0],
-         "normal": [0, 0, 1], "rail": [1, 0, 0]}
-        for row, k in itertools.product(range(3), range(5))
-    ]  # fmt: skip
-    truss = GraspMap.from_dict({"name": "truss", "points": points})
-    robot = replace(
-        robot_spec("mlivr2"), name="station", limb=station_arm.LIMB, mount_radius=0.5,
-        body_size=1.0, tool_length=0.5, characteristic_length=7.0, span=15.0,
-        grasp_separation=1.0, lift=0.5, heights=(4.0, 5.0, 6.0, 7.0),
-    )  # fmt: skip
-    graph = stance_graph(truss, robot)
-    assert len(graph) > 50
-    for stance in graph.points:
-        state = graph.state(stance.tolist())
-        here, limbs = graph.configuration(state), lambda q: station_arm.links(0.0, q)[6]
-        assert_held(robot, truss, state.stance, here, limbs, 1e-9)
-    assert len(graph.successors(graph.state(graph.points[0].tolist())))

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from mlivr_gym.errors import PlanError
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Plan
 
 
 @pytest.fixture(scope="module")
@@ -79,10 +79,3 @@ def test_a_point_that_the_map_lacks_is_named_though_the_fingerprint_fits(jem, da
     assert Plan.from_dict(other).stances[0][limb] == "Q:1"
     with pytest.raises(PlanError, match="unknown graspable point 'Q:1'"):
         Plan.from_dict(other, jem)
-
-
-def test_a_plan_without_checked_steps_survives_its_file(graph, jem):
-    """No knots at all."""
-    plan = Planner(graph).plan(("D1a:4", "D1b:4"), (3.0, 0.0, 0.0)).unwrap()
-    assert not plan.steps[0].knots
-    assert Plan.from_dict(json.loads(json.dumps(plan.to_dict())), jem).to_dict() == plan.to_dict()

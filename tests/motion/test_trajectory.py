@@ -364,9 +364,9 @@ def test_a_motion_that_turns_back_follows_its_path_to_the_start(
         np.testing.assert_allclose(getattr(whole, rate)[2:-2], expected, atol=0.02 * scale)
     # It is on the path all the time, turns, and comes to rest at the start.
     places, taken = (one.joint_positions.reshape(-1, 12) for one in (there, whole))
-    away, nearest = cKDTree(places).query(taken, p=np.inf)
+    away, nearest = cKDTree(places).query(taken[::20], p=np.inf)
     assert away.max() <= np.abs(np.diff(places, axis=0)).max()
-    farthest = int(nearest.argmax())
+    farthest = 20 * int(nearest.argmax())
     assert first < farthest < first + duration / there.period
     assert np.abs(whole.joint_positions[-1] - there.joint_positions[0]).max() < 1e-9
     assert np.abs(whole.joint_velocities[-1]).max() < 1e-6

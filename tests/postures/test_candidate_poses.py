@@ -18,7 +18,7 @@ def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, 
     rng = np.random.default_rng(4)
     places = small_map.positions + rng.uniform(-moved, moved, small_map.positions.shape)
     graph = stance_graph(replace(small_map, positions=places), robot)
-    stances = np.array([random_state(graph, rng).stance for _ in range(30)])
+    stances = np.array([random_state(graph, rng).stance for _ in range(15)])
     postures = graph.nodes(stances)
     assert len(set(postures.pose_number.tolist())) > 3
     position, rotation = bases_at(graph.grasp_map, graph.robot, stances, postures.pose_number)
@@ -35,7 +35,7 @@ def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
 def test_postures_do_not_depend_on_what_they_are_computed_with(small_map, robot):
     graph, rng = stance_graph(small_map, robot), np.random.default_rng(7)
-    stances = np.array([random_state(graph, rng).stance for _ in range(20)])
+    stances = np.array([random_state(graph, rng).stance for _ in range(10)])
     others = stance_graph(small_map, robot).solver
     whole = graph.solver.solve(stances)
     for k in range(len(stances)):

@@ -55,7 +55,7 @@ def random_sets(graph, count, seed):
 
 def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     """The base may be anywhere, or close to a target; values within rounding may go either way."""
-    sets = random_sets(graph, 150 if graph.limbs == 3 else 300, 0)
+    sets = random_sets(graph, 100 if graph.limbs == 3 else 300, 0)
     found, asked = graph.solver.in_reach(sets), graph.solver.thresholds[0]["w_m"]
     target = graph.grasp_map.positions.mean(axis=0)
     nearby = graph.solver.in_reach(sets, target, 1.0)

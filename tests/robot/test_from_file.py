@@ -30,19 +30,6 @@ def place(position, axis, after_move=(0.3, 0.4, 0.5)):
     return frame
 
 
-@pytest.mark.parametrize("seed", [None, *range(8)])
-def test_lengths_are_found_whatever_the_frames_signs_and_zeros_of_a_file(tmp_path, seed):
-    file = read_robot(written(tmp_path, one_arm(seed=seed)))
-    limb = file.fields["limb"]
-    # Where the base stands on joint 1 is the author's choice: d1 alone may differ.
-    np.testing.assert_allclose(limb.lengths[1:], UR10E[1:], atol=1e-8)
-    assert file.position_error < 1e-8
-    if seed is None:
-        assert limb.d1 == pytest.approx(UR10E[0], abs=1e-9)
-        np.testing.assert_array_equal(file.offsets, 0.0)
-        np.testing.assert_array_equal(file.signs, 1.0)
-
-
 def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
     robot = robot_spec(written(tmp_path, one_arm()))
     dynamics = robot.limb_dynamics

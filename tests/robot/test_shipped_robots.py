@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import gymnasium
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -152,15 +151,6 @@ def test_three_iiwa_walk_to_points_that_pinocchio_sees_them_reach(jem):
     execution = execute(graph, plan)
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps) > 0
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_an_environment_takes_its_name(name):
-    env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", robot=name)
-    _, info = env.reset(seed=0)
-    _, _, terminated, _, info = env.step(int(np.flatnonzero(info["action_mask"])[0]))
-    assert info["steps"] == 1 or terminated
-    env.close()
 
 
 def test_a_wrong_name_is_told_all_names():

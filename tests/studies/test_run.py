@@ -20,15 +20,22 @@ pytest.importorskip("pyarrow")
 DESIGN = StudyDesign.from_data(
     {
         "kind": "plan",
-        "tasks": 26,
+        "tasks": 6,
         "seed": 3,
         "factors": {"cost": ["steps", "base"], "occupied": [0.0, 0.4]},
     }
 )
 
 
+@pytest.fixture(scope="module", autouse=True)
+def small_blocks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mlivr_gym.studies.design.BLOCK_TASKS", 5)
+        yield
+
+
 @pytest.fixture(scope="module")
-def rows():
+def rows(small_blocks):
     """The rows of the study, computed in this process."""
     return [row for block in DESIGN.blocks for row in rows_of(DESIGN, block)]
 
@@ -76,7 +83,7 @@ def test_each_block_has_a_graph_of_its_own(monkeypatch):
 
 def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
     def interrupt(done, total):
-        if done >= 50:
+        if done >= 10:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -85,7 +92,7 @@ def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
     assert len(stored) == 3
     seen = []
     file = run_study(DESIGN, tmp_path, workers=1, progress=lambda done, total: seen.append(done))
-    assert seen == [51, 52, 77, 78, 103, 104]
+    assert seen == [11, 12, 17, 18, 23, 24]
     assert untimed(read_study(tmp_path)) == untimed(rows)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
     written = file.stat().st_mtime_ns

@@ -46,7 +46,7 @@ def some_branches(graph, rng, given):
 def test_releases_and_steps_are_those_of_the_plain_definition(small, given):
     graph, rng = small[0], np.random.default_rng(int(given))
     kinds = dict.fromkeys(("none", "folded", "line", "joined"), 0)
-    for _ in range(60 if graph.limbs == 2 else 40):
+    for _ in range(40):
         limb, before, after = two_stances(graph, rng)
         wanted = some_branches(graph, rng, given)
         stances, step, able = asked(graph, limb, before, after, wanted, given)

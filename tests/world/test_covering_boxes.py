@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from mlivr_gym import Box, stance_graph
+from mlivr_gym import Box
 from mlivr_gym.errors import ShapeError
-from mlivr_gym.planners import Planner
 from mlivr_gym.world.covering_boxes import capsule_box, point_cloud_boxes
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -65,21 +64,6 @@ def test_a_box_covers_its_capsule_and_little_more(seed, radius, is_ball):
         )  # fmt: skip
         if to_box > 0.0:
             assert to_capsule - (np.sqrt(3.0) - 1.0) * radius - 1e-6 <= to_box <= to_capsule + 1e-6
-
-
-def test_a_plan_keeps_away_from_a_cloud():
-    """A wall of points is seen before the goal; the plan is other than without it."""
-    graph = stance_graph()
-    y, z = np.meshgrid(np.linspace(-1.0, 1.0, 60), np.linspace(-1.0, 0.2, 60))
-    wall = np.stack([np.full(y.size, 3.55), y.ravel(), z.ravel()], axis=1)
-    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-    free = Planner(graph).plan(start, goal, "steps").unwrap()
-    graph.add_obstacles(point_cloud_boxes(wall))
-    plan = Planner(graph).plan(start, goal, "steps").unwrap()
-    assert len(plan.steps) > len(free.steps)
-    bases = [graph.posture_of(graph.state(stance)).base_position[0] for stance in plan.stances]
-    away, _ = cKDTree(wall).query(np.array(bases))
-    assert away.min() > 0.1
 
 
 @pytest.mark.parametrize(

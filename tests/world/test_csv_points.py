@@ -73,13 +73,3 @@ def test_what_is_no_table_is_refused(tmp_path):
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(MapError, match="not UTF-8"):
         GraspMap.load(path)
-
-
-def test_a_map_that_was_saved_is_the_same(tmp_path):
-    first = GraspMap.from_csv(
-        written(tmp_path, HEADER, *ROWS), cabin={"min": [-1] * 3, "max": [2] * 3}
-    )
-    first.save(tmp_path / "map.json")
-    second = GraspMap.load(tmp_path / "map.json")
-    assert second.to_dict() == first.to_dict()
-    assert second.fingerprint == first.fingerprint

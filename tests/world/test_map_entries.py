@@ -1,13 +1,9 @@
 """Entries of map files are checked, and points at handrails left out."""
 
-import json
-
-import numpy as np
 import pytest
 from map_data import POINT, SEGMENT
 
 from mlivr_gym import GraspMap, jem_map
-from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
 
 
@@ -33,25 +29,3 @@ def test_too_small_a_spacing_is_refused_before_the_points_are_made(spacing):
     ):
         with pytest.raises(MapError, match="at most 100000; take a larger spacing"):
             make()
-
-
-def test_points_at_handrails_are_left_out_as_one_by_one(jem):
-    """The definition, point by point and rail by rail, on every point of the tracks."""
-    every = jem_map(clearance=0.0)
-    data = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
-    bare = GraspMap.from_dict(data | {"handrails": []})
-    for clearance, kept in ((0.0, every), (0.03, jem)):
-        free = []
-        for point, face, position, turn in zip(
-            bare.ids, bare.faces, bare.positions, bare.rotations, strict=True
-        ):
-            width = next(s.width for s in bare.segments if s.id == point.split(":")[0])
-            reach = clearance + 0.5 * width * np.abs(turn[:, 1])
-            plane = np.abs(turn[:, 2]) < 0.5
-            blocked = any(
-                rail.face == face
-                and ((rail.min - reach <= position) & (position <= rail.max + reach))[plane].all()
-                for rail in jem.handrails
-            )
-            free += [] if blocked else [point]
-        assert tuple(free) == kept.ids

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.errors import MapError
-from mlivr_gym.planners import Planner
 from mlivr_gym.world.grasp_map import PLACES, as_map
 
 TRUSS, LAB = as_map("truss"), as_map("uslab")
@@ -81,26 +80,9 @@ def test_handrails_of_the_lab_lie_in_the_room_and_as_published():
         np.testing.assert_allclose(above, 0.0757 * turn[:, 2], atol=1e-6)
 
 
-def test_the_lab_is_crossed_over_its_handrails():
-    graph = stance_graph("uslab")
-    end = graph.configuration(graph.state(("port_3:3", "port_2:2")))[0].tolist()
-    plan = Planner(graph).plan(("stow:0", "stow:1"), end, "steps").unwrap()
-    assert 4 <= len(plan.steps) <= 8
-    assert plan.stances[-1] != plan.stances[0]
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("MLIVR-USLab-v0", {}),
-        ("MLIVR-Truss-v0", {}),
-        ("MLIVR-Columbus-v0", {"disable_env_checker": True}),
-        ("MLIVR-Hatch-v0", {"disable_env_checker": True}),
-        ("MLIVR-Station-v0", {"disable_env_checker": True}),
-    ],
-)
-def test_an_environment_of_the_place_follows_its_mask(name, options):
-    env = gymnasium.make(f"mlivr_gym:{name}", **options)
+@pytest.mark.parametrize("name", ["MLIVR-USLab-v0", "MLIVR-Truss-v0"])
+def test_an_environment_of_the_place_follows_its_mask(name):
+    env = gymnasium.make(f"mlivr_gym:{name}")
     _, info = env.reset(seed=0)
     for _ in range(3):
         action = int(np.flatnonzero(info["action_mask"])[-1])
