@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from coal_ruler import mujoco_pairs
 from compiled import called
-from wrist_arms import iiwa_robot
+from wrist_arms import iiwa_from_file
 
 from mlivr_gym import Box, robot_spec
 from mlivr_gym.collisions.against_robot import (
@@ -47,7 +47,8 @@ def fat(robot):
     return replace(robot, name="fat", capsules=shapes)
 
 
-ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3"), fat(robot_spec("mlivr3")), iiwa_robot()]
+ROBOTS = [robot_spec("mlivr2"), robot_spec("mlivr3")]
+ROBOTS += [fat(robot_spec("mlivr3")), iiwa_from_file(0.0)]
 
 
 def left_out(robot):

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 from robot_texts import UR10E, one_arm, whole_robot
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
@@ -87,41 +86,6 @@ def test_evenly_mounted_arms_are_recognised(tmp_path, count):
     assert robot.mounts is None
     assert robot.limbs == count
     assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
-
-
-@pytest.mark.parametrize("kind", ["urdf", "xml"])
-@pytest.mark.parametrize("name", ["mlivr2", "mlivr3", "unequal"])
-def test_a_robot_written_and_read_is_the_same(tmp_path, name, kind):
-    robot = robot_spec("mlivr3" if name == "mlivr3" else "mlivr2")
-    if name == "unequal":
-        tilt = Rotation.from_euler("y", 20, degrees=True).as_matrix()
-        mounts = [
-            {"position": p.tolist(), "rotation": (r @ tilt).tolist()}
-            for p, r in zip(robot.mount_positions, robot.mount_rotations, strict=True)
-        ]
-        mounts[1]["limb"] = "ur10e"
-        robot = robot_spec({"name": "unequal", "mounts": mounts})
-    path = str(tmp_path / f"robot.{kind}")
-    (robot.to_urdf if kind == "urdf" else robot.to_mjcf)(path)
-    again = robot_spec(path)
-    assert again.limbs == robot.limbs
-    assert again.is_symmetric == robot.is_symmetric
-    for i in range(robot.limbs):
-        close(robot.every_limb[i].lengths, again.every_limb[i].lengths)
-        close(robot.mount_positions[i], again.mount_positions[i])
-        close(robot.mount_rotations[i], again.mount_rotations[i])
-        for figure in ("masses", "centres", "inertias", "rotor_inertias", "base_size"):
-            close(getattr(robot.dynamics_of(i), figure), getattr(again.dynamics_of(i), figure))
-        for one, other in zip(robot.mounted[i].capsules, again.mounted[i].capsules, strict=True):
-            assert one.link == other.link
-            close([*one.start, *one.end, one.radius], [*other.start, *other.end, other.radius])
-    for figure in ("joint_limits", "torque_limits", "speed_limits", "body_edges", "heights",
-                   "tool_length", "gripper_mass", "span", "characteristic_length"):  # fmt: skip
-        close(getattr(robot, figure), getattr(again, figure))
-
-
-def close(one, other):
-    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9)
 
 
 def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):

@@ -9,8 +9,6 @@ import pinocchio as pin
 from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
 from mlivr_gym import RobotSpec
-from mlivr_gym.robot.limb_dynamics import LimbDynamics
-from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.robot.spherical_wrist_limb import SHIFTS, SphericalWristLimb
 
 WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
@@ -118,40 +116,9 @@ def flange_of(model, limb, q):
     return pose, jacobian[:, columns(limb)], jacobian
 
 
-def iiwa_dynamics():
-    """Masses and limits of the iiwa 14, links taken as rods; link 2 carries the held joint."""
-    masses = (5.76, 9.85, 3.5, 3.5, 1.8, 1.2)
-    size = (0.06, 0.1, 0.1, 0.06, 0.04, 0.02)
-    return LimbDynamics(
-        base_mass=5.0,
-        base_size=(0.08, 0.15),
-        masses=masses,
-        centres=(
-            (0.0, 0.0, -0.1), (0.0, 0.2, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, -0.15),
-            (0.0, 0.0, 0.0), (0.0, 0.0, -0.02),
-        ),
-        inertias=tuple(
-            (m * s * s + 1e-3, m * s * s + 1e-3, m * s * s + 1e-3, 0.0, 0.0, 0.0)
-            for m, s in zip(masses, size, strict=True)
-        ),
-        torque_limits=(320.0, 320.0, 176.0, 110.0, 40.0, 40.0),
-        speed_limits=tuple(np.deg2rad([85.0, 85.0, 75.0, 130.0, 135.0, 135.0]).tolist()),
-        rotor_inertias=(0.1,) * 6,
-    )  # fmt: skip
-
-
 def iiwa_from_file(held_angle):
     """Two iiwa on opposite faces of a cube, from a URDF of one."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "iiwa14.urdf")
         path.write_text(one_arm(frames=IIWA14, figures=IIWA14_FIGURES))
         return RobotSpec.from_urdf(path, held_angle=held_angle, capsules="ur5e")
-
-
-def iiwa_robot(held_angle=0.0, **changes):
-    """Two iiwa on opposite faces of a cube."""
-    given = {
-        "name": "two-iiwa", "limb": replace(IIWA, held_angle=held_angle),
-        "folds": IIWA.default_folds, "dynamics": iiwa_dynamics(),
-    } | changes  # fmt: skip
-    return replace(MLIVR2, **given)

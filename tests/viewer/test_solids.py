@@ -74,6 +74,13 @@ def test_every_geom_is_drawn_in_its_colour_and_size(jem):
         assert (corners.max(axis=0) >= geom.pos + 0.97 * reach - 1e-9).all()
 
 
+def test_what_is_not_checked_is_told_apart(jem):
+    scene = scene_solids(jem, robot_spec("mlivr2"), capsules=True)
+    unchecked = [solid for solid in scene.robot if not solid.checked]
+    assert {solid.link for solid in unchecked} >= {"base", "limb0/upper_arm", "limb1/forearm"}
+    assert all(solid.checked for solid in scene.robot if solid.link.endswith("gripper"))
+
+
 def test_meshes_are_drawn_in_the_place_of_collision_shapes(jem):
     """Of a UR10e no meshes ship, so limb 0 keeps its capsules and rods."""
     for name, limbs in (("mlivr2", {"limb0", "limb1"}), ("mlivr2-unequal", {"limb1"})):
