@@ -32,7 +32,7 @@ from mlivr_gym.fastest import (
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory_files import load_npz, save_csv, save_npz, save_ros
+from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.film import film
 from mlivr_gym.pictures.plan_figure import plan_figure
@@ -107,7 +107,6 @@ def things(small_map, own_folder, tmp_path_factory):
     plan = first_steps(plan, 1)
     (folder / "map.json").write_text(json.dumps(few.to_dict()))
     trajectory = plan_trajectory(graph, plan, period=0.1)
-    save_npz(trajectory, folder / "walk.npz")
     return {
         "folder": folder, "map": few, "graph": graph, "env": env, "planner": planner, "plan": plan,
         "start": graph.ids(env.state.stance), "goal": env.goal.tolist(),
@@ -197,7 +196,6 @@ FUNCTIONS = {
     "save_csv": saved(save_csv),
     "save_npz": saved(save_npz),
     "save_ros": saved(save_ros),
-    "load_npz": lambda of: (load_npz, {"path": of["folder"] / "walk.npz"}),
     "exported_model": lambda of: (exported_model, {**scene(of), **held(of)}),
     "plan_figure": lambda of: (plan_figure, {**drawn(of), "path": "plan.png"}),
     "SceneRenderer": lambda of: (SceneRenderer, {**scene(of), "width": 32, "height": 16}),

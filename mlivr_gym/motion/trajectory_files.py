@@ -13,12 +13,9 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
-from mlivr_gym.errors import PlanError, one_line, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
-from mlivr_gym.schema import NAME, FieldPath, ListOf, Numbers
-from mlivr_gym.values import MAX_LENGTH, MAX_POINTS
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 """Components of the base pose: position, and quaternion w, x, y, z."""
@@ -63,30 +60,6 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
         **{name: getattr(trajectory, name) for name in ARRAYS},
     )
     write_whole(path, stream.getvalue())
-
-
-def load_npz(path: str | Path) -> Trajectory:
-    """Read a trajectory from a file of `save_npz`.
-
-    Parameters
-    ----------
-    path
-        Name of the file.
-
-    Raises
-    ------
-    PlanError
-        If the file cannot be read or does not hold a trajectory.
-    """
-    path = FileName().read(path, FieldPath("path", PlanError))
-    try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in (*ARRAYS, "points")}
-        return Trajectory(**_checked(arrays))
-    except Exception as error:  # NumPy, zipfile and zlib raise many kinds
-        text = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        reason = text.splitlines()[0]
-        raise PlanError(f"cannot read trajectory {path_shown(path)}: {one_line(reason)}") from None
 
 
 @checked(SAVED)
@@ -232,30 +205,3 @@ def _event(before: list[str], after: list[str]) -> str:
             events += [f"limb{limb} releases {was}"] if was else []
             events += [f"limb{limb} grasps {now}"] if now else []
     return "; ".join(events)
-
-
-def _checked(arrays: dict[str, Any]) -> dict[str, Any]:
-    """Check that the arrays of a file have consistent shapes; return the fields."""
-    points = ListOf(NAME, 1, MAX_POINTS).read(arrays.pop("points"), FieldPath("points", PlanError))
-    shape = arrays["joint_positions"].shape
-    k, limbs = (shape[0], shape[1]) if len(shape) == 3 else (0, 0)
-    kinds = {
-        "times": Numbers((k,), 0.0, unit="s"),
-        "step": Numbers((k,), 0.0),
-        "phase": Numbers((k,), 0.0, len(PHASES) - 1.0),
-        "joint_positions": Numbers((k, limbs, 6)),
-        "joint_velocities": Numbers((k, limbs, 6)),
-        "joint_accelerations": Numbers((k, limbs, 6)),
-        "base_positions": Numbers((k, 3), most=MAX_LENGTH, unit="m"),
-        "base_quaternions": Numbers((k, 4), -1.001, 1.001),
-        "base_velocities": Numbers((k, 6)),
-        "base_accelerations": Numbers((k, 6)),
-        "grasps": Numbers((k, limbs), float(FREE), len(points) - 1.0),
-    }
-    if k < 2:
-        raise PlanError("it must hold joint_positions of shape (k, N, 6), k two or more")
-    values: dict[str, Any] = {
-        name: kind.read(arrays[name], FieldPath(name, PlanError)).astype(arrays[name].dtype)
-        for name, kind in kinds.items()
-    }
-    return values | {"point_ids": points}

@@ -6,9 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-from fuzz import damaged, few, loaded
-from hypothesis import given
-from hypothesis import strategies as st
 from limb_motions import at_corner, eased
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -17,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations, quintic
-from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.motion.trajectory_files import load_npz, save_csv, save_npz, save_ros
+from mlivr_gym.motion.trajectory import ARRAYS, FREE
+from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.simulation.timing import plan_trajectory, step_trajectory
@@ -215,9 +212,9 @@ def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
 def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     coarse = walk.every(1.0)
     save_npz(coarse, tmp_path / "walk.npz")
-    loaded = load_npz(tmp_path / "walk.npz")
-    assert np.array_equal(loaded.joint_positions, coarse.joint_positions)
-    assert loaded.point_ids == coarse.point_ids
+    with np.load(tmp_path / "walk.npz", allow_pickle=False) as arrays:
+        assert all(np.array_equal(arrays[name], getattr(coarse, name)) for name in ARRAYS)
+        assert tuple(arrays["points"].tolist()) == coarse.point_ids
     save_csv(coarse, tmp_path / "walk.csv")
     with (tmp_path / "walk.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -235,8 +232,6 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
         assert float(rows[k][name]) == pytest.approx(value, abs=1e-7)
     held = ["" if point == FREE else coarse.point_ids[point] for point in coarse.grasps[k]]
     assert [rows[k]["limb0/grasp"], rows[k]["limb1/grasp"]] == held
-    with pytest.raises(PlanError, match="cannot read"):
-        load_npz(tmp_path / "walk.csv")
 
 
 def test_a_table_tells_each_grasp_and_release_once(tmp_path, plan, walk):
@@ -278,40 +273,6 @@ def test_accelerations_are_those_of_finite_differences(walk):
     ):
         found = (speeds[2:] - speeds[:-2]) / (2.0 * walk.period)
         np.testing.assert_allclose(changes[1:-1], found, atol=5e-3 * np.abs(changes).max())
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"grasps": np.full((3, 2), 10**6)}, r"grasps\[0\]\[0\] is 1000000.0; it must be from -1"),
-        ({"base_positions": np.zeros((2, 3))}, r"base_positions has shape \(2, 3\)"),
-        ({"base_positions": np.full((3, 3), np.nan)}, r"base_positions\[0\]\[0\] is nan"),
-        ({"phase": np.array([0, 1, 9])}, r"phase\[2\] is 9.0; it must be from 0 to 2"),
-        ({"joint_positions": np.zeros(3)}, "must hold joint_positions of shape"),
-        ({"points": np.array(3)}, "points is .*; it must be a list"),
-        ({"times": np.array(["a", "b", "c"])}, "times is "),
-        ({"step": None}, "step"),
-    ],
-)
-def test_a_faulty_trajectory_is_named(tmp_path, walk, change, words):
-    path = tmp_path / "walk.npz"
-    save_npz(walk.at(np.arange(3)), path)
-    assert len(load_npz(path).times) == 3
-    with np.load(path) as data:
-        arrays = dict(data) | change
-    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
-    with pytest.raises(PlanError, match=rf"^cannot read trajectory '.*walk\.npz': .*{words}"):
-        load_npz(path)
-
-
-@given(st.data())
-@few(0.03)
-def test_a_damaged_trajectory_is_one_error_at_most(tmp_path, walk, data):
-    path = tmp_path / "walk.npz"
-    if not path.exists():
-        save_npz(walk.every(1.0), path)
-    content = data.draw(damaged(path.read_bytes()))
-    loaded(load_npz, tmp_path / "torn.npz", content)
 
 
 def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_graph):
