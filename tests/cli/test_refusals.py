@@ -54,6 +54,7 @@ view --plan a --execution b                   : only one of --plan and --executi
 view --plan a --plan b --out w.html           : --out takes one plan
 view --plan a --goal 1 2 3                    : --goal has no effect with --plan
 view --execution a --cost steps               : --cost has no effect with --execution
+view --cost time --method dijkstra            : --method has no effect with --cost time
 view --port 99999                             : --port
 view --plan nowhere.json                      : nowhere.json
 view --out no/such/folder/walk.html           : cannot write

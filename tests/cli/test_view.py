@@ -14,9 +14,7 @@ import numpy as np
 import pytest
 from recordings import recording_of
 
-from mlivr_gym.fastest import fastest_plan
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners import Planner
 
 needs_viewer = pytest.mark.skipif(
     importlib.util.find_spec("viser") is None,
@@ -31,19 +29,6 @@ def test_view_plans_first_if_it_is_given_a_query(run, tmp_path):
     code, _, _ = run("view", *query, "--out", str(out))
     assert code == 0
     assert "plan, 4 steps" in out.read_text(encoding="utf-8")
-
-
-@needs_viewer
-def test_view_begins_with_the_fastest_plan(run, tmp_path, checked_graph):
-    query = ("--start", "D2a:4", "D2b:4", "--goal", "4.0", "0", "0.42", "--cost", "time")
-    code, out, _ = run("view", *query, "--out", str(tmp_path / "walk.html"))
-    best = fastest_plan(Planner(checked_graph), ("D2a:4", "D2b:4"), (4.0, 0.0, 0.42))
-    assert (code, len(best) > 1) == (0, True)
-    plan = best[0].plan
-    assert f"\n{len(plan.steps)} steps, {plan.base_translation:.3f} m\n" in out
-    code, _, told = run("view", *query, "--method", "dijkstra")
-    assert code == 2
-    assert "--method has no effect with --cost time" in told
 
 
 @needs_viewer

@@ -136,11 +136,6 @@ def test_an_exported_robot_has_the_mass_of_its_cargo(tmp_path):
     assert type(robot).from_mjcf(file).body_mass == pytest.approx(50.0)
 
 
-def test_an_environment_takes_cargo():
-    env = gymnasium.make("MLIVR-JEM-v0", cargo={"mass": 12.0, "size": [0.3, 0.4, 0.2]}).unwrapped
-    assert env.graph.robot.cargo == replace(ON_TOP, mass=12.0)
-
-
 @pytest.mark.parametrize(
     ("fields", "message"),
     [

@@ -9,7 +9,7 @@ import pytest
 from held_points import assert_held
 
 import mlivr_gym
-from mlivr_gym import RobotSpec, robot_spec, stance_graph
+from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.planners import Planner
@@ -62,18 +62,11 @@ def planned():
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_robot_that_ships_is_a_file_like_a_users(name, tmp_path):
-    robot = robot_spec(name)
-    assert robot.name == name
-    assert robot.source
-    robot.save(tmp_path / "copy.json")
-    assert RobotSpec.load(tmp_path / "copy.json") == robot
-
-
-@pytest.mark.parametrize("name", FILES)
 def test_the_arms_weigh_what_their_data_sheets_say(name):
     """The description's masses of base links are marked there as possibly incorrect."""
     robot = robot_spec(name)
+    assert robot.name == name
+    assert robot.source
     for limb, mass in enumerate(PUBLISHED[name]):
         dynamics = robot.dynamics_of(limb)
         assert dynamics.base_mass + sum(dynamics.masses) == pytest.approx(mass, rel=0.06)
