@@ -172,13 +172,7 @@ class _TrainingRequest:
 
 
 class _TrainingReport:
-    """Reporter of the progress of a training to the caller and to TensorBoard.
-
-    Attributes
-    ----------
-    learned
-        Whether anything was learned yet.
-    """
+    """Reporter of the progress of a training to the caller and to TensorBoard."""
 
     def __init__(self, progress: Progress | None, logs: str | Path | None) -> None:
         """Report to a function, to a folder of TensorBoard logs, or to both."""

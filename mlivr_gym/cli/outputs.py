@@ -62,21 +62,9 @@ def check_outputs(
     """Refuse files that cannot be written, and announce which existing files will be replaced.
 
     The announcement goes to standard error, even with `--quiet`, before anything is computed, so
-    that an interruption still saves the old files.
-
-    Parameters
-    ----------
-    files
-        The files; None for those that were not requested.
-    folder
-        Folder of the files that `make_folder` will make later; other folders must exist.
-    inputs
-        Files that the command reads, from `input_files`.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written, if the command reads it, or if two outputs have the same name.
+    that an interruption still saves the old files. A file is None if it was not requested; `folder`
+    is the one that `make_folder` will make later, and all others must exist. A `FileError` also
+    names an output that is among `input_files`, or that has the name of another output.
     """
     replaced: list[str] = []
     seen: set[Path] = set()

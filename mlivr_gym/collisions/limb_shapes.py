@@ -131,30 +131,13 @@ class ShapesOfLimb(NamedTuple):
 class LimbShapes:
     """Collision capsules of a robot, and the pairs of them that are compared.
 
-    Pairs that are never compared are listed in `ALLOWED_COLLISIONS`.
-
-    Attributes
-    ----------
-    names
-        Link of each of the c moving capsules of a limb, ordered from the mount to the gripper.
-    rows
-        The robot as compiled code reads it, a record of `RobotModel`, shape (1,).
-    robot
-        The record itself.
-    limb
-        The first limb of the record; most robots have equal limbs in their link frames.
-    each
-        Capsules of every limb; the attributes below are those of the first.
-    links
-        Link index of each moving capsule, shape (c,).
-    ends
-        Ends of their axes in the link frames [m], shape (c, 2, 3).
-    radii
-        Their radii [m], shape (c,).
-    pairs
-        Pairs of capsules of one limb that are compared, shape (k, 2).
-    mounts
-        Capsules fixed to the body, records of `BodyCapsule`; those that cover the cargo come last.
+    Pairs that are never compared are listed in `ALLOWED_COLLISIONS`. `rows` is the robot as
+    compiled code reads it, a record of `RobotModel`, shape (1,), `robot` that record, and `limb`
+    its first limb. Of the c moving capsules of the first limb, from the mount to the gripper,
+    `names` and `links` (c,) are their links, `ends` those of their axes in the link frames
+    (c, 2, 3) and `radii` (c,) their radii [m], and `pairs` (k, 2) those that are compared; `each`
+    has the capsules of every limb. `mounts` are the capsules fixed to the body, records of
+    `BodyCapsule`, of which those that cover the cargo come last.
     """
 
     def __init__(self, spec: RobotSpec) -> None:

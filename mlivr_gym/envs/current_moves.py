@@ -13,12 +13,7 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 class CurrentMoves:
     """The steps of a stance graph, evaluated again when its world changes.
 
-    Attributes
-    ----------
-    graph
-        The stance graph.
-    uses_tables
-        Whether the steps must come from exact tables.
+    `uses_tables` is whether they must come from exact tables.
     """
 
     def __init__(self, graph: StanceGraph) -> None:

@@ -30,13 +30,7 @@ Picture = NDArray[np.uint8]
 
 
 class EnvViewer:
-    """Renderer of the robot in its scene, which is built again only if the obstacles change.
-
-    Attributes
-    ----------
-    scene
-        The scene with its GL context or window; None until something is drawn.
-    """
+    """Renderer of the robot in its scene, which is built again only if the obstacles change."""
 
     def __init__(self, graph: StanceGraph, size: tuple[int, int], goal_tolerance: float) -> None:
         """Prepare to draw map, robot and obstacles of `graph`; `size` is width and height [px]."""

@@ -66,19 +66,7 @@ class SupportLimb(NamedTuple):
 
 
 class SwingFinder:
-    """Search for the swing of one step.
-
-    Attributes
-    ----------
-    graph
-        The stance graph.
-    limb
-        Index of the limb that moves.
-    path
-        Base path.
-    supports
-        The support limbs.
-    """
+    """Search for the swing of one step, along its base path and beside its support limbs."""
 
     def __init__(
         self, graph: StanceGraph, limb: int, path: BasePath, supports: Sequence[SupportLimb]

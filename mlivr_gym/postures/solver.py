@@ -80,24 +80,9 @@ LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 class PostureSolver:
     """Postures of stances on a map, computed once for each relative geometry.
 
-    Attributes
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    settings
-        Thresholds and options.
-    shapes
-        Collision shapes; `shapes.rows` is the robot as compiled code reads it.
-    grasps
-        Points of the map in the world, records of `Grasp`, shape (m,).
-    boxes
-        Boxes of the map.
-    thresholds
-        Thresholds of stances and steps, a record of `Thresholds`, shape (1,).
-    point_cause
-        Cause of the collision of a gripper at each point, 0 for none, shape (m,); see `distances`.
+    `shapes.rows`, `grasps` (m,), `boxes` and `thresholds` (1,) are robot, points, boxes and
+    thresholds as compiled code reads them. `point_cause` (m,) is the cause of the collision of a
+    gripper at each point, 0 for none; see `distances`.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:

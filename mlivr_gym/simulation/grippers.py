@@ -26,13 +26,7 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
 class Grippers:
-    """The grippers of a simulated robot.
-
-    Attributes
-    ----------
-    points
-        Index of the point that each limb holds, or `FREE`.
-    """
+    """The grippers of a simulated robot; `points` has the point that each holds, or `FREE`."""
 
     def __init__(
         self,

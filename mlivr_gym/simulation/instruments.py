@@ -38,12 +38,7 @@ class Measurements(NamedTuple):
 class Instruments:
     """What turns states and sensor data of a model of `dynamics.dynamics_spec` into measurements.
 
-    Attributes
-    ----------
-    model
-        The model.
-    mass
-        Mass of the robot [kg].
+    `mass` is that of the robot [kg].
     """
 
     def __init__(self, model: mujoco.MjModel, limbs: int) -> None:

@@ -60,10 +60,7 @@ class Reference(NamedTuple):
 class JointController:
     """Sampled control of the joints of a simulated robot.
 
-    Attributes
-    ----------
-    offset
-        What is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
+    `offset` is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
     """
 
     def __init__(

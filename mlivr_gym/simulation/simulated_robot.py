@@ -56,25 +56,9 @@ class SimulatedInterval(NamedTuple):
 class SimulatedRobot:
     """A robot in a cabin, with its dynamic state; `Simulation` moves its limbs.
 
-    Attributes
-    ----------
-    model
-        The MuJoCo model; the simulation moves its anchors and changes its contact bits as
-        limbs grasp and release.
-    data
-        The MuJoCo data.
-    physics
-        Parameters of grasps and failures.
-    controller
-        Parameters of the joint controller.
-    disturbance
-        Difference between the simulated robot and module and the model of the controller.
-    time
-        Time since the reset [s].
-    mass
-        Mass of the robot [kg].
-    refusing
-        Indices of points that no gripper can grasp, which the controller does not know.
+    The simulation moves the anchors of `model` and changes its contact bits as limbs grasp and
+    release. `time` is that since the reset [s], `mass` that of the robot [kg]. The controller knows
+    neither the `disturbance` nor the points that are `refusing` all grippers.
     """
 
     @checked(

@@ -45,24 +45,10 @@ MEASURES = (
 class StepExecutor:
     """Executor of single steps of a stance graph in MuJoCo.
 
-    Attributes
-    ----------
-    graph
-        The stance graph.
-    setup
-        Limits, controller, physics and disturbances.
-    state
-        The present state, with one branch for each limb.
-    joints
-        Joint angles of the present stance, shape (N, 6) [rad].
-    steps_done
-        Number of steps since `start` that ended with a grasp, which is the index of the next step
-        in its captures, failures and recordings.
-    simulation
-        The simulation, made by `start`.
-    measures
-        Measurements of the last step: `failure`, None or a dictionary, and the keys of
-        `MEASURES`.
+    `state` is the present state, with one branch for each limb, and `joints` its joint angles,
+    shape (N, 6) [rad]. `steps_done` counts the steps since `start` that ended with a grasp: the
+    index of the next step in its captures, failures and recordings. `measures` are those of the
+    last step: `failure`, None or a dictionary, and the keys of `MEASURES`.
     """
 
     simulation: Simulation

@@ -36,12 +36,7 @@ LEAST_IN_THREADS = 64
 class StepChecks:
     """The check of releases and steps of a robot on a map.
 
-    Attributes
-    ----------
-    solver
-        The posture solver, which has robot, map, boxes and thresholds.
-    robots
-        The robot as compiled code reads it, a row of `RobotModel`, shape (1,).
+    `robots` is the robot as compiled code reads it, a row of `RobotModel`, shape (1,).
     """
 
     def __init__(self, solver: PostureSolver) -> None:

@@ -62,28 +62,10 @@ class LiveQuery:
 class LivePlan:
     """A query on a stance graph with its plan and the previous plan.
 
-    Each change plans anew. If the query is invalid or no plan exists, `message` says why.
-
-    Attributes
-    ----------
-    graph
-        The stance graph, whose obstacles and occupied points can be changed.
-    query
-        The query.
-    plan
-        Plan of the query; None if none exists.
-    previous
-        Plan of the previous query, for comparison.
-    message
-        Summary of the plan, or the reason why none exists.
-    reason
-        Kind of that reason as in `PlanningResult`, `"invalid query"`, or `""` for a plan.
-    tree
-        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    expanded
-        Number of states expanded.
-    seconds
-        Computing time of the query [s].
+    Each change plans anew. If the query is invalid or no plan exists, `plan` is None, `message`
+    says why, and `reason` is one of `PlanningResult` or `"invalid query"`. Of the search, `tree`
+    has the base positions at both ends of each explored step, shape (e, 2, 3) [m], `expanded` the
+    number of states, and `seconds` its time [s].
     """
 
     def __init__(self, graph: StanceGraph, query: LiveQuery, plan: Plan | None = None) -> None:

@@ -35,22 +35,9 @@ END = 1.5
 
 
 class Page:
-    """A page that is served until it is closed.
+    """A page of viser that is served at `address` until it is closed.
 
-    Attributes
-    ----------
-    server
-        Server of viser.
-    scene
-        Scene of the server.
-    gui
-        Panel of the server.
-    address
-        URL of the page.
-    nodes
-        Nodes of the scene, by name.
-    items
-        Items of the panel, by name.
+    `nodes` are those of its scene, and `items` those of its panel, by name.
     """
 
     def __init__(self, host: str, port: int, title: str) -> None:

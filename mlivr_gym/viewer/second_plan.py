@@ -19,15 +19,7 @@ SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
 
 
 class SecondPlan:
-    """A second plan on a page; all its nodes have names that start with `second`.
-
-    Attributes
-    ----------
-    plan
-        The plan.
-    frames
-        Frames that are played.
-    """
+    """A second plan on a page; all its nodes have names that start with `second`."""
 
     def __init__(self, page: Page, scene: Scene, plan: Plan, frames: Frames) -> None:
         """Store the plan, which `place` draws."""

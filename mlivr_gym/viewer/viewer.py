@@ -52,23 +52,7 @@ PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "
 
 
 class Viewer:
-    """A live plan on a page.
-
-    Attributes
-    ----------
-    page
-        The page.
-    live
-        Query and plan.
-    frames
-        Frames that are played.
-    time
-        Time that is shown [s].
-    playing
-        Whether it is playing.
-    speed
-        Speed relative to the time of the frames.
-    """
+    """A live plan on a page, at a `time` [s] of its frames, `playing` or not at a `speed`."""
 
     def __init__(
         self, page: Page, live: LivePlan, recording: Recording | None = None, capsules: bool = False

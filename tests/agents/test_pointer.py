@@ -46,7 +46,7 @@ def test_policies_run_in_maskable_ppo(small_map, network, tmp_path):
     from mlivr_gym.agents.networks import actor_critic_class
 
     vector = make_vec_env(
-        "mlivr_gym:MLIVR-JEM-v0", n_envs=2, seed=0,
+        "mlivr_gym:MLIVR-JEM-v0", n_envs=1, seed=0,
         vec_env_cls=SubprocVecEnv if network == "pointer" else DummyVecEnv,
         env_kwargs={"map": small_map, "collisions": False},
         wrapper_class=PointObservation if network == "pointer" else None,
@@ -62,6 +62,6 @@ def test_policies_run_in_maskable_ppo(small_map, network, tmp_path):
             for one in (model, loaded)
         ]
         np.testing.assert_array_equal(*chosen)
-        assert masks[np.arange(2), chosen[0]].all()
+        assert masks[0, chosen[0]].all()
     finally:
         vector.close()
