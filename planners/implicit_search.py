@@ -14,7 +14,7 @@ items by their lower bound, a weighted or greedy one by `f = cost_weight * g + h
 alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
 minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
 is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
-table of nodes, anytime searches use `table_search` instead.
+table of nodes, `table_search` is used instead.
 """
 
 from __future__ import annotations

@@ -124,8 +124,8 @@ class Planner:
             `"relaxed"` (relaxed cost-to-go: the minimum cost if limbs could change their branches
             at any time; default for two limbs), `"consistent"` (by the distance to the goal;
             default for more limbs and for `"algorithm1"`), `"paper"` (the same without the
-            tolerance, which may overestimate; default of `"greedy"`) or `"zero"`. An anytime search
-            over a node table uses the relaxed cost-to-go in place of `"consistent"`.
+            tolerance, which may overestimate; default of `"greedy"`) or `"zero"`. Over the node
+            table of more limbs, A* uses the relaxed cost-to-go in place of `"consistent"`.
         inflation
             Suboptimality bound w, at least 1: the plan is proved to cost at most w times the
             minimum. With two limbs and for `"algorithm1"` the search is weighted A*, which orders

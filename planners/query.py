@@ -186,8 +186,9 @@ class SearchQuery:
         Maximum time in which a plan is sought and improved [s].
     anytime
         Whether the search is an anytime search of more than two limbs: it finds some plan soon and
-        better ones later, until one is proved within `inflation` or the time is over. See
-        `search_stages` over a node table, and `implicit_search` without one.
+        better ones later, until one is proved within `inflation` or the time is over, see
+        `implicit_search`. Over a node table every search of an optimal plan is one, see
+        `search_stages`.
     start_time
         Time at which the query was made, on the clock of `time.perf_counter` [s].
     """
@@ -261,6 +262,11 @@ class SearchQuery:
         if self.method == "greedy":
             return 0.0
         return 1.0 / self.inflation if self.inflation < math.inf else 1.0
+
+    @property
+    def has_given_order(self) -> bool:
+        """Return whether the user chose the order of the queue, by method or heuristic."""
+        return self.method != "astar" or self.heuristic in ("paper", "zero")
 
     @property
     def guaranteed_bound(self) -> float:

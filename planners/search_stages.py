@@ -4,7 +4,8 @@ With two limbs one stage suffices. With more limbs the search is an anytime sear
 decreasing weights finds a first path soon and better ones later, as in ARA* (Likhachev, Gordon and
 Thrun 2003), but every stage starts anew (Richter, Thayer and Ruml 2010), with the incumbent of the
 stage before. What a check of an edge finds then holds for the label at hand alone, so that stages
-which use earlier checks find paths, and stages which ignore them prove lower bounds.
+which use earlier checks find paths, and stages which ignore them prove lower bounds. The last stage
+proves the optimum, whatever the checks find.
 """
 
 from __future__ import annotations
@@ -38,14 +39,19 @@ FIRST_PATH, QUICK_FIRST_PATH = (
 """The stage that finds a first path, and the same with fewer labels where another stage can
 follow."""
 
-STAGES = (
-    FIRST_PATH,
-    SearchStage(SearchParameters(1.0 / 1.1, 8)),
+EXACT_STAGES = (
     SearchStage(SearchParameters(), ignores_checked_edges=True),
     SearchStage(SearchParameters()),
+    SearchStage(
+        SearchParameters(check_when_popped=True, equal_only=True), ignores_checked_edges=True
+    ),
 )
-"""The stages without obstacles, in order: two that find paths, the cheapest path over the edges of
-the table (a lower bound of all plans), and the cheapest path over the edges checked so far."""
+"""The cheapest path over the edges of the table (a lower bound of all plans), that over the edges
+checked so far, and the cheapest plan, for which every edge is checked with the label at hand and no
+label is dropped unless an equal one costs no more."""
+
+STAGES = FIRST_PATH, SearchStage(SearchParameters(1.0 / 1.1, 8)), *EXACT_STAGES
+"""The stages without obstacles, in order: two that find paths, and those that prove the optimum."""
 
 ENCLOSURE_PROBE = SearchStage(
     SearchParameters(0.5, max_expansions=300, check_when_popped=True), ignores_checked_edges=True

@@ -1,9 +1,8 @@
 """The searches of a planner: over a node table, over an implicit graph, and Algorithm 1.
 
-`GraphSearcher` chooses by the query, see the table in `docs/how-a-plan-is-made.md`. The graph of
-two limbs always has a node table. With more limbs only anytime searches use the node table; a query
-for an optimal plan without a time limit, another method or another heuristic searches the implicit
-graph.
+`GraphSearcher` chooses by the graph, see the table in `docs/how-a-plan-is-made.md`. The graph of
+two limbs always has a node table, one of three or four limbs has it if one ships or was built; any
+other graph is searched without.
 """
 
 from __future__ import annotations
@@ -60,7 +59,7 @@ class GraphSearcher:
         if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
             return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
         lower_bounds = self.lower_bounds()
-        if lower_bounds is not None and (search.anytime or not isinstance(graph, ImplicitGraph)):
+        if lower_bounds is not None:
             return search_table(lower_bounds, search, start)
         assert isinstance(graph, ImplicitGraph)
         return search_implicit_graph(graph, start, search)
@@ -68,10 +67,9 @@ class GraphSearcher:
     def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)
-        if search.anytime:
-            if not complete_by_deadline(("nodes", key), lambda: node_table(graph), search.deadline):
-                return False
-            node_table(graph)
+        if not complete_by_deadline(("nodes", key), lambda: node_table(graph), search.deadline):
+            return False
+        node_table(graph)
         if graph.table is not None:
             return True
         build_sets = self.build_sets

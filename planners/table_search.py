@@ -47,6 +47,9 @@ from mlivr_gym.planners.outcome import (
 )
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.search_stages import (
+    ENCLOSURE_PROBE,
+    ENCLOSURE_PROOF,
+    EXACT_STAGES,
     FIRST_PATH,
     OBSTACLE_STAGES,
     QUICK_FIRST_PATH,
@@ -74,19 +77,7 @@ def search_table(
 ) -> SearchResult | None:
     """Search from a state to the goal over the table of a graph.
 
-    Parameters
-    ----------
-    lower_bounds
-        Lower bounds over the table of the graph.
-    search
-        The query.
-    start
-        The start state.
-
-    Returns
-    -------
-    SearchResult | None
-        The path; None if no sequence of moves connects the start with the goal.
+    Returns None if no sequence of moves connects the start with the goal.
     """
     table_search = _TableSearch(lower_bounds, search, start)
     if table_search.starts_at_goal:
@@ -188,6 +179,11 @@ class _TableSearch:
         elif self.graph.obstacles:
             stages, first = OBSTACLE_STAGES, OBSTACLE_STAGES[:3]
         known = self._lower_bounds.cached(goal, starts)
+        if search.has_given_order and not lazy_table.label_independent:
+            if search.method != "dijkstra":
+                self._raise_lower_bound(known or self._lower_bounds.compute(goal, starts))
+            yield self._lower_bounds.from_distance(search), self._stages_in_given_order()
+            return
         if lazy_table.label_independent and not is_complete:
             yield from self._improved_bounds(known or self._lower_bounds.compute(goal, starts))
             return
@@ -207,6 +203,16 @@ class _TableSearch:
             new = self._lower_bounds.compute(goal, starts)
             self.backward_expanded += int(new.is_tight.sum())
             yield new, stages
+
+    def _stages_in_given_order(self) -> tuple[SearchStage, ...]:
+        """Return the stages of more than two limbs if the user chose the order of the queue."""
+        search, stages = self.search, list(EXACT_STAGES)
+        if self.graph.obstacles:
+            stages[:0] = ENCLOSURE_PROBE, ENCLOSURE_PROOF
+        if search.heuristic != "zero":
+            by_weight = SearchParameters(search.cost_weight, 8, check_when_popped=True)
+            stages.insert(0, SearchStage(by_weight))
+        return tuple(stages)
 
     def _improved_bounds(
         self, goal_bounds: GoalBounds
@@ -265,7 +271,8 @@ class _TableSearch:
             return
         incumbent_cost = np.inf
         for goal_bounds, stages in self._bounds_with_stages():
-            self._raise_lower_bound(goal_bounds)
+            if self.search.heuristic != "paper":
+                self._raise_lower_bound(goal_bounds)
             for stage in stages:
                 path = self._next_path(goal_bounds, stage, incumbent_cost)
                 if path is not None:
@@ -276,8 +283,6 @@ class _TableSearch:
 
     def _raise_lower_bound(self, goal_bounds: GoalBounds) -> None:
         """Raise the lower bound of all plans to the least bound at an origin."""
-        if self.search.heuristic == "paper":
-            return
         origins = self._origins
         least = float((origins.cost + goal_bounds.h[origins.nodes]).min())
         if goal_bounds.cost == self.goal.cost or least == np.inf:

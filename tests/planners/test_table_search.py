@@ -12,7 +12,9 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import GOAL_REACHED
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
+from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
+from mlivr_gym.planners.table_search import search_table
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances import node_table_file
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -194,11 +196,50 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
         search._lazy_table.checked_edges = search._lazy_table.checked_edges.with_edges(
             nodes, edges, none
         )
-        assert not list(search.paths())
-        least = optimum(graph, goal, start)
-        assert search.lower_bound <= least + 1e-9
-        found += np.isfinite(least)
+        costs, least = [search.cost(path) for path in search.paths()], optimum(graph, goal, start)
+        # Only the last stage ignores the results and checks the edges anew.
+        assert costs == ([pytest.approx(least, rel=1e-9)] if np.isfinite(least) else [])
+        assert search.lower_bound == pytest.approx(least, rel=1e-9)
+        found += len(costs)
     assert found > 1
+
+
+def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
+    """Without and among obstacles: plans exist or not, and cost what the plain search says."""
+    first, table = known
+    graph, rng, ends = again(first, table), np.random.default_rng(21), set()
+    bounds = LowerBounds(graph)
+    optimal = {"inflation": 1.0}, {"method": "dijkstra"}
+    other = {"method": "greedy"}, {"heuristic": "paper"}, {"heuristic": "zero", "inflation": 1.5}
+    for trial in range(6 if table.limbs != 3 else 3):
+        start = end = random_state(graph, rng)
+        for _ in range(2):
+            steps = graph.successors(end)
+            if len(steps.limb):
+                end = steps.after(end, int(rng.integers(len(steps.limb))))
+        here = graph.posture_of(start).base_position[0]
+        target = graph.posture_of(end).base_position[0]
+        goal = Goal.from_arguments(graph, target, *COSTS[trial % 3], 0.05)
+        if trial % 2:
+            centre = here + rng.uniform(-0.5, 0.5, 3)
+            graph.add_obstacles([Box.between("box", "obstacle", centre - 0.06, centre + 0.06)])
+            graph.occupy([int(np.setdiff1d(np.arange(len(graph.grasp_map)), start.stance)[0])])
+        with suppress(StanceError):
+            state = graph.state(start.stance)
+            least = optimum(graph, goal, state)
+            for kinds in (*optimal, *other):
+                query = SearchQuery.from_options(graph, goal, SearchOptions(**kinds))
+                found = search_table(bounds, query, state)
+                status = None if found is None else found.status
+                assert (status == GOAL_REACHED) == np.isfinite(least), kinds
+                assert status != LIMIT_REACHED
+                ends.add(status == GOAL_REACHED)
+                if status == GOAL_REACHED:
+                    assert least - 1e-9 <= found.cost <= found.bound * least + 1e-9
+                    assert found.bound == 1.0 or kinds in other
+        graph.remove_obstacles()
+        graph.vacate()
+    assert True in ends
 
 
 def quaternion(rotation):
