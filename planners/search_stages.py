@@ -39,6 +39,12 @@ FIRST_PATH, QUICK_FIRST_PATH = (
 """The stage that finds a first path, and the same with fewer labels where another stage can
 follow."""
 
+BY_WEIGHT = SearchStage(
+    SearchParameters(labels_per_node=8, max_expansions=200, check_when_popped=True)
+)
+"""The stage in the order of the queue that the user chose, which the others follow if it finds no
+path; the weight of the cost is that of the query."""
+
 EXACT_STAGES = (
     SearchStage(SearchParameters(), ignores_checked_edges=True),
     SearchStage(SearchParameters()),

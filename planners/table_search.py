@@ -47,8 +47,7 @@ from mlivr_gym.planners.outcome import (
 )
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.search_stages import (
-    ENCLOSURE_PROBE,
-    ENCLOSURE_PROOF,
+    BY_WEIGHT,
     EXACT_STAGES,
     FIRST_PATH,
     OBSTACLE_STAGES,
@@ -181,9 +180,17 @@ class _TableSearch:
         known = self._lower_bounds.cached(goal, starts)
         if search.has_given_order and not lazy_table.label_independent:
             if search.method != "dijkstra":
-                self._raise_lower_bound(known or self._lower_bounds.compute(goal, starts))
-            yield self._lower_bounds.from_distance(search), self._stages_in_given_order()
-            return
+                known = known or self._lower_bounds.compute(goal, starts)
+                self._raise_lower_bound(known)
+            bounds, by_weight = self._lower_bounds.from_distance(search), BY_WEIGHT.parameters
+            if search.heuristic == "zero":
+                yield (
+                    bounds,
+                    (*(OBSTACLE_STAGES[:2] if self.graph.obstacles else ()), *EXACT_STAGES),
+                )
+                return
+            by_weight = by_weight._replace(cost_weight=search.cost_weight)
+            yield bounds, (BY_WEIGHT._replace(parameters=by_weight),)
         if lazy_table.label_independent and not is_complete:
             yield from self._improved_bounds(known or self._lower_bounds.compute(goal, starts))
             return
@@ -203,16 +210,6 @@ class _TableSearch:
             new = self._lower_bounds.compute(goal, starts)
             self.backward_expanded += int(new.is_tight.sum())
             yield new, stages
-
-    def _stages_in_given_order(self) -> tuple[SearchStage, ...]:
-        """Return the stages of more than two limbs if the user chose the order of the queue."""
-        search, stages = self.search, list(EXACT_STAGES)
-        if self.graph.obstacles:
-            stages[:0] = ENCLOSURE_PROBE, ENCLOSURE_PROOF
-        if search.heuristic != "zero":
-            by_weight = SearchParameters(search.cost_weight, 8, check_when_popped=True)
-            stages.insert(0, SearchStage(by_weight))
-        return tuple(stages)
 
     def _improved_bounds(
         self, goal_bounds: GoalBounds

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, file_size, input_files, rough_duration
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.table_build import build_table, estimate_table, name_of, write_built
+from mlivr_gym.stances.table_build import build_table, is_built, name_of, write_built
 
 
 def add_command(add: Add) -> None:
@@ -23,8 +23,7 @@ def add_command(add: Add) -> None:
         description="Compute the complete table of a robot on a map and store it in the cache "
         "folder, where planners and environments find it. For two limbs it contains all steps; "
         "for three and four limbs, all nodes and, for each step between them, an upper bound of "
-        "the branches kept. The command first prints an estimate of time and size. If it is "
-        "interrupted, run it again to continue.",
+        "the branches kept. If the command is interrupted, run it again to continue.",
     )
     text = "also write the table to this file; in a cache folder it needs the name that is printed"
     option(parser, "--out FILE", text, type=Path)
@@ -39,24 +38,16 @@ def run(args: argparse.Namespace) -> int:
         raise SettingError(
             f"{CACHE_VARIABLE} is empty, so the table would not be stored; name a file with --out"
         )
-    with Progress("estimating time and size", quiet=args.quiet):
-        needed = estimate_table(graph)
-    if needed is not None:
-        if folder is not None and args.out is None:
-            check_outputs(folder / f".{name}", folder=folder)
-        args.result |= {"about_seconds": needed.seconds, "about_bytes": needed.size}
-        print(
-            f"{needed.candidates}: about {rough_duration(needed.seconds)}, "
-            f"and a file of about {file_size(needed.size)}"
-            + (f"; {needed.done} parts are already computed" if needed.done else ""),
-            flush=True,
-        )
+    with Progress("looking for the table", quiet=args.quiet):
+        was_built = is_built(graph)
+    if not was_built and folder is not None and args.out is None:
+        check_outputs(folder / f".{name}", folder=folder)
     with Progress("computing the table [%]", PER_CENT, quiet=args.quiet) as progress:
         path = build_table(graph, progress.show_share)
     if args.out:
         write_built(graph, args.out)
         print(f"table: {args.out} (name it {name} in a cache folder)")
     if path is not None:
-        print(f"{'stored' if needed else 'already stored'}: {path}")
+        print(f"{'already stored' if was_built else 'stored'}: {path}")
     args.result |= {"file": args.out or path, "kept": path, "name": name}
     return SUCCESS if path or args.out else FAILED

@@ -33,13 +33,6 @@ def file_size(count: float) -> str:
     return f"{count:.3g} {UNITS[unit]}"
 
 
-def rough_duration(seconds: float) -> str:
-    """Format an estimated time, in seconds, minutes or hours."""
-    if seconds < 90.0:
-        return f"{max(round(seconds), 1)} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
-
-
 def input_files(args: argparse.Namespace) -> dict[Path, str]:
     """Return the option of each file that a command reads, by the resolved path of the file."""
     found: dict[Path, str] = {}

@@ -49,10 +49,6 @@ class Parts:
             self._write(name, found)
         return found
 
-    def count(self) -> int:
-        """Return the number of stored parts."""
-        return len([] if self.folder is None else list(self.folder.glob("*.npz")))
-
     def remove(self) -> None:
         """Remove all parts; another build that writes at the same time removes its own."""
         if self.folder is not None:

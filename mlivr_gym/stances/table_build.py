@@ -6,15 +6,9 @@ from pathlib import Path
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_table_build import build, parts_of_nodes
 from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, set_table
-from mlivr_gym.stances.two_limb_build import (
-    Estimate,
-    build_two_limb_table,
-    built_two_limb_table,
-    estimate_two_limb_table,
-)
+from mlivr_gym.stances.two_limb_build import build_two_limb_table, built_two_limb_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 from mlivr_gym.stances.workers import Progress
@@ -71,17 +65,10 @@ def build_table(
     return path
 
 
-def estimate_table(graph: TwoLimbGraph | ImplicitGraph) -> Estimate | None:
-    """Estimate what building the table of a graph takes on this machine; None if it exists.
-
-    Raises
-    ------
-    TableError
-        If robots with this number of limbs have no table, or the map has too many points.
-    """
-    if isinstance(graph, TwoLimbGraph):
-        return None if built_two_limb_table(graph) else estimate_two_limb_table(graph)
-    return None if node_table(graph) else estimate_nodes(graph)
+def is_built(graph: TwoLimbGraph | ImplicitGraph) -> bool:
+    """Return whether the table of a graph ships or was built."""
+    built = built_two_limb_table(graph) if isinstance(graph, TwoLimbGraph) else node_table(graph)
+    return built is not None
 
 
 def write_built(graph: TwoLimbGraph | ImplicitGraph, path: Path) -> None:

@@ -32,12 +32,10 @@ def cache(monkeypatch, tmp_path):
 def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     code, out, _ = run("build", "--robot", "mlivr3", "--map", part)
     graph = stance_graph(part, "mlivr3")
-    sets = graph.sets()
     node_table_file._cached.clear()
     found = node_table(graph)
     assert code == 0
-    first, last = out.splitlines()
-    assert first.startswith(f"{len(sets):,} sets of points: about ")
+    (last,) = out.splitlines()
     assert str(NODE_TABLES.cached(graph)) in last
     assert len(found.points) > 10
 
@@ -47,14 +45,12 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     graph = stance_graph(part)
     assert code == 0
     assert graph.is_complete
-    first, last = out.splitlines()
-    assert first.startswith(f"{graph.considered:,} pairs of points: about ")
+    (last,) = out.splitlines()
     assert last == f"stored: {TWO_LIMB_TABLES.cached(graph)}"
     code, out, _ = run("build", "--map", part, "--json")
     assert code == 0
     told = json.loads(out)
     assert told["file"] == told["kept"] == str(TWO_LIMB_TABLES.cached(graph))
-    assert "about_seconds" not in told
 
 
 def test_a_file_is_written_where_it_is_wanted(run, part, tmp_path):

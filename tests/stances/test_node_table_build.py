@@ -10,7 +10,6 @@ from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.stances import node_table_build, node_table_file
-from mlivr_gym.stances.node_estimate import estimate_nodes
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import build_table
 
@@ -101,17 +100,6 @@ def test_processes_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatc
     assert_same(graph.table, small_table(3)[1])
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
-
-
-@pytest.mark.parametrize("limbs", [3, 4])
-def test_time_and_size_are_told_beforehand(limbs):
-    """Here all rests are in the sample, so the size is nearly that of the file."""
-    graph, _ = small_table(limbs)
-    told = estimate_nodes(graph)
-    assert told.candidates == f"{len(graph.sets()):,} sets of points"
-    assert told.seconds > 0.0
-    fresh = stance_graph(small_map(), f"mlivr{limbs}")
-    assert told.size == pytest.approx(build_table(fresh).stat().st_size, rel=0.5)
 
 
 def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
