@@ -44,28 +44,22 @@ def test_the_method_says_whether_the_policy_walks():
         ("ppo", ("networks", "mlp", "net_arch"), [3, "x"], r"networks.mlp.net_arch\[1\] is 'x'"),
         ("ppo", ("ppo",), {}, "neither imitation nor ppo"),
         ("ppo", ("ppo",), {"ppo": {}}, "ppo.n_envs is missing; .*go together"),
+        ("bc", ("bc",), None, "bc is missing"),
+        ("bc", ("networks",), None, "networks is missing"),
     ],
 )
-def test_a_faulty_field_is_named(tmp_path, method, path, value, words):
+def test_a_field_that_is_faulty_or_missing_is_named(tmp_path, method, path, value, words):
     data = json.loads(json.dumps(SHIPPED))
     place = data
     for key in path[:-1]:
         place = place[key]
     place[path[-1]] = value
+    if value is None:
+        del place[path[-1]]
     file = tmp_path / "hyper.json"
     file.write_text(json.dumps(data))
     with pytest.raises(SettingError, match=rf"^hyperparameters '.*hyper\.json': .*{words}"):
         load_hyperparameters(method, file)
-
-
-def test_what_is_missing_is_named(tmp_path):
-    file = tmp_path / "hyper.json"
-    file.write_text(json.dumps({"networks": {}}))
-    with pytest.raises(SettingError, match="bc is missing"):
-        load_hyperparameters("bc", file)
-    file.write_text(json.dumps({"bc": SHIPPED["bc"]}))
-    with pytest.raises(SettingError, match="networks is missing"):
-        load_hyperparameters("bc", file)
 
 
 def test_settings_of_a_caller_are_checked_too(env):

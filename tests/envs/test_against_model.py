@@ -88,7 +88,8 @@ class EnvironmentsAgree(RuleBasedStateMachine):
                 else:
                     np.testing.assert_allclose(shown, value, atol=1e-9, err_msg=name)
         assert set(model.info()) == set(info)
-        assert observation["branches"].any()
+        digits = "".join(f"{branch_set:016b}"[::-1] for branch_set in model.state.branch_sets)
+        assert observation["branches"].tolist() == [int(digit) for digit in digits]
 
     def graphs(self):
         return [self.graph, self.vector.env.graph, *(one.unwrapped.graph for one in self.singles)]

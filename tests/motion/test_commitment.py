@@ -165,7 +165,7 @@ def test_every_walk_of_more_limbs_is_put_together(small_map, limbs):
         check_walk(graph, random_walk(graph, rng, 4))
 
 
-@pytest.mark.parametrize("limbs", [2, 3])
+@pytest.mark.parametrize("limbs", [2, 3, 4])
 def test_manipulability_of_a_plan_is_that_of_its_joint_angles(small_map, limbs):
     """By the definitions in NumPy, at every stance."""
     graph = stance_graph(small_map, f"mlivr{limbs}", NO_COLLISIONS)

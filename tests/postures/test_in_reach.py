@@ -5,6 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
+from random_steps import neighbouring_points
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
@@ -41,21 +42,9 @@ def least_w_m(graph, stance):
     return best.min(axis=1), positions
 
 
-def random_sets(graph, count, seed):
-    """Return sets of neighbouring points, any two of which may be held at once."""
-    rng, sets = np.random.default_rng(seed), []
-    while len(sets) < count:
-        chosen = [int(rng.integers(len(graph.grasp_map)))]
-        while len(chosen) < graph.limbs:
-            able = np.flatnonzero(graph.compatible[chosen].all(axis=0))
-            chosen.append(int(rng.choice(able)))
-        sets.append(sorted(chosen))
-    return np.array(sets)
-
-
 def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     """The base may be anywhere, or close to a target; values within rounding may go either way."""
-    sets = random_sets(graph, 100 if graph.limbs == 3 else 300, 0)
+    sets = np.sort(neighbouring_points(graph, 100 if graph.limbs == 3 else 300, 0), axis=1)
     found, asked = graph.solver.in_reach(sets), graph.solver.thresholds[0]["w_m"]
     target = graph.grasp_map.positions.mean(axis=0)
     nearby = graph.solver.in_reach(sets, target, 1.0)
@@ -105,8 +94,7 @@ def test_every_node_is_in_reach(collisions):
     """Every node is in reach at its own base, also where its first posture touches something."""
     for limbs in (3, 4):
         graph = stance_graph(robot=f"mlivr{limbs}", settings=Settings(collisions=collisions))
-        stances = random_sets(graph, 4000, 1)
-        stances = np.random.default_rng(2).permuted(stances, axis=1)
+        stances = neighbouring_points(graph, 4000, 1)
         postures = graph.nodes(stances)
         nodes = np.flatnonzero(graph.is_node(postures))
         assert len(nodes) > 30

@@ -4,32 +4,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_steps import neighbouring_points
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
 from mlivr_gym.postures.relabelling import first_limbs, lowest_first, relabelled, relabelled_frames
 
 
-def stances_of(graph, count, seed):
-    """Return random stances of neighbouring points, any two of which may be held at once."""
-    rng, rows = np.random.default_rng(seed), []
-    while len(rows) < count:
-        chosen = [int(rng.integers(len(graph.grasp_map)))]
-        while len(chosen) < graph.limbs:
-            able = np.flatnonzero(graph.compatible[chosen].all(axis=0))
-            if not len(able):
-                break
-            chosen.append(int(rng.choice(able)))
-        if len(chosen) == graph.limbs:
-            rows.append(chosen)
-    return np.array(rows)
-
-
 @pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False), (4, True)])
 def test_postures_turn_with_the_limbs(jem, limbs, collisions):
     """Pose, manipulability and branches are those of the stance, whichever limb comes first."""
     graph = stance_graph(jem, f"mlivr{limbs}", Settings(collisions=collisions))
-    stances = stances_of(graph, 1000 if limbs == 3 else 6000, limbs)
+    stances = neighbouring_points(graph, 1000 if limbs == 3 else 6000, limbs)
     found = graph.nodes(stances)
     geometry = graph.is_node(found)
     assert geometry.sum() > 40

@@ -10,6 +10,21 @@ from mlivr_gym.stances.random_states import random_state
 NO_COLLISIONS = Settings(collisions=False)
 
 
+def neighbouring_points(graph, count, seed):
+    """Return random stances of neighbouring points, any two of which may be held at once."""
+    rng, rows = np.random.default_rng(seed), []
+    while len(rows) < count:
+        chosen = [int(rng.integers(len(graph.grasp_map)))]
+        while len(chosen) < graph.limbs:
+            able = np.flatnonzero(graph.compatible[chosen].all(axis=0))
+            if not len(able):
+                break
+            chosen.append(int(rng.choice(able)))
+        if len(chosen) == graph.limbs:
+            rows.append(chosen)
+    return np.array(rows)
+
+
 def two_stances(graph, rng):
     """A limb, and the points of a random stance and of one that this limb alone changes."""
     while True:

@@ -6,9 +6,11 @@ import pytest
 from map_data import BOX, POINT, RAIL, SEGMENT
 
 from mlivr_gym import GraspMap, MlivrError, Settings, jem_map, stance_graph
-from mlivr_gym.errors import GoalError, MapError, SettingError, UnknownPointError
+from mlivr_gym.errors import GoalError, MapError, UnknownPointError
 from mlivr_gym.robot.specification import EVEN
 from mlivr_gym.world.map_entries import MARGIN
+
+LARGE = "is .*larger than 1000 m; .*millimetres"
 
 
 def test_the_measured_map_has_331_of_414_points(jem):
@@ -96,24 +98,21 @@ def test_rounding_does_not_make_another_map(jem):
         ),
         ({"segments": [SEGMENT], "boxes": [BOX | {"id": "S"}]}, "box 'S' appears more than once"),
         ({"points": [POINT], "boxes": [BOX, BOX]}, "boxes: box 'B' appears more than once"),
+        ({"points": [POINT | {"normal": [0, 0, 2]}]}, r"^points\[0\].normal is .*of length 2"),
+        ({"points": [POINT | {"position": [0, np.nan, 0]}]}, r"^points\[0\].position\[1\] is nan"),
+        ({"points": [POINT | {"rail": [0, 0, 1]}]}, r"^points\[0\] .* is not at right angles"),
+        ({"points": [POINT | {"rail": [0, 0, 0]}]}, r"^points\[0\] has a rail without a direction"),
+        ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, rf"points\[0\].position\[2\] {LARGE}"),
+        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, rf"segments\[0\].end\[2\] {LARGE}"),
+        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, rf"max\[0\] {LARGE}"),
+        (
+            {"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}},
+            rf"cabin.max\[0\] {LARGE}",
+        ),
     ],
 )
 def test_a_fault_of_a_map_is_named(data, words):
-    with pytest.raises(MapError, match=words):
-        GraspMap.from_dict(data)
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, r"points\[0\].position\[2\]"),
-        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, r"segments\[0\].end\[2\]"),
-        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, r"boxes\[0\].max\[0\]"),
-        ({"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, r"cabin.max\[0\]"),
-    ],
-)
-def test_a_map_in_millimetres_is_told_so(data, words):
-    with pytest.raises(MlivrError, match=f"{words} is .*larger than 1000 m; .*millimetres"):
+    with pytest.raises(MlivrError, match=words):
         GraspMap.from_dict(data)
 
 
@@ -145,10 +144,12 @@ def test_a_faulty_file_is_named(tmp_path):
         GraspMap.load(faulty)
 
 
-@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf")])
-def test_spacing_must_be_above_zero(spacing):
-    with pytest.raises(SettingError, match="spacing"):
+@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf"), 1e-9, 1e-6])
+def test_spacing_must_be_above_zero_and_not_too_small(spacing):
+    with pytest.raises(MlivrError, match=r"spacing"):
         jem_map(spacing=spacing)
+    with pytest.raises(MapError, match="spacing"):
+        GraspMap.from_dict({"segments": [SEGMENT], "spacing": spacing})
 
 
 def test_goals_are_checked(jem):
