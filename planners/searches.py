@@ -67,10 +67,11 @@ class GraphSearcher:
     def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)
-        if not complete_by_deadline(("nodes", key), lambda: node_table(graph), search.deadline):
+        if graph.table is None and not complete_by_deadline(
+            ("nodes", key), lambda: node_table(graph), search.deadline
+        ):
             return False
-        node_table(graph)
-        if graph.table is not None:
+        if graph.table is not None or node_table(graph) is not None:
             return True
         build_sets = self.build_sets
         return complete_by_deadline(

@@ -76,7 +76,17 @@ def search_table(
 ) -> SearchResult | None:
     """Search from a state to the goal over the table of a graph.
 
-    Returns None if no sequence of moves connects the start with the goal.
+    Parameters
+    ----------
+    lower_bounds
+        Lower bounds over the table of the graph.
+    search, start
+        The query and the start state.
+
+    Returns
+    -------
+    SearchResult | None
+        The path; None if no sequence of moves connects the start with the goal.
     """
     table_search = _TableSearch(lower_bounds, search, start)
     if table_search.starts_at_goal:

@@ -180,7 +180,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         start, goal = chosen_task(graph, args)
     if isinstance(graph, ImplicitGraph):
         with Progress("loading the node table", quiet=args.quiet):
-            table = None if graph.obstacles else node_table(graph)
+            table = node_table(graph)
         if table is None:
             name = "computing the stance sets [%]"
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:

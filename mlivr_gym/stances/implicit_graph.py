@@ -36,27 +36,8 @@ class ImplicitGraph(StanceGraph):
         self._sets: StanceSets | None = None
 
     def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
-        """Return the sets of points that limbs may hold at once; see `StanceSets.of`.
-
-        If all nodes are known, they are the sets that a node holds. Once they are known, only
-        neighbours that hold such a set are checked.
-
-        Parameters
-        ----------
-        progress
-            Called with the finished share of the work.
-        build
-            Whether unknown sets are computed.
-
-        Returns
-        -------
-        StanceSets | None
-            The sets; None if they are not known, for two or more than four limbs, and if there are
-            too many.
-        """
-        if self._sets is None and self.table is not None:
-            self._sets = StanceSets.of_nodes(self, self.table.points)
-        elif self._sets is None:
+        """Return the sets of points that limbs may hold at once, see `StanceSets.of`."""
+        if self._sets is None:
             self._sets = StanceSets.of(self, progress, build=build)
         return self._sets
 
@@ -189,7 +170,7 @@ class ImplicitGraph(StanceGraph):
     ) -> tuple[IntArray, IntArray, IntArray]:
         """Return limb, point and stance of moves of some limbs to points that their others allow.
 
-        If the sets of points are known, stances that hold none are omitted: they are no nodes.
+        Stances that are no nodes by the table, or by the sets of points, are omitted.
         """
         moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         for limb in limbs:
@@ -200,11 +181,12 @@ class ImplicitGraph(StanceGraph):
         limb_of, point = np.concatenate(moved), np.concatenate(points)
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
         stances[np.arange(len(limb_of)), limb_of] = point
-        sets = self.sets(build=False)
-        if sets is not None:
-            kept = sets.find(stances) >= 0
-            limb_of, point, stances = limb_of[kept], point[kept], stances[kept]
-        return limb_of, point, stances
+        if self.table is not None:
+            kept = self.table.find(stances)[0] >= 0
+        else:
+            sets = self.sets(build=False)
+            kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0
+        return limb_of[kept], point[kept], stances[kept]
 
     def likely_base(self, stances: IntArray) -> Array:
         """Return a likely base position at stances, shape (k, N) -> (k, 3) [m].

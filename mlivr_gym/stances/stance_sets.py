@@ -2,8 +2,8 @@
 
 Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
 smallest number of changes between two sets is a lower bound of the steps of a path, and a stance
-that holds no such set is no node: searches of three and four limbs use both. The sets of a map and
-robot are computed once and stored.
+that holds no such set is no node: searches of three and four limbs without a node table use both,
+and node tables are built from them. The sets of a map and robot are computed once and stored.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.postures import in_reach
 from mlivr_gym.stances.node_table import codes
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
+from mlivr_gym.stances.table_files import Arrays, TableFiles
 from mlivr_gym.stances.workers import Progress
 
 LARGEST_SET = 4
@@ -74,40 +74,14 @@ class StanceSets:
         return found
 
     @classmethod
-    def of_nodes(cls, graph: StanceGraph, nodes: NDArray[np.uint16]) -> StanceSets:
-        """Return the sets of a graph from the points of all its nodes, shape (n, N)."""
-        key = f"{key_of(graph)}-nodes"
-        if key not in _cached:
-            code = np.unique(codes(np.sort(nodes, axis=1)))
-            shifts = np.uint64(16) * np.arange(nodes.shape[1], dtype=np.uint64)[::-1]
-            points = (code[:, None] >> shifts) & np.uint64(0xFFFF)
-            _store(key, _of_points(points.astype(np.uint16)))
-        found = _cached[key]
-        assert found is not None
-        return found
-
-    @classmethod
     def of(
         cls, graph: StanceGraph, progress: Progress | None = None, *, build: bool = True
     ) -> StanceSets | None:
         """Return the sets of a graph from memory or from the cache folder, or compute them.
 
-        Obstacles and occupied points do not change them, since they only remove stances.
-
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        progress
-            Called with the finished share of the work.
-        build
-            Whether unknown sets are computed.
-
-        Returns
-        -------
-        StanceSets | None
-            The sets; None if they are not known, for two or more than four limbs, and if there are
-            too many.
+        Obstacles and occupied points do not change them, since they only remove stances. Returns
+        None if the sets are not known and not to be computed, for two or more than four limbs, and
+        if there are too many.
         """
         if not 3 <= graph.limbs <= LARGEST_SET:
             return None
@@ -153,12 +127,7 @@ def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | Non
         done += len(sets)
         if progress is not None:
             progress(done / every)
-    return _of_points(np.concatenate(found))
-
-
-def _of_points(points: NDArray[np.uint16]) -> StanceSets:
-    """Return sets that are given by their points, with their support sets."""
-    limbs = points.shape[1]
+    points = np.concatenate(found)
     support_sets = np.stack([codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
     distinct, numbers = np.unique(support_sets, return_inverse=True)
     return StanceSets(points, numbers.reshape(support_sets.shape).astype(np.int32), len(distinct))
@@ -168,21 +137,8 @@ def _of_points(points: NDArray[np.uint16]) -> StanceSets:
 def count_sets(compatible: BoolArray, limbs: int, most: int, counts: IntArray) -> bool:
     """Count the sets of three or four points, all pairwise `compatible`, by their first point.
 
-    Parameters
-    ----------
-    compatible
-        Which points may be held at once, shape (m, m).
-    limbs
-        Points of a set, 3 or 4.
-    most
-        Largest number of sets.
-    counts
-        Receives the counts, shape (m,).
-
-    Returns
-    -------
-    bool
-        Whether there are no more than `most`.
+    The matrix is of shape (m, m), the counts are written into `counts`, shape (m,). Returns whether
+    there are no more than `most` in all.
     """
     count, total = len(compatible), 0
     for a in range(count):
