@@ -70,29 +70,12 @@ def costs_to_goal(
     start_bounds: Array,
     extension: tuple[float, float],
 ) -> tuple[Array, BoolArray]:
-    """Compute lower bounds of the cost from every node to the goal.
+    """Compute lower bounds of the cost from each of n nodes to the goal.
 
-    Parameters
-    ----------
-    table
-        The nodes.
-    goals
-        Whether each node is at the goal, shape (n,).
-    weights
-        Weights of the cost.
-    starts
-        Nodes whose bounds are requested.
-    start_bounds
-        Consistent lower bounds of the cost from the start to each node, infinite for nodes that are
-        not to be visited, shape (n,).
-    extension
-        How far the search goes beyond the starts: a fraction of their cost, and an amount.
-
-    Returns
-    -------
-    tuple[Array, BoolArray]
-        Consistent bounds, 0 only at goals, infinite where no path leads to the goal or
-        `start_bounds` are; and whether each of them is the minimum cost. Both have shape (n,).
+    `start_bounds` are consistent lower bounds of the cost from the starts, infinite for nodes that
+    are not to be visited. The search goes beyond the starts by a fraction of their cost, and an
+    amount. Returns consistent bounds, 0 only at goals, infinite where no path leads to the goal or
+    `start_bounds` are; and whether each of them is the minimum cost.
     """
     count, is_start = len(goals), np.zeros(len(goals), dtype=np.bool_)
     is_start[starts] = True

@@ -37,19 +37,9 @@ _running: dict[Hashable, _BackgroundWork] = {}
 def complete_by_deadline(key: Hashable, work: Callable[[], object], deadline: float) -> bool:
     """Return whether some work, which stores its own result, is done before a deadline.
 
-    Parameters
-    ----------
-    key
-        Key that identifies the work, so that it is not started twice.
-    work
-        Called once: in this thread if there is no deadline, otherwise in a thread of its own.
-    deadline
-        Time at which to stop waiting, on the clock of `time.perf_counter` [s]; infinite for none.
-
-    Raises
-    ------
-    BaseException
-        Whatever the work raises.
+    The work is identified by a key, and is done in this thread if the deadline, on the clock of
+    `time.perf_counter` [s], is infinite, otherwise in a thread of its own. Raises what the work
+    raises.
     """
     if deadline == math.inf and key not in _running:
         work()

@@ -40,16 +40,9 @@ class CheckedEdges(NamedTuple):
     def with_edges(
         self, nodes: IntArray, edges: IntArray, kept: NDArray[np.uint64]
     ) -> CheckedEdges:
-        """Return the hash table with more edges, in place if there is capacity.
+        """Return the hash table with k more edges, in place if there is capacity.
 
-        Parameters
-        ----------
-        nodes
-            Node from which each edge leaves, shape (k,).
-        edges
-            Numbers of the edges, shape (k,).
-        kept
-            Branch sets that the support limbs keep on them, shape (k,).
+        Each leaves a node, and its support limbs keep branch sets.
         """
         edge_count = int((self.keys != EMPTY).sum())
         table = self

@@ -38,27 +38,11 @@ class SupportSetScratch(NamedTuple):
 def fewest_steps(
     table: NodeTable, goals: BoolArray, forbidden: BoolArray, starts: IntArray, extension: int
 ) -> tuple[NDArray[np.int16], float]:
-    """Compute the fewest steps from every node to the goal.
+    """Compute the fewest steps from each of n nodes to the goal.
 
-    Parameters
-    ----------
-    table
-        The nodes.
-    goals
-        Whether each node is at the goal, shape (n,).
-    forbidden
-        Whether paths may not enter each node, shape (n,).
-    starts
-        Nodes whose steps are requested.
-    extension
-        Number of levels beyond the last of these.
-
-    Returns
-    -------
-    tuple[NDArray[np.int16], float]
-        The steps, shape (n,), negative for nodes that were not reached; and a lower bound of the
-        steps of the unreached nodes that are not forbidden, infinite if no path leads from them to
-        the goal.
+    Paths do not enter forbidden nodes; the search goes some levels beyond the last of the starts.
+    Returns the steps, negative for nodes that were not reached, and a lower bound of the steps of
+    the unreached nodes that are not forbidden, infinite if no path leads from them to the goal.
     """
     steps = np.where(goals, 0, UNREACHED).astype(np.int16)
     steps[forbidden] = FORBIDDEN

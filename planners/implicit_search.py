@@ -87,22 +87,7 @@ class ImplicitSearchResult:
 def search_implicit_graph(
     graph: ImplicitGraph, start: State, search: SearchQuery
 ) -> SearchResult | None:
-    """Search from a state to any stance whose base lies in the goal region.
-
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    start
-        The start state.
-    search
-        The query.
-
-    Returns
-    -------
-    SearchResult | None
-        The path; None if no sequence of moves leads to the goal.
-    """
+    """Search from a state to the goal; return None if no sequence of moves leads there."""
     result = _ImplicitSearch(graph, start, search).run()
     if not result.states:
         return None

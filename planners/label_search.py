@@ -203,13 +203,7 @@ def cheapest_path(
 def _search(
     search_graph: SearchGraph, h: Array, status: SearchStatus, origins: NodeOrigins, labels: Labels
 ) -> int:
-    """Continue a search until the cheapest path is proved or the search must stop.
-
-    Returns
-    -------
-    int
-        `SEARCH_COMPLETE` if the search is complete, otherwise why it stopped.
-    """
+    """Continue a search until it is complete or must stop; return `SEARCH_COMPLETE`, or why."""
     table = search_graph.table
     queue, count = labels.queue, 0
     if not status.initialised:

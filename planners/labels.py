@@ -76,21 +76,10 @@ class Labels(NamedTuple):
         return NodePath(cost, origin, nodes, self.edges[chain[1:]], self.branch_sets[chain])
 
     def explored_edges(self, expanded: int, base: Array, origins: Array) -> Array:
-        """Return base positions at both ends of the edges to expanded labels [m].
+        """Return base positions at both ends of the edges to expanded labels [m], shape (e, 2, 3).
 
-        Parameters
-        ----------
-        expanded
-            Number of labels expanded.
-        base
-            Base position of each node [m], shape (n, 3).
-        origins
-            Base position before each origin [m], shape (k, 3).
-
-        Returns
-        -------
-        Array
-            The ends, shape (e, 2, 3), without edges to origins that start where they end.
+        Nodes have base positions (n, 3), places before the origins (k, 3). Edges to origins that
+        start where they end are omitted.
         """
         explored = self.expanded[:expanded]
         parent = self.parent[explored]

@@ -339,22 +339,11 @@ class LazyNodeTable(LazyTable):
 def branch_sets_along(
     graph: ImplicitGraph, stances: IntArray, branch_sets: IntArray, postures: Postures
 ) -> IntArray:
-    """Return the branch sets after the steps of a path, 0 for no step, shape (k, N).
+    """Return the branch sets after the k steps of a path, 0 for no step, shape (k, N).
 
     The table may have them for the robot after a cyclic relabelling of its limbs, for which a few
     steps keep other branches, see `relabelling`. From the first step with other branch sets on, the
-    steps are checked anew.
-
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    stances
-        The k + 1 stances.
-    branch_sets
-        Their branch sets by the table, shape (k + 1, N); replaced by the checked ones.
-    postures
-        Their postures.
+    steps are checked anew, and `branch_sets`, shape (k + 1, N), is changed to those found.
     """
     begin, count = 0, len(stances) - 1
     found = np.zeros_like(branch_sets[1:])

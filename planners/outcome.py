@@ -84,15 +84,7 @@ def search_tree(position: Array, parents: Sequence[int]) -> Array:
 
 
 def path_indices(parents: Sequence[int], last: int = -1) -> list[int]:
-    """Return the indices from the root of a search tree to an entry, by default the last.
-
-    Parameters
-    ----------
-    parents
-        Index of the parent of each entry, -1 at the root.
-    last
-        Index of the entry at which the path ends.
-    """
+    """Return the indices from the root, whose parent is -1, to an entry, by default the last."""
     path = [last % len(parents)]
     while parents[path[-1]] >= 0:
         path.append(int(parents[path[-1]]))

@@ -254,13 +254,7 @@ class Planner:
         pose: Sequence[Any] | None,
         joints: Sequence[Any] | Array | None,
     ) -> State:
-        """Return the state at the start.
-
-        Raises
-        ------
-        StanceError
-            If it cannot be held.
-        """
+        """Return the state at the start; a `StanceError` if it cannot be held."""
         if isinstance(start, State):
             if not (pose is None and joints is None):
                 raise SettingError(

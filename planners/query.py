@@ -126,13 +126,7 @@ class Goal:
         tolerance: float,
         face: str | None = None,
     ) -> Goal:
-        """Return a goal from the arguments of a user.
-
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used; the message names it.
-        """
+        """Return a goal from the arguments of a user; an `MlivrError` names one not to be used."""
         priced = Cost.named(cost, regrasp_price)
         target, on_face = graph.grasp_map.check_goal(goal), None
         if face is not None:
@@ -207,10 +201,7 @@ class SearchQuery:
     def from_options(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
         """Return a query from the options of a user, with the defaults of method and robot.
 
-        Raises
-        ------
-        SettingError
-            If an option cannot be used; the message names it.
+        The `SettingError` names an option that cannot be used.
         """
         method = options.method
         is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, TwoLimbGraph)

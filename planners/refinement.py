@@ -46,26 +46,10 @@ STEP_BATCH = 8
 def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     """Return a plan with the same footholds and no more base translation.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan, with the obstacles of the present world.
-    plan
-        The plan. Its first base pose and branches stay; its last base pose stays in the goal
-        region.
-    seed
-        Seed of the samples.
-
-    Returns
-    -------
-    Plan
-        The plan with other base poses if they shorten the base path, otherwise `plan` itself. Query
-        and counts are those of `plan`; the cost is that of the new base path.
-
-    Raises
-    ------
-    PlanError
-        If the plan belongs to another map or robot, or is not possible in the present world.
+    The first base pose and the branches stay, the last base pose stays in the goal region. Query
+    and counts are those of the plan, the cost is that of the new base path; if none is shorter, the
+    plan itself is returned. Raises a `PlanError` if the plan belongs to another map or robot, or is
+    not possible in the present world.
     """
     plan.check_map(graph.grasp_map)
     if plan.world.robot != graph.robot:
@@ -151,16 +135,7 @@ class _Footholds:
     def samples(self, postures: Postures, rng: np.random.Generator, fraction: float) -> Poses:
         """Return base poses sampled around some postures, one for each stance.
 
-        Half of the samples have three tenths of the spread.
-
-        Parameters
-        ----------
-        postures
-            The postures.
-        rng
-            Source of the samples.
-        fraction
-            Spread of the samples as a fraction of `SPREAD`.
+        Their spread is a fraction of `SPREAD`, for half of the samples three tenths of it.
         """
         out, (spread, turned) = [], (fraction * SPREAD[0], fraction * SPREAD[1])
         for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):

@@ -27,15 +27,7 @@ class GraphSearcher:
     """The searches of one stance graph; see the module for which."""
 
     def __init__(self, graph: StanceGraph, *, build_sets: bool = True) -> None:
-        """Prepare to search a stance graph.
-
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        build_sets
-            Whether the stance sets of the graph are built before the search if none are cached.
-        """
+        """Prepare to search a graph; stance sets are built if not cached and `build_sets`."""
         self.graph, self.build_sets = graph, build_sets
         self._lower_bounds: LowerBounds | None = None
 

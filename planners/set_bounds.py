@@ -53,14 +53,9 @@ def fewest_moves(
 ) -> None:
     """Compute the fewest moves from n sets to those where `moves` is 0, by breadth-first search.
 
-    Parameters
-    ----------
-    support_sets
-        Support sets of each set, shape (n, N): sets with a common support set are one move apart.
-    moves
-        0 for the goals and -1 for other sets, where the moves are written, shape (n,).
-    reached
-        Scratch, all False, one for each support set.
+    `support_sets` are those of each set, shape (n, N): sets with a common one are one move apart.
+    `moves` is -1 for other sets, where the moves are written; `reached` is scratch, all False, one
+    for each support set.
     """
     moves_done, changed = 0, True
     while changed:

@@ -51,24 +51,10 @@ def compute_costs(
     queue: IntArray,
     queued: NDArray[np.int8],
 ) -> None:
-    """Compute the costs to one goal by label correcting backward from its stances.
+    """Compute the costs to goal g by label correcting backward from its stances, of n in all.
 
-    Parameters
-    ----------
-    goal
-        Whether each stance is at the goal, shape (n,).
-    prices
-        Prices of a step to each point.
-    tables
-        The steps.
-    costs
-        Initially infinite; the entries of one goal are written.
-    g
-        Index of the goal.
-    queue
-        Scratch, shape (n,).
-    queued
-        Scratch, all 0, shape (n,).
+    `goal`, `queue` and `queued`, of which the last two are scratch, have shape (n,); the entries of
+    the goal in `costs`, initially infinite, are written.
     """
     n, value, grasped = len(goal), costs.by_branch[g], costs.grasped[g]
     step_cost, base_cost = prices.step, prices.metre
@@ -128,26 +114,11 @@ def step_values(
     costs: CostTables,
     out: Array,
 ) -> None:
-    """Compute the cost of each action, followed by a path of minimum cost.
+    """Compute the cost of each action of k states, followed by a path of minimum cost.
 
-    Parameters
-    ----------
-    stances
-        Stance indices, shape (k,).
-    branch_sets
-        Branches that each limb may be on, shape (k, 2).
-    goal_of_state
-        Index of the goal of each state, shape (k,).
-    is_goal
-        Whether each stance is in each goal region, shape (g, n).
-    prices
-        Prices of a step to each point.
-    tables
-        The steps.
-    costs
-        The costs that `compute_costs` computed.
-    out
-        Initially infinite; the costs of possible actions are written, shape (k, 2 m).
+    States have branch sets (k, 2) and the index of a goal each; `is_goal` tells whether each stance
+    is in each goal region, shape (g, n). The costs of possible actions are written into `out`,
+    initially infinite, shape (k, 2 m).
     """
     m, values, grasped = out.shape[1] // 2, costs.by_branch, costs.grasped
     step_cost, base_cost = prices.step, prices.metre
@@ -182,14 +153,7 @@ def expected_prices(cost: Cost, failure: Array) -> StepPrices:
     """Return the expected prices of a step and of a metre if attempts at points may fail.
 
     A failed attempt costs a step and the base displacement there and back. It is repeated until it
-    succeeds, after `1 / (1 - p)` attempts on average.
-
-    Parameters
-    ----------
-    cost
-        Cost of a step.
-    failure
-        Probability p that an attempt at each point fails, shape (m,).
+    succeeds, after `1 / (1 - p)` attempts on average, with the probability p of each point, (m,).
     """
     step = cost.step_weight / (1.0 - failure)
     return StepPrices(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
@@ -219,19 +183,9 @@ class TableValues:
     def __init__(
         self, tables: StepTables, is_goal: BoolArray, cost: Cost, failure: Array | None = None
     ) -> None:
-        """Compute the costs backward from the stances of each goal.
+        """Compute the costs backward from the stances of each goal region, shape (g, n).
 
-        Parameters
-        ----------
-        tables
-            The steps.
-        is_goal
-            Whether each stance is in each goal region, shape (g, n).
-        cost
-            Cost of a step.
-        failure
-            Probability that an attempt at each point fails, shape (m,), for expected costs; 0 by
-            default.
+        With probabilities that an attempt at each point fails, shape (m,), they are expected costs.
         """
         self.tables = tables
         points = int(tables.points.max()) + 1 if failure is None else len(failure)
@@ -253,21 +207,8 @@ class TableValues:
     ) -> Array:
         """Return the cost of each action in k states, followed by a path of minimum cost.
 
-        Parameters
-        ----------
-        stances
-            Stance indices, shape (k,).
-        branch_sets
-            Branches that each limb may be on, shape (k, 2).
-        goal_of_state
-            Index of the goal of each state, shape (k,).
-        actions
-            Number of actions, 2 m.
-
-        Returns
-        -------
-        Array
-            The costs, shape (k, actions); infinite where an action is not possible.
+        The costs have shape (k, actions), and are infinite where an action is not possible. States
+        have branch sets (k, 2) and the index of a goal each; there are 2 m actions.
         """
         out: Array = np.full((len(stances), actions), np.inf)
         step_values(

@@ -50,20 +50,7 @@ def plan_of(
 ) -> Plan | None:
     """Return the plan along a walk, or None if one of its steps cannot be committed.
 
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    states
-        The states, each a successor of the one before it.
-    goal
-        Goal position of the base [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
-    method
-        Name of the method that made the walk.
-    expanded
-        Number of states expanded.
+    Each state is a successor of the one before it; the goal region of the base is a ball [m].
     """
     motion = committed_motion(graph, states).motion
     if motion is None:

@@ -66,18 +66,9 @@ class CheckedSteps(ChangingWorld):
     def step_rows(
         self, stances: StanceArrays, before: IntArray, after: IntArray, branch_sets: IntArray
     ) -> Any:
-        """Return rows of `StepRecord` for steps between stances.
+        """Return rows of `StepRecord`, shape (k,), for steps between rows of stances.
 
-        Parameters
-        ----------
-        stances
-            The stances.
-        before
-            Rows of the stances before the steps, shape (k,).
-        after
-            Rows of the stances after the steps, shape (k,).
-        branch_sets
-            Branches and flips of each limb before the steps, shape (k, N).
+        The branch sets before the steps have shape (k, N).
         """
         steps, points = self.checks.steps(len(after)), stances.points
         moves = points[after] != points[before]
@@ -97,18 +88,8 @@ class CheckedSteps(ChangingWorld):
     ) -> Any:
         """Return the branch sets after steps from states, shape (k, N); 0 without a step.
 
-        Parameters
-        ----------
-        states
-            States before the steps.
-        here
-            Their postures.
-        before
-            Index of the state that each step leaves, shape (k,).
-        stances
-            Point index of each limb after each step, shape (k, N).
-        after
-            The postures after the steps.
+        Step k leaves the state of index `before[k]`, with the posture of that index in `here`, and
+        leads to stance k with posture k of `after`.
         """
         if not self.settings.transitions or not len(stances):
             return after.branch_sets.copy()
@@ -121,12 +102,7 @@ class CheckedSteps(ChangingWorld):
     def branch_sets_of_steps(self, steps: Any, stances: StanceArrays) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
-        Parameters
-        ----------
-        steps
-            Rows of `StepRecord`, shape (k,), between the stances, see `step_rows`.
-        stances
-            The stances, which receive the releases that are computed.
+        The steps are those of `step_rows`. The stances receive the releases that are computed.
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
@@ -169,14 +145,7 @@ class CheckedSteps(ChangingWorld):
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """Return the edge of a step: its base path, its swing and the branches kept.
 
-        Parameters
-        ----------
-        state
-            Stance before the step, and the branch and flip that each limb is on, as branch sets.
-        after
-            Point index of each limb after the step.
-        posture
-            Postures of the two stances.
+        `posture` has the postures of both stances.
         """
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)

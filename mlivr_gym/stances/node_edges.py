@@ -78,20 +78,7 @@ class NodePair(Record):
 def edge_ends(
     table: NodeTable, edges: IntArray
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
-    """Return the nodes and limbs of edges, and the numbers of the reverse edges.
-
-    Parameters
-    ----------
-    table
-        The nodes.
-    edges
-        Numbers of the edges, which are those of their bits, shape (k,).
-
-    Returns
-    -------
-    tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]
-        Nodes and limbs of the rows, those of the columns, and numbers, all of shape (k,).
-    """
+    """Return (nodes, limbs) before edges, those after them, and the reverse edges, all (k,)."""
     support_sets = np.searchsorted(table.offset, edges, side="right") - 1
     begin, size = table.start[support_sets], np.diff(table.start)[support_sets].astype(np.int64)
     inside: IntArray = edges - table.offset[support_sets]
@@ -173,18 +160,9 @@ def count_node_pairs(table: NodeTable, pair: NodePair, last: int) -> int:
 
 @entry
 def list_node_pairs(table: NodeTable, pair: NodePair, last: int, pairs: IntArray) -> None:
-    """List the pairs of members that share branches, in order, see `next_node_pair`.
+    """List the pairs of members that share branches from `pair` on, up to support set `last`.
 
-    Parameters
-    ----------
-    table
-        The nodes.
-    pair
-        Place before the first pair.
-    last
-        Number of the support set at which the list ends.
-    pairs
-        Receives indices of members, shape (p, 2), see `count_node_pairs`.
+    Their indices are written into `pairs`, shape (p, 2), see `count_node_pairs`.
     """
     count = 0
     while next_node_pair(table, pair, last):
@@ -193,13 +171,7 @@ def list_node_pairs(table: NodeTable, pair: NodePair, last: int, pairs: IntArray
 
 
 def with_edges(table: NodeTable, known: EdgeSet) -> NodeTable:
-    """Return a table with all its edges, which it does not have yet.
-
-    Raises
-    ------
-    ValueError
-        If the edges are those of another table.
-    """
+    """Return a table with all its edges; a ValueError if they are those of another table."""
     words, support_sets = len(table.joined), len(table.offset) - 1
     joined, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
     blank = table._replace(joined=joined, loses_branches=loses_branches)

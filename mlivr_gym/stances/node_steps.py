@@ -35,21 +35,7 @@ class CandidateSteps(NamedTuple):
 def node_stances(
     grasp_map: GraspMap, robot: RobotSpec, table: NodeTable, rows: IntArray, relabellings: IntArray
 ) -> StanceArrays:
-    """Return nodes of a table, relabelled, as the step check reads them.
-
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    table
-        The nodes.
-    rows
-        Rows of the nodes, shape (k,).
-    relabellings
-        Cyclic relabellings of the limbs, shape (k,).
-    """
+    """Return nodes of a table, cyclically relabelled, as the step check reads them, shape (k,)."""
     points = relabelled(table.points[rows].astype(np.int64), relabellings)
     base = Pose.rows(len(rows))
     base["position"], base["rotation"] = bases_at(

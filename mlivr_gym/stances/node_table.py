@@ -113,17 +113,7 @@ class NodeTable(NamedTuple):
 
 @entry
 def find_rows(points: NDArray[np.uint16], stances: IntArray, rows: IntArray) -> None:
-    """Find the rows of stances among stances in the order of their codes, -1 for no row.
-
-    Parameters
-    ----------
-    points
-        Point indices, shape (n, N).
-    stances
-        Point indices of the stances to find, shape (k, N).
-    rows
-        Receives the rows, shape (k,).
-    """
+    """Find the rows of stances (k, N) in points (n, N), in the order of codes; -1 for none."""
     for k in range(len(stances)):
         low, high = 0, len(points)
         while low < high:

@@ -58,20 +58,9 @@ def build(
 ) -> NodeTable:
     """Compute all nodes that hold one of the sets of points, and the steps between them.
 
-    Parameters
-    ----------
-    graph
-        The stance graph, without obstacles and occupied points.
-    progress
-        Called repeatedly with the finished share of the work.
-    parts
-        Stores finished parts until all are.
-
-    Raises
-    ------
-    TableError
-        If limbs differ or are not mounted evenly; if the robot has not three or four limbs, or the
-        map too many points; if steps are not checked, or there are obstacles or occupied points.
+    Raises a `TableError` if limbs differ or are not mounted evenly; if the robot has not three or
+    four limbs, or the map too many points; if steps are not checked, or there are obstacles or
+    occupied points.
     """
     if not graph.robot.is_symmetric:
         raise TableError(
@@ -96,13 +85,7 @@ def build(
 
 
 def sets_of(graph: ImplicitGraph) -> StanceSets:
-    """Return the sets of points that nodes of a graph hold.
-
-    Raises
-    ------
-    TableError
-        See `build`.
-    """
+    """Return the sets of points that nodes of a graph hold; a `TableError` as in `build`."""
     if not graph.settings.transitions or graph.obstacles or graph.occupied:
         raise TableError(
             "a table of nodes is built where steps are checked, without obstacles and occupied "

@@ -161,16 +161,9 @@ class ChangingWorld(ABC):
         points: IntArray,
         postures: Postures,
     ) -> None:
-        """Remove the branches that touch an obstacle from the branch sets of some stances.
+        """Remove the branches that touch an obstacle from some postures, in place.
 
-        Parameters
-        ----------
-        chosen
-            Indices of the stances to check.
-        points
-            Point indices of all stances, shape (k, N).
-        postures
-            Their postures; the branch sets are changed in place.
+        Of stances (k, N) and their postures those with the `chosen` indices are checked.
         """
         if self.obstacle_grid is None:
             return

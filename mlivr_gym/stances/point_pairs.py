@@ -25,10 +25,8 @@ MOST_PAIRS, MOST_STEPS = 10_000_000, 4_000_000_000
 def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     """Return the pairs of points at most a span [m] apart, each once, shape (k, 2).
 
-    Raises
-    ------
-    MapError
-        If there are more than `MOST_PAIRS`, or about more than `MOST_STEPS` between them.
+    Raises a `MapError` if there are more than `MOST_PAIRS`, or about more than `MOST_STEPS` between
+    them.
     """
     positions, limit = grasp_map.positions, span + 1e-9
     if len(positions) <= FEW_POINTS:
@@ -53,10 +51,7 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:
     """Check that the points of a stance are not too close to each other, and within the span.
 
-    Raises
-    ------
-    StanceError
-        Which names the two points, their distance and what is valid.
+    The `StanceError` names the two points, their distance and what is valid.
     """
     for a, b in combinations(points, 2):
         distance = float(np.linalg.norm(grasp_map.positions[a] - grasp_map.positions[b]))

@@ -32,13 +32,7 @@ class Randomness(Protocol):
 
 
 def random_state(graph: StanceGraph, rng: Randomness) -> State:
-    """Return the state of a random stance that at least one step leaves.
-
-    Raises
-    ------
-    StanceError
-        If `TRIES` draws find none.
-    """
+    """Return a random stance that a step leaves, as a state; `StanceError` after `TRIES`."""
     for _ in range(TRIES):
         state = random_stance(graph, rng)
         if state is not None and graph.successors(state):

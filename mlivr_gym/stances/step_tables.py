@@ -47,17 +47,7 @@ class StepTables(NamedTuple):
     def branch_sets_after(
         self, step: int, limb: int, branch_sets: tuple[int, ...]
     ) -> tuple[int, int]:
-        """Return the branch sets of both limbs after a step that leaves a state.
-
-        Parameters
-        ----------
-        step
-            Index of the step.
-        limb
-            The limb that moves.
-        branch_sets
-            The branch sets before the step.
-        """
+        """Return the branch sets of both limbs after a step, by its index, that moves a limb."""
         kept = int(kept_on_edge(branch_sets[1 - limb], int(self.kept[step])))
         grasped = int(self.releasable[self.after[step], limb])
         return (grasped, kept) if limb == 0 else (kept, grasped)
@@ -85,23 +75,7 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
     Steps that are not known are checked, and stored in the cache folder, see `two_limb_build`.
-
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    progress
-        Called with the share of the steps that are checked.
-
-    Returns
-    -------
-    StepTables
-        The steps.
-
-    Raises
-    ------
-    SettingError
-        If the robot has more than two limbs.
+    Raises a `SettingError` if the robot has more than two limbs.
     """
     if not isinstance(graph, TwoLimbGraph):
         raise SettingError(
@@ -136,15 +110,7 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:
-    """Return the tables of the same map without some points; stances keep their indices.
-
-    Parameters
-    ----------
-    tables
-        The steps on all points.
-    occupied
-        Whether each point is occupied, shape (m,).
-    """
+    """Return tables without the occupied points, shape (m,); stances keep their indices."""
     gone: BoolArray = np.any(occupied[tables.points], axis=1)
     steps = np.diff(tables.start)
     keep = ~np.repeat(np.repeat(gone, 2), steps) & ~gone[tables.after]

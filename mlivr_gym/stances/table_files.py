@@ -189,12 +189,8 @@ def read_arrays(graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arra
     """Return the arrays of a graph in an archive.
 
     If they are mapped, the archive has to be without compression. Only the pages that are used are
-    then read, so that CRC-32s are not compared; changes stay in memory.
-
-    Raises
-    ------
-    TableError
-        If they are of another graph; one of `DAMAGE` if the file is damaged.
+    then read, so that CRC-32s are not compared; changes stay in memory. Raises a `TableError` if
+    they are of another graph, and one of `DAMAGE` if the file is damaged.
     """
     arrays = {}
     with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
@@ -242,13 +238,7 @@ def head_of(graph: StanceGraph) -> dict[str, Any]:
 
 
 def check_head(path: Path, graph: StanceGraph, head: dict[str, Any]) -> None:
-    """Check that the head of a file is that of a graph.
-
-    Raises
-    ------
-    TableError
-        Which names the file and the difference.
-    """
+    """Check that the head of a file is that of a graph; the `TableError` names the difference."""
     expected = head_of(graph)
     if head == expected:
         return

@@ -22,25 +22,9 @@ LINE = 32
 def steps_of_state(
     s: int, branch_sets: tuple[int, int], tables: Any, steps: IntArray, kept: IntArray
 ) -> tuple[int, int]:
-    """List the steps that leave a state.
+    """List the steps that leave a state: their indices, and the branches that the support keeps.
 
-    Parameters
-    ----------
-    s
-        Stance index.
-    branch_sets
-        Branches that each limb may be on.
-    tables
-        `StepTables`.
-    steps
-        Receives the indices of the steps in the tables.
-    kept
-        Receives the branches that the support limb keeps on each.
-
-    Returns
-    -------
-    tuple[int, int]
-        Number of those that move limb 0, and of all.
+    Returns the number of those that move limb 0, and of all.
     """
     first = count = 0
     for moving in range(2):
@@ -59,26 +43,11 @@ def steps_of_state(
 def valid_actions(
     stances: IntArray, branch_sets: IntArray, tables: Any, out: NDArray[np.int8]
 ) -> np.uint16:
-    """Mark the valid actions of k states.
+    """Mark the valid actions of k states by ones in `out`, zeros of shape (k, 2, m).
 
     The steps of random stances lie far from each other in tables larger than the processor's
-    caches. To fetch them for several states at once is twice as fast as state by state.
-
-    Parameters
-    ----------
-    stances
-        Stance indices, shape (k,).
-    branch_sets
-        Branches that each limb may be on, shape (k, 2).
-    tables
-        `StepTables`.
-    out
-        Zeros, shape (k, 2, m); receives ones for valid actions.
-
-    Returns
-    -------
-    np.uint16
-        A number without meaning, so that the compiler cannot omit the fetching.
+    caches. To fetch them for several states at once is twice as fast as state by state. The number
+    returned has no meaning but that the compiler cannot omit the fetching.
     """
     start, to_point, kept, read = tables.start, tables.to_point, tables.kept, np.uint16(0)
     for first in range(0, len(stances), TOGETHER):
@@ -106,23 +75,10 @@ def valid_positions(
     position: Array,
     releasable_after: NDArray[np.int8],
 ) -> None:
-    """Mark the valid actions of k states, and write the base position after each.
+    """Mark the valid actions of k states, and write the base position [m] after each.
 
-    Parameters
-    ----------
-    stances
-        Stance indices, shape (k,).
-    branch_sets
-        Branches that each limb may be on, shape (k, 2).
-    tables
-        `StepTables`.
-    out
-        Zeros, shape (k, 2, m); receives ones for valid actions.
-    position
-        Receives base positions [m] after valid actions, shape (k, 2, m, 3).
-    releasable_after
-        Zeros, shape (k, 2, m); receives ones if the support limb could be released after the
-        action.
+    The outputs are zeros of shape (k, 2, m), and (k, 2, m, 3) for positions; `releasable_after`
+    receives ones if the support limb could be released after the action.
     """
     for k in range(len(stances)):
         s = stances[k]
@@ -161,20 +117,9 @@ def write_action_lookahead(
 ) -> None:
     """Compute how close to the goal each action can lead with any step after it.
 
-    Parameters
-    ----------
-    stances
-        Stance indices, shape (k,).
-    branch_sets
-        Branches that each limb may be on, shape (k, 2).
-    tables
-        `StepTables`.
-    ahead
-        Goals, and the lookahead of points.
-    out
-        Shape (k, 2, m, 2 d + 2), whose first d + 1 entries have the distance without steps. For
-        valid actions they receive the minimum distances over the steps that follow, after that step
-        and after 1 to d more; the other entries receive the sums of the arrivals.
+    The first d + 1 entries of `out`, shape (k, 2, m, 2 d + 2), have the distance without steps. For
+    valid actions they receive the minimum distances over the steps that follow, after that step and
+    after 1 to d more; the other entries receive the sums of the arrivals.
     """
     depth = ahead.of_points.shape[3] // 2
     for k in range(len(stances)):

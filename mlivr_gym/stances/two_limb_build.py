@@ -21,14 +21,7 @@ def fill_rows(
 ) -> None:
     """Check every step of a graph once.
 
-    Parameters
-    ----------
-    graph
-        The graph.
-    progress
-        Called with the finished share of the rows.
-    parts
-        Stores finished parts until all are; only without obstacles and occupied points.
+    Finished parts are stored until all are, only without obstacles and occupied points.
     """
     if graph.is_complete:
         return

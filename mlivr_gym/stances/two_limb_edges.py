@@ -41,21 +41,7 @@ class TwoLimbEdges:
         base: Array,
         edges: Any = None,
     ) -> None:
-        """Start without steps, or with all of them.
-
-        Parameters
-        ----------
-        checks
-            The step check.
-        stances
-            The stances.
-        rows
-            Their rows.
-        base
-            Base positions [m], shape (n, 3).
-        edges
-            All steps, if they are known.
-        """
+        """Start without steps, or with all of them; base positions have shape (n, 3) [m]."""
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
         self.close, self.unchecked = np.zeros((2, len(base)), dtype=np.bool_)
@@ -88,17 +74,9 @@ class TwoLimbEdges:
     ) -> TwoLimbEdgesAmongObstacles:
         """Return the steps among obstacles and occupied points.
 
-        Parameters
-        ----------
-        branch_sets
-            Branches and flips on which each limb may hold, shape (n, 2); none at a point that is
-            occupied or touches an obstacle.
-        unchecked
-            Stances of which some of these branches may touch an obstacle, shape (n,).
-        close
-            Stances that may touch an obstacle on a step from or to them, shape (n,).
-        obstacles
-            The obstacles, if there are any.
+        Branch sets, shape (n, 2), are empty at points that are occupied or touch an obstacle.
+        `unchecked` tells of which stances some branches may touch an obstacle, `close` which may
+        touch one on a step from or to them, both of shape (n,).
         """
         return TwoLimbEdgesAmongObstacles(self, branch_sets, unchecked, close, obstacles)
 

@@ -16,13 +16,6 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
     """Return a node table with the edges checked so far.
 
     An unchecked edge is assumed to keep all branches that both of its stances have.
-
-    Parameters
-    ----------
-    pairs
-        The stances and steps.
-    pose_number
-        Number of the candidate base pose of each stance, shape (n,).
     """
     releasable, folds = pairs.branch_sets, np.zeros_like(pairs.branch_sets)
     if pairs.check:

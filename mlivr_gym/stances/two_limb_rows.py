@@ -42,19 +42,9 @@ def rows_of(points: IntArray, m: int) -> StanceRows:
 
 
 def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:
-    """Return the connected components of a graph, all of whose steps are assumed to be possible.
+    """Return the number of connected components of stances (n, 2), and that of each, shape (n,).
 
-    Parameters
-    ----------
-    points
-        Points of both limbs of each stance, shape (n, 2).
-    m
-        Number of points of the map.
-
-    Returns
-    -------
-    tuple[int, NDArray[np.int32]]
-        The number of components, and the component of each stance, shape (n,).
+    All steps are assumed to be possible; the map has m points.
     """
     pairs = scipy.sparse.coo_array(
         (np.ones(len(points)), (points[:, 0], m + points[:, 1])), shape=(2 * m, 2 * m)

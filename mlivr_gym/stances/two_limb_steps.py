@@ -119,18 +119,8 @@ def gather_steps(
 ) -> None:
     """Count the steps that leave each stance, or with `fill` write them from `start` on.
 
-    Parameters
-    ----------
-    table
-        The table, with every step if steps are checked.
-    fill
-        Whether to write the steps.
-    start
-        Shape (2 n + 1,); counts are written one place further on.
-    after
-        Receives the stances after the steps with `fill`, shape (e,).
-    kept
-        Receives the branches kept with `fill`, shape (e,).
+    Counts are written into `start`, shape (2 n + 1,), one place further on; the stances after the
+    steps and the branches kept into `after` and `kept`, shape (e,).
     """
     branch_set, row_start, rows = table.branch_sets, table.row_start, table.rows
     for s in range(len(table.points)):

@@ -22,14 +22,7 @@ class Workers:
     def __init__(self, count: int, stages: int, progress: Progress | None) -> None:
         """Start processes, or none if `count` is 1: the work is then done in this process.
 
-        Parameters
-        ----------
-        count
-            Number of processes.
-        stages
-            Number of calls of `run` or `next_stage`.
-        progress
-            Called with the finished share of all stages.
+        The finished share is reported over as many stages, each a call of `run` or `next_stage`.
         """
         self.count, self.stages, self.progress, self.stage = count, stages, progress, 0
         self.pool: ProcessPoolExecutor | None = None
@@ -105,10 +98,7 @@ def _start_worker(shares: Any) -> None:
 def report_share(worker: int, share: float) -> None:
     """Report, in a worker, the finished share of its part of a stage.
 
-    Raises
-    ------
-    Stopped
-        If the remaining work is not needed any more.
+    Raises `Stopped` if the remaining work is not needed any more.
     """
     _shares[worker] = share
     parent = parent_process()
