@@ -18,7 +18,7 @@ PACKAGE = ROOT / "mlivr_gym"
 MARKS = {"kernel", "part", "entry"}
 LIBRARIES = {
     "SciPy": "scipy", "Pinocchio": "pinocchio", "Coal": "coal", "MuJoCo": "mujoco",
-    "networkx": "networkx", "heapq": "heapq", "NumPy": "numpy",
+    "networkx": "networkx", "heapq": "heapq", "NumPy": "numpy", "EAIK": "eaik",
 }  # fmt: skip
 
 

@@ -175,54 +175,34 @@ def test_sampled_steps_are_executed_and_keep_the_limits(physical_env):
             break
 
 
-def test_a_step_that_fails_ends_the_episode_with_its_reason():
-    from mlivr_gym.simulation.dynamics import Physics
-
+@pytest.mark.parametrize(
+    ("physics", "kind", "moves"),
+    [({"capture_distance": 1e-9}, "missed grasp", True), ({"hold_force": 1.0}, "lost hold", False)],
+)
+def test_a_step_that_fails_ends_the_episode_with_its_reason(physics, kind, moves):
+    """After the whole step, or at once: the support gives way while the gripper departs."""
     environment = gymnasium.make(
-        "MLIVR-JEM-v0",
-        reward="base",
-        dynamics="mujoco",
-        controller="feedforward",
-        physics=Physics(capture_distance=1e-9),
+        "MLIVR-JEM-v0", reward="base", dynamics="mujoco", controller="feedforward", physics=physics
     ).unwrapped
     _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})
     stance, invalid = info["stance"], int(np.flatnonzero(info["action_mask"] == 0)[0])
     assert environment.step(invalid)[4]["simulated_time"] == 0.0
     at_rest = environment.snapshot.configuration(environment.graph)[0]
-    _, reward, terminated, truncated, info = environment.step(
-        int(np.flatnonzero(info["action_mask"])[0])
-    )
+    steps = environment.successors()
+    planned = np.linalg.norm(steps.base_position - info["base_position"], axis=1)
+    k = int(np.argmax(planned))
+    action = int(steps.limb[k]) * len(environment.graph.grasp_map) + int(steps.point[k])
+    _, reward, terminated, truncated, info = environment.step(action)
     # The picture shows the last recorded sample before the failure.
     moved = np.linalg.norm(environment.snapshot.configuration(environment.graph)[0] - at_rest)
     assert reward == pytest.approx(-moved, abs=1e-4)
     assert info["base_translation"] == -reward
-    assert moved > 0.1
-    assert terminated
-    assert not truncated
-    assert info["failure"]["kind"] == "missed grasp"
+    assert planned[k] > 0.3
+    assert moved > 0.1 if moves else moved < 0.05
+    assert (terminated, truncated, info["steps"]) == (True, False, 2)
+    assert info["failure"]["kind"] == kind
     assert info["stance"] == stance
     assert not info["is_success"]
     with pytest.raises(gymnasium.error.ResetNeeded, match="failed"):
         environment.step(invalid)
     environment.reset(seed=1)
-
-
-def test_a_step_that_fails_at_once_costs_a_step_and_hardly_any_translation():
-    """The grasp of the support limb gives way while the gripper departs; the base has not moved."""
-    from mlivr_gym.simulation.dynamics import Physics
-
-    environment = gymnasium.make(
-        "MLIVR-JEM-v0", reward="base", dynamics="mujoco", physics=Physics(hold_force=1.0)
-    ).unwrapped
-    _, info = environment.reset(options={"start": ("D2a:4", "D1b:3"), "goal": (6.3, 0.5, 0.35)})
-    steps = environment.successors()
-    planned = np.linalg.norm(steps.base_position - info["base_position"], axis=1)
-    k = int(np.argmax(planned))
-    action = int(steps.limb[k]) * len(environment.graph.grasp_map) + int(steps.point[k])
-    _, reward, terminated, _, info = environment.step(action)
-    assert terminated
-    assert info["failure"]["kind"] == "lost hold"
-    assert info["steps"] == 1
-    assert planned[k] > 0.3
-    assert 0.0 <= -reward < 0.05
-    assert info["base_translation"] == -reward

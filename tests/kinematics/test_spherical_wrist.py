@@ -1,11 +1,11 @@
-"""What is particular to arms with a spherical wrist: a dense search, labels and robot files."""
+"""What is particular to arms with a spherical wrist: the makers' angles, labels and robot files."""
 
 from dataclasses import asdict, replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import frames, jacobian, truth, turned
+from arms import frames, jacobian, turned
 from branches import arm_of
 from branches import solutions as solutions_of
 from wrist_arms import IIWA, LIMBS, SIX
@@ -33,40 +33,6 @@ def test_joint_angles_are_the_maker_s_but_for_two_signs():
     pose = pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.126]))
     found = frames(replace(IIWA, held_angle=0.7), q)[6]
     np.testing.assert_allclose(found, pose.homogeneous, atol=1e-12)
-
-
-def searched(name, pose, rng, seeds=400):
-    """Joint angles found by Newton's method with Pinocchio from many seeds, each once."""
-    target, found = pin.SE3(pose), []
-    for _ in range(seeds):
-        q = rng.uniform(-np.pi, np.pi, 6)
-        for _ in range(40):
-            here, columns, _ = truth(name, q)
-            error = pin.log6(pin.SE3(here).actInv(target)).vector
-            error = np.concatenate([here[:3, :3] @ error[:3], here[:3, :3] @ error[3:]])
-            size = np.linalg.norm(error)
-            if size < 1e-10:
-                break
-            step = np.linalg.solve(
-                columns.T @ columns + min(1e-2, size**2) * np.eye(6), columns.T @ error
-            )
-            q = q + step * min(1.0, 1.0 / np.abs(step).max())
-        if size < 1e-10 and all(turned(q, other) > 1e-4 for other in found):
-            found.append(q)
-    return found
-
-
-@each_limb
-def test_a_dense_search_finds_no_more_solutions(name):
-    rng = np.random.default_rng(1)
-    q = rng.uniform(-np.pi, np.pi, 6)
-    q[4] = rng.uniform(0.5, 2.5)
-    pose = truth(name, q)[0]
-    mask, out = solutions(name, pose)
-    found = searched(name, pose, rng)
-    assert len(found) == bin(mask).count("1")
-    for one in found:
-        assert min(turned(one, out[b]) for b in range(8) if mask >> b & 1) < 1e-6
 
 
 @each_limb

@@ -5,18 +5,12 @@ import json
 import mujoco
 import numpy as np
 import pytest
-from robot_texts import UR10E, one_arm, whole_robot
+from robot_texts import UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
-
-
-def written(tmp_path, text, name="arm.urdf"):
-    path = tmp_path / name
-    path.write_text(text)
-    return str(path)
 
 
 def place(position, axis, after_move=(0.3, 0.4, 0.5)):

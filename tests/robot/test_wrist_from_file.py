@@ -13,6 +13,7 @@ from robot_texts import (
     frames_along,
     frames_of,
     one_arm,
+    written,
 )
 from scipy.spatial.transform import Rotation
 
@@ -46,12 +47,6 @@ LENGTHS = {
 [m]."""
 CLEAR = 0.2
 """Mount radius at which the arms stand clear of the body [m]."""
-
-
-def written(tmp_path, text, name="arm.urdf"):
-    path = tmp_path / name
-    path.write_text(text)
-    return str(path)
 
 
 def held_of(name, rng):

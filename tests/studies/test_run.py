@@ -12,7 +12,6 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.studies import StudyDesign, read_study, run_study
-from mlivr_gym.studies import rows as rows_module
 from mlivr_gym.studies.rows import _task, _World, columns_of, rows_of, succeeded
 
 pytest.importorskip("pyarrow")
@@ -68,17 +67,6 @@ def test_a_share_of_the_points_is_occupied():
     assert DESIGN.combinations[1]["occupied"] == 0.4
     assert len(world.graph.occupied) == round(0.4 * len(world.graph.grasp_map))
     assert world.graph.occupied.isdisjoint(start.stance)
-
-
-def test_each_block_has_a_graph_of_its_own(monkeypatch):
-    """Among plans of equal cost a graph may lead to another one after other queries."""
-    made = []
-    monkeypatch.setattr(
-        rows_module, "stance_graph", lambda *given: made.append(stance_graph(*given)) or made[-1]
-    )
-    for block in DESIGN.blocks[:2]:
-        rows_of(DESIGN, block)
-    assert len(made) == len(set(map(id, made))) == 2
 
 
 def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):

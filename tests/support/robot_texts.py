@@ -188,3 +188,10 @@ def whole_robot(places, lengths=UR10E):
         parts.append(f'<link name="foot{k}"/>')
         parts.append(arm_urdf(frames_of(mine), prefix=f"arm{k}_", root=f"foot{k}"))
     return f'<robot name="whole">{"".join(parts)}</robot>'
+
+
+def written(folder, text, name="arm.urdf"):
+    """Write a file of a robot; return its path."""
+    path = folder / name
+    path.write_text(text)
+    return str(path)
