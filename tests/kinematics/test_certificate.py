@@ -31,7 +31,7 @@ def certified(path, mask=EVERY_BRANCH, here=HERE, floor=FLOOR):
     return called(certify)(here, FLANGE, path, floor, mask, Proof.row())
 
 
-def determinants(limb, path, branch, samples=60):
+def determinants(limb, path, branch, samples=40):
     """|det J| of one branch at points of the path; 0 where it does not exist."""
     arm, found = arm_of(limb), np.zeros(samples)
     places = zip(*flanges_in_mount(path, np.linspace(0, 1, samples)), strict=True)

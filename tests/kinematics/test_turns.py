@@ -33,7 +33,7 @@ OFFSET = {"gen3-offset": FURTHER["gen3-offset"]}
 each_limb = pytest.mark.parametrize("limb", (NEAR | OFFSET).values(), ids=NEAR | OFFSET)
 WRISTS = LIMBS | OTHERS
 each_wrist = pytest.mark.parametrize("limb", WRISTS.values(), ids=WRISTS)
-PLACES = 81
+PLACES = 61
 
 
 def scalars(limb, changes):

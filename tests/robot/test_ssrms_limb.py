@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 import station_arm
 from hypothesis import given, settings
@@ -26,30 +25,11 @@ MOUNT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 """Published axes in the mount's: its z axis is that of joint 1, its x axis that of joint 2 at 0."""
 
 
-def published_arm():
-    """Pinocchio's model of the seven joints and the end effector, from the published table."""
-    model, parent = pin.Model(), 0
-    for k, (place, axis) in enumerate(station_arm.JOINTS):
-        joint = pin.JointModelRevoluteUnaligned(np.eye(3)["xyz".index(axis)])
-        parent = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), f"joint{k + 1}")
-    tip = pin.SE3(np.eye(3), np.array(station_arm.END))
-    model.addFrame(pin.Frame("end", parent, tip, pin.FrameType.OP_FRAME))
-    return model
-
-
-MODEL = published_arm()
-
-
 def published(held, q):
     """End effector in the limb's mount, its flange's axes, and the Jacobian of all seven joints."""
-    angles = np.array([held, *station_arm.SIGNS * (q - station_arm.ZEROS)])
-    data, frame = MODEL.createData(), MODEL.getFrameId("end")
-    pin.computeJointJacobians(MODEL, data, angles)
-    pin.updateFramePlacements(MODEL, data)
-    jacobian = pin.getFrameJacobian(MODEL, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-    end = data.oMf[frame]
-    axes = end.rotation @ station_arm.along(station_arm.LINKS[6][0])
-    return MOUNT @ end.translation, MOUNT @ axes, jacobian
+    end, jacobian = station_arm.end_of([held, *station_arm.SIGNS * (q - station_arm.ZEROS)])
+    axes = end[:3, :3] @ station_arm.along(station_arm.LINKS[6][0])
+    return MOUNT @ end[:3, 3], MOUNT @ axes, jacobian
 
 
 def flange(limb, q):

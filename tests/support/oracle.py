@@ -25,10 +25,10 @@ def pinocchio_arm(limb):
     return model
 
 
-def flange(model, q):
-    """Flange pose and its Jacobian in base axes, linear rows first."""
+def flange(model, q, name="flange"):
+    """Pose of a frame and its Jacobian in base axes, linear rows first."""
     data = model.createData()
-    frame = model.getFrameId("flange")
+    frame = model.getFrameId(name)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)

@@ -8,6 +8,8 @@ the repository vyas-shubham/TraceableRobotModels has them body by body. Crane, D
 """
 
 import numpy as np
+import pinocchio as pin
+from oracle import flange
 
 from mlivr_gym import Limb
 
@@ -65,36 +67,30 @@ def along(axes):
     return np.stack([np.eye(3)["xyz".index(a.lower())] * (-1) ** a.isupper() for a in axes], 1)
 
 
-def turn(axis, angle):
-    """Rotation about one axis."""
-    k = "xyz".index(axis)
-    i, j = (k + 1) % 3, (k + 2) % 3
-    out = np.eye(3)
-    out[i, i] = out[j, j] = np.cos(angle)
-    out[i, j], out[j, i] = -np.sin(angle), np.sin(angle)
-    return out
+def published_arm():
+    """Pinocchio's model of the seven joints and the end effector, from the published table."""
+    model, parent = pin.Model(), 0
+    for k, (place, axis) in enumerate(JOINTS):
+        joint = pin.JointModelRevoluteUnaligned(np.eye(3)["xyz".index(axis)])
+        parent = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(place)), f"joint{k + 1}")
+    tip = pin.SE3(np.eye(3), np.array(END))
+    model.addFrame(pin.Frame("end", parent, tip, pin.FrameType.OP_FRAME))
+    return model
+
+
+MODEL = published_arm()
 
 
 def bodies(angles):
     """The published bodies 1 to 7 seen from their base, shape (7, 4, 4), for seven angles [rad]."""
-    out, pose = [], np.eye(4)
-    for (place, axis), angle in zip(JOINTS, angles, strict=True):
-        pose = pose @ transform(turn(axis, angle), place)
-        out.append(pose)
-    return np.array(out)
+    data = MODEL.createData()
+    pin.forwardKinematics(MODEL, data, np.array(angles))
+    return np.array([pose.homogeneous for pose in data.oMi[1:]])
 
 
-def jacobian(angles):
-    """Jacobian of the end effector seen from the published base, shape (6, 7) [m, 1].
-
-    Linear rows come first.
-    """
-    poses = bodies(angles)
-    end = (poses[-1] @ transform(np.eye(3), END))[:3, 3]
-    axes = np.array(
-        [pose[:3, "xyz".index(axis)] for pose, (_, axis) in zip(poses, JOINTS, strict=True)]
-    )
-    return np.vstack([np.cross(axes, end - poses[:, :3, 3]).T, axes.T])
+def end_of(angles):
+    """End effector seen from the base, shape (4, 4), and its Jacobian, shape (6, 7)."""
+    return flange(MODEL, np.array(angles), "end")
 
 
 def links(locked, q):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from oracle import flange
 from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
 from mlivr_gym import RobotSpec
@@ -103,11 +104,7 @@ def flange_of(model, limb, q):
 
     Seen from where the first joint that moves turns about z.
     """
-    data, frame = model.createData(), model.getFrameId("flange")
-    pin.computeJointJacobians(model, data, moved_by(limb, q))
-    pin.updateFramePlacements(model, data)
-    jacobian = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-    pose = data.oMf[frame].homogeneous
+    pose, jacobian = flange(model, moved_by(limb, q))
     if limb.base_in_mount is not None:
         axes, origin = limb.base_in_mount
         pose[:3, 3] -= origin
