@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import networkx
-import pytest
 
 from mlivr_gym.robot.limb import FAMILIES
 
@@ -129,13 +128,13 @@ def names_given(path):
             yield node.attr
 
 
-@pytest.mark.parametrize("path", sources(), ids=module_of)
-def test_names_use_words_of_one_meaning(path):
-    words = {
-        name: AMBIGUOUS.intersection(re.sub(r"([a-z])([A-Z])", r"\1_\2", name).lower().split("_"))
-        for name in names_given(path)
-    }
-    assert not {name for name, found in words.items() if found}
+def test_names_use_words_of_one_meaning():
+    found = set()
+    for path in sources():
+        for name in set(names_given(path)):
+            words = re.sub(r"([a-z])([A-Z])", r"\1_\2", name).lower().split("_")
+            found |= {(module_of(path), name)} if AMBIGUOUS.intersection(words) else set()
+    assert not found
 
 
 def test_each_class_has_a_name_of_its_own():
@@ -149,18 +148,16 @@ def test_each_class_has_a_name_of_its_own():
     assert not {name: modules for name, modules in places.items() if len(modules) > 1}
 
 
-@pytest.mark.parametrize("path", sources(), ids=module_of)
-def test_imports_run_downwards_only(path):
-    module = module_of(path)
-    if not module:
-        return  # the top of the package collects what users import from it
-    here = module.split(".")[0]
-    upward = [
-        other
-        for other in imports_of(path)
-        if other.split(".")[0] != here and LEVEL[other.split(".")[0]] >= LEVEL[here]
-    ]
-    assert not upward, f"{module} imports {', '.join(sorted(upward))}"
+def test_imports_run_downwards_only():
+    """The top of the package alone collects what users import from it."""
+    upward = set()
+    for path in sources():
+        module = module_of(path)
+        here = module.split(".")[0]
+        for other in imports_of(path) if module else ():
+            there = other.split(".")[0]
+            upward |= {(module, other)} if there != here and LEVEL[there] >= LEVEL[here] else set()
+    assert not upward
 
 
 def test_an_arm_is_asked_through_its_family_alone():
@@ -189,25 +186,28 @@ def lines_of(node):
     return node.end_lineno - node.lineno + 1 - said
 
 
-@pytest.mark.parametrize("path", sources(), ids=module_of)
-def test_files_are_short_and_narrow(path):
-    lines = path.read_text(encoding="utf-8").splitlines()
-    assert len(lines) <= MOST_LINES
-    wide = [k for k, line in enumerate(lines, 1) if len(line) > WIDTH]
-    assert not wide, f"lines above {WIDTH} characters: {wide}"
+def test_files_are_short_and_narrow():
+    long, wide = [], []
+    for path in sources():
+        lines = path.read_text(encoding="utf-8").splitlines()
+        long += [module_of(path)] if len(lines) > MOST_LINES else []
+        wide += [(module_of(path), k) for k, line in enumerate(lines, 1) if len(line) > WIDTH]
+    assert not long
+    assert not wide
 
 
-@pytest.mark.parametrize("path", sources(), ids=module_of)
-def test_functions_are_short_and_take_few_parameters(path):
+def test_functions_are_short_and_take_few_parameters():
     """Constructors excepted for parameters; options are keyword-only."""
     long, many = {}, {}
-    for name, node, method in functions(path):
-        if lines_of(node) > MOST_FUNCTION_LINES:
-            long[name] = lines_of(node)
-        count = len(node.args.posonlyargs) + len(node.args.args) - method
-        most = MOST_OF_KERNELS if is_kernel(node) else MOST_PARAMETERS
-        if count > most and not name.endswith("__init__"):
-            many[name] = count
+    for path in sources():
+        for name, node, method in functions(path):
+            place = module_of(path), name
+            if lines_of(node) > MOST_FUNCTION_LINES:
+                long[place] = lines_of(node)
+            count = len(node.args.posonlyargs) + len(node.args.args) - method
+            most = MOST_OF_KERNELS if is_kernel(node) else MOST_PARAMETERS
+            if count > most and not name.endswith("__init__"):
+                many[place] = count
     assert not long
     assert not many
 
