@@ -6,7 +6,7 @@ import numpy as np
 from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
-from mlivr_gym.simulation.controller import PAPER, ControllerParameters
+from mlivr_gym.simulation.controller import DELAYED, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import PACES
@@ -51,8 +51,11 @@ def controller() -> str:
         f"and makes at most {full.attempts} approaches.\n"
         "  Gains differ for supporting and free limbs: in a sampled controller, the velocity gain "
         "of a joint must stay below its\n  inertia divided by the period.\n"
-        "* `delayed` is `full` with gains for a delay of 10 ms from a reading to its torque, with\n"
-        "  which those of `full` are unstable.\n"
+        f"* `delayed` is `full` with gains for a delay of {1e3 * DELAYED.delay:g} ms from a "
+        "reading to its torque, with\n  which those of `full` are unstable: "
+        f"{DELAYED.kp_free[0]:g} N m/rad and {DELAYED.kd_free[0]:g} N m s/rad for all joints, "
+        "reduced in\n  the directions in which the inertia of the robot on its grasps is small "
+        "(`simulation/controller.py`).\n"
         "* `station` is `full` with gains for arms of the size of a space station's.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "
         f"{physics.grasp_rotational_stiffness:g} N m/rad) that is established only within "

@@ -11,6 +11,16 @@ that hold the same robot then do not work against each other. During departure a
 decays, so that errors do not accumulate over steps. During a `guided` approach the offset of the
 swing limb follows what a sensor on the gripper measures of the point.
 
+A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
+is small. What multiplies kp (q_ref - q) + kd (qdot_ref - qdot) is then, in place of the identity,
+the matrix
+
+    (I + T kd A)^-1,    T = delay / `DELAY_SHARE`,
+
+where A is the inverse inertia at the joints, see `inverse_inertia`, with T times its damping as the
+inertia that a grasp adds to its gripper (an implicit step of length T). In each direction velocity
+gain times delay is at most `DELAY_SHARE` of the inertia, and where that is large the gain is kd.
+
 A support limb carries the whole robot, about 30 kg m^2 about its joints, and is damped by its
 grasp. A free limb ends in a wrist of little more than its rotor inertia, 0.1 kg m^2. A sampled
 derivative gain must stay below inertia over period, which is 50 N m s/rad for that wrist at 500 Hz.
@@ -68,6 +78,8 @@ class ControllerParameters(ParameterSet):
     attempts
         Largest number of approaches to a point. On all but the last the gripper must also be close
         to the point by its own sensor before it grasps.
+    delay
+        Delay from a reading to its torque for which the gains are reduced [s].
 
     Examples
     --------
@@ -88,6 +100,7 @@ class ControllerParameters(ParameterSet):
     guidance: float = 1.0
     patience: float = 6.0
     attempts: int = 2
+    delay: float = 0.0
 
     label: ClassVar[str] = "controller"
     renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}
@@ -105,6 +118,7 @@ class ControllerParameters(ParameterSet):
         "guidance": Tuples((), 0.0, 100.0, "1/s"),
         "patience": Tuples((), 0.0, 60.0, "s"),
         "attempts": Integer(1, 10),
+        "delay": Tuples((), 0.0, 0.1, "s"),
     }
 
 
@@ -119,14 +133,9 @@ It has neither feedforward nor guidance, and its references stay those of the tr
 FEEDFORWARD = replace(PAPER, feedforward=True)
 """The gains of the paper with feedforward."""
 
-DELAYED = ControllerParameters(
-    kp_free=(400.0, 600.0, 600.0, 100.0, 100.0, 80.0), kd_free=(20.0, 30.0, 30.0, 5.0, 5.0, 4.0),
-    kp_hold=(200.0, 300.0, 300.0, 250.0, 350.0, 300.0),
-    kd_hold=(20.0, 30.0, 30.0, 12.0, 18.0, 15.0),
-)  # fmt: skip
-"""Gains for a delay of 10 ms from a reading to its torque: half of those of a free limb, and a
-quarter of those of a support limb. Two limbs that hold points move the small inertia of the links
-between them; there a delayed derivative gain is unstable first."""
+DELAYED = ControllerParameters(*((2000.0,) * 6, (100.0,) * 6) * 2, delay=0.01)
+"""Gains for a delay of 10 ms. The velocity gain stays below the rotational damping of a grasp that
+is three times as soft as assumed."""
 
 STATION = ControllerParameters(
     kp_free=(2e5, 2e5, 1e5, 1e4, 5e3, 300.0), kd_free=(1e5, 1e5, 5e4, 5e3, 2e3, 100.0),

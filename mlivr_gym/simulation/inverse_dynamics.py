@@ -1,4 +1,4 @@
-"""Inverse dynamics of the robot on its grasps: joint torques and grasp wrenches of a motion.
+"""Dynamics of the robot on its grasps: torques and wrenches of a motion, and inertia at the joints.
 
 The robot floats without gravity, so the wrenches of the grasps alone accelerate it. The base rows
 of the inverse dynamics (recursive Newton-Euler, MuJoCo's `mj_rne`) give the resultant wrench; the
@@ -77,3 +77,27 @@ def compute_inverse_dynamics(
         wrench.reshape(*wrench.shape[:2], len(sites), 6),
         np.stack(by_limb, axis=1),
     )
+
+
+def inverse_inertia(
+    robot: RobotSpec, holding: Sequence[int], joints: Array, at_grasps: Array
+) -> Array:
+    """Return the inverse inertia at the joints of a robot that holds points, (6 N, 6 N).
+
+    It maps joint torques to joint accelerations at rest [1/(kg m^2)]. Each gripper of the limbs
+    `holding` carries an inertia that it has to move, for each axis of translation [kg] and rotation
+    [kg m^2], shape (6,). Joint angles have shape (6 N,) [rad].
+    """
+    model = robot_model(robot)
+    data, jacobian = mujoco.MjData(model), np.empty((len(holding), 6, model.nv))
+    data.qpos[7:] = joints
+    mujoco.mj_forward(model, data)
+    inverse = np.empty((model.nv, model.nv))
+    mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
+    for rows, limb in zip(jacobian, holding, strict=True):
+        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], model.site(f"limb{limb}/grasp").id)
+    stacked = jacobian.reshape(-1, model.nv)
+    by_wrench = inverse @ stacked.T
+    compliance = stacked @ by_wrench + np.diag(np.tile(1.0 / at_grasps, len(holding)))
+    inverse -= by_wrench @ np.linalg.solve(compliance, by_wrench.T)
+    return inverse[6:, 6:]

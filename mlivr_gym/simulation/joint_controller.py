@@ -20,6 +20,10 @@ from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.feedforward import feedforward
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.inverse_dynamics import inverse_inertia
+
+DELAY_SHARE = 0.25
+"""Bound of velocity gain times delay over inertia; an inertia alone is unstable above pi / 2."""
 
 
 class Reference(NamedTuple):
@@ -67,14 +71,17 @@ class JointController:
         self,
         model: mujoco.MjModel,
         data: mujoco.MjData,
+        robot: RobotSpec,
         controller: ControllerParameters,
         disturbance: Disturbance,
+        physics: Physics,
     ) -> None:
         """Look up the motors of the joints, which have the same names, and start afresh."""
-        self._model, self._data = model, data
+        self._model, self._data, self._robot = model, data, robot
         self._controller, self._ranges = controller, disturbance.ranges
         self._bias = disturbance.encoder_bias.ravel()
         self._rng = np.random.default_rng([disturbance.seed, 1])
+        self._damping = np.repeat([physics.grasp_damping, physics.grasp_rotational_damping], 3)
         count, time_step = len(self._bias), model.opt.timestep
         self._motors: Array = np.array(
             [model.actuator(model.joint(k + 1).name).id for k in range(count)]
@@ -108,6 +115,16 @@ class JointController:
         self.offset = offsets[-1].copy()
         return offsets
 
+    def _share(self, kd: Array, held: Sequence[bool]) -> Array:
+        """Return the matrix by which gains are reduced for the delay, see `controller`."""
+        time, identity = self._controller.delay / DELAY_SHARE, np.eye(len(kd))
+        if not time:
+            return identity
+        holding, joints = np.flatnonzero(held).tolist(), self._data.qpos[7:] + self._bias
+        inverse = inverse_inertia(self._robot, holding, joints, time * self._damping)
+        reduced = identity + time * kd[:, None] * inverse
+        return np.linalg.inv(reduced).astype(np.float64)
+
     def run(
         self, reference: Reference, held: Sequence[bool], recovering: bool = False
     ) -> tuple[Array, Array]:
@@ -128,8 +145,8 @@ class JointController:
         speed_noise = self._ranges.speed_noise * self._rng.standard_normal((count, joint_count))
         kp = np.ravel([controller.kp_hold if holds else controller.kp_free for holds in held])
         kd = np.ravel([controller.kd_hold if holds else controller.kd_free for holds in held])
-        targets = reference.positions + self._offsets(count, recovering)
-        forward = kd * reference.speeds + reference.torques
+        targets = kp * (reference.positions + self._offsets(count, recovering))
+        wanted, share = targets + kd * reference.speeds, self._share(kd, held)
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
         for k in range(count):
@@ -137,7 +154,8 @@ class JointController:
             self._past.append((q + noise[k], v + speed_noise[k]))
             if self._ticks % self._period == 0:
                 position, speed = self._past[0]
-                ctrl[self._motors] = kp * (targets[k] - position) + (forward[k] - kd * speed)
+                error = wanted[k] - kp * position - kd * speed
+                ctrl[self._motors] = share @ error + reference.torques[k]
             self._ticks += 1
             mujoco.mj_step(model, data)
             sensors[k] = data.sensordata

@@ -96,7 +96,9 @@ class SimulatedRobot:
         self._grippers = Grippers(
             model, data, grasp_map, robot, self.disturbance, (*grasp_map.boxes, *obstacles)
         )
-        self._joint_controller = JointController(model, data, self.controller, self.disturbance)
+        self._joint_controller = JointController(
+            model, data, robot, self.controller, self.disturbance, self.physics
+        )
         self._guidance = Guidance(
             robot, self.controller, self.disturbance, self._grippers, self._joint_controller
         )

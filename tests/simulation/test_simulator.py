@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
+from pinocchio_robots import pinocchio_robot
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError, SimulationError
@@ -14,7 +16,7 @@ from mlivr_gym.simulation.controller import PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.joint_controller import JointController, Reference
+from mlivr_gym.simulation.joint_controller import DELAY_SHARE, JointController, Reference
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -80,10 +82,24 @@ LIMITS = np.tile([150.0, 150.0, 150.0, 28.0, 28.0, 28.0], 2)
 """Largest torques of two UR5e, by the manufacturer [N m]."""
 
 
-def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_limits(jem, plan):
-    """The law is written out here with encoders that read 0.01 rad too much."""
+def reduction(robot, q, kd, limb, delay):
+    """(I + T kd A)^-1 with the masses and Jacobians of Pinocchio, while one limb holds a point."""
+    other, time = pinocchio_robot(robot), delay / DELAY_SHARE
+    data, place = other.createData(), np.concatenate([[0, 0, 0, 0, 0, 0, 1.0], q])
+    upper = np.triu(pin.crba(other, data, place))
+    mass, frame = upper + np.triu(upper, 1).T, other.getFrameId(f"grasp{limb}")
+    jacobian = pin.computeFrameJacobian(other, data, place, frame, pin.LOCAL_WORLD_ALIGNED)
+    damping = np.repeat([Physics().grasp_damping, Physics().grasp_rotational_damping], 3)
+    slowed = mass + time * jacobian.T @ (damping[:, None] * jacobian)
+    return np.linalg.inv(np.eye(12) + time * kd[:, None] * np.linalg.inv(slowed)[6:, 6:])
+
+
+@pytest.mark.parametrize("controller", [ControllerParameters(), ControllerParameters(delay=0.01)])
+def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_limits(
+    jem, plan, controller
+):
+    """The law is written out here with encoders that read up to 0.02 rad too much."""
     rng = np.random.default_rng(0)
-    controller = ControllerParameters()
     bias = DisturbanceRanges(encoder_bias=0.02).draw(7, 17, 2, len(jem))
     simulation = Simulation(jem, plan.world.robot, controller=controller, disturbance=bias)
     q, speed = rng.uniform(-1, 1, 12), rng.uniform(-1, 1, 12)
@@ -92,18 +108,20 @@ def test_joint_torques_are_those_of_the_control_law_within_the_manufacturers_lim
     data.qvel[6:] = speed
     wanted = np.tile(q + rng.uniform(-0.1, 0.1, 12), (3, 1))
     wanted_speed, torque = rng.uniform(-1, 1, (3, 12)), rng.uniform(-5, 5, (3, 12))
-    control = JointController(model, data, controller, bias)
+    control = JointController(model, data, plan.world.robot, controller, bias, Physics())
     states, sensors = control.run(Reference(wanted, wanted_speed, torque), [False, True])
     kp = np.concatenate([controller.kp_free, controller.kp_hold])
     kd = np.concatenate([controller.kd_free, controller.kd_hold])
+    read = states[0, 8:20] + bias.encoder_bias.ravel()
+    share = reduction(plan.world.robot, read, kd, 1, controller.delay)
     over = False
     for k in range(3):
         position, rate = states[k, 8:20], states[k, 1 + model.nq + 6 :]
         error = wanted[k] - position - bias.encoder_bias.ravel()
-        asked = kp * error + kd * (wanted_speed[k] - rate) + torque[k]
+        asked = share @ (kp * error + kd * (wanted_speed[k] - rate)) + torque[k]
         names = [f"limb{i}/joint{j}" for i in range(2) for j in range(1, 7)]
         found = sensors[k, [model.sensor(name).adr[0] for name in names]]
-        np.testing.assert_allclose(found, np.clip(asked, -LIMITS, LIMITS), atol=1e-9)
+        np.testing.assert_allclose(found, np.clip(asked, -LIMITS, LIMITS), atol=1e-7)
         over |= bool((np.abs(asked) > LIMITS).any())
     assert over
 
@@ -116,7 +134,9 @@ def test_torques_change_with_the_period_and_late_by_the_delay(jem, plan, period,
     simulation.reset(*plan.configuration(0), [FREE, FREE])
     start = plan.motion.joint_positions[0].ravel()
     reference = Reference(*(np.tile(x, (12, 1)) for x in (start + 0.01, 0 * start, 0 * start)))
-    control = JointController(simulation.model, simulation.data, controller, late)
+    control = JointController(
+        simulation.model, simulation.data, plan.world.robot, controller, late, Physics()
+    )
     states, sensors = control.run(reference, [False, False])
     address = simulation.model.sensor("limb0/joint2").adr[0]
     q, v = states[:, 9], states[:, 1 + simulation.model.nq + 7]
