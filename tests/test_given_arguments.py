@@ -257,22 +257,18 @@ def test_gymnasium_tells_the_same(things, name):
         assert name in str(caught.value) or (name, make) == ("render_mode", gymnasium.make_vec)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [pytest.param({name: value}, id=f"{name}-{k}")
-     for name in ("start", "start_pose", "start_joints", "goal", "task")
-     for k, value in enumerate(given_values()) if value is not None],
-)  # fmt: skip
-def test_an_option_is_taken_or_refused_in_one_line(things, options):
-    ((name, value),) = options.items()
+@pytest.mark.parametrize("name", ["start", "start_pose", "start_joints", "goal", "task"])
+def test_an_option_is_taken_or_refused_in_one_line(things, name):
     also = (*ALSO["start"], "tasks")
-    for env in (things["env"], things["copies"]):
-        for given in (value, [value], [value] * 2, (value,) * 7):
-            rest = {"start": things["start"]} if "_" in name else {}
-            answer(partial(env.reset, options={**rest, name: given}), name, also)
-    if name == "start":
-        planner = things["planner"]
+    rest = {"start": things["start"]} if "_" in name else {}
+    for value in (value for value in given_values() if value is not None):
+        for env in (things["env"], things["copies"]):
+            for given in (value, [value], [value] * 2, (value,) * 7):
+                answer(partial(env.reset, options={**rest, name: given}), name, also)
+
+
+def test_a_start_of_a_plan_is_taken_or_refused_in_one_line(things):
+    also, plan = (*ALSO["start"], "branch sets", "state"), things["planner"].plan
+    for value in (value for value in given_values() if value is not None):
         for given in ([value] * 2, State((value,) * 2, (1, 1)), State((0, 1), (value,) * 2)):
-            answer(
-                partial(planner.plan, given, things["goal"]), name, (*also, "branch sets", "state")
-            )
+            answer(partial(plan, given, things["goal"]), "start", also)
