@@ -38,6 +38,7 @@ Patch = tuple[Any, str, Any]
 """An object, the name of one of its attributes, and the value that switches a part off."""
 
 STAGES, AMONG = table_search.STAGES, table_search.OBSTACLE_STAGES
+EXACT = table_search.EXACT_STAGES
 NO_TABLE: list[Patch] = [(searches, "node_table", lambda graph: None)]
 
 
@@ -49,12 +50,13 @@ def stages(free: Sequence[Any], among: Sequence[Any]) -> list[Patch]:
 
 VARIANTS: dict[str, list[Patch]] = {
     "all": [],
-    "only the stages of the cheapest path": stages(STAGES[-2:], STAGES[-2:]),
+    "only the stages of the cheapest path": stages(EXACT, EXACT),
     "no probe for an enclosed start": stages(STAGES, AMONG[2:]),
     "no stage of weight 1 / 2 among obstacles": stages(STAGES, (*AMONG[:2], *AMONG[3:])),
     "no stage of weight 1 / 1.1": stages(
-        (*STAGES[:-3], *STAGES[-2:]), (*AMONG[:-3], *AMONG[-2:])
+        (*STAGES[:-4], *EXACT), (*AMONG[:-4], *EXACT)
     ),
+    "no stage that checks every edge": stages(STAGES[:-1], AMONG[:-1]),
     "no node table": NO_TABLE,
     "neither node table nor stance sets": [
         *NO_TABLE, (ImplicitGraph, "sets", lambda self, *args, **kinds: None),
