@@ -1,11 +1,12 @@
 """A schema returns what the program works with, or names place, value and what it must be."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from mlivr_gym.errors import MlivrError, SettingError, ShapeError, shortened
+from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.schema import (
     NAME,
     Anything,
@@ -36,89 +37,72 @@ def refusal(kind, value, place=HERE):
     return str(told.value)
 
 
-@pytest.mark.parametrize("value", ["", "a\nb", "a\0", "\ud800", "x" * 201, 3, None, ["a"]])
-def test_what_cannot_be_a_name_is_refused(value):
-    assert refusal(NAME, value).startswith("walk is ")
-
-
-def test_names_may_be_of_any_language():
-    for name in ("D2a:4", "tool bag", "étagère", "きぼう"):
-        assert NAME.read(name, HERE) == name
-    assert Text(least=0).read("", HERE) == ""
-
-
-def test_whole_numbers():
-    assert Integer(0, 3).read(np.int64(3), HERE) == 3
-    for value in (True, 2.0, -1, 4, "1", 10**5000, None):
-        told = refusal(Integer(0, 3), value)
-        assert told.startswith("walk is ")
-        assert told.endswith("; it must be a whole number from 0 to 3")
-
-
-def test_switches():
-    assert Flag().read(np.bool_(True), HERE) is True
-    for value in (0, 1, "true", None):
-        assert refusal(Flag(), value).endswith("it must be true or false")
-
-
-def test_a_choice_names_the_valid_ones_and_the_nearest():
-    kind = Choice(("base", "steps", "weighted"))
-    assert kind.read("steps", HERE) == "steps"
-    told = "walk is 'step'; valid choices are 'base', 'steps', 'weighted'; did you mean 'steps'?"
-    assert refusal(kind, "step") == told
-    for value in (None, [], {"a": 1}, "love"):
-        assert refusal(kind, value).endswith("'weighted'")
-
-
-def test_numbers_have_a_shape_a_range_and_a_unit():
-    np.testing.assert_array_equal(Numbers((2,)).read([1, 2], HERE), [1.0, 2.0])
-    assert Tuples((2, 1)).read(np.array([[1], [2]]), HERE) == ((1.0,), (2.0,))
-    assert Tuples().read(3, HERE) == 3.0
-    length = Numbers((2, 2), 0.0, 100.0, "m")
-    assert refusal(length, [[0, 1], [-2, 3]]) == "walk[1][0] is -2.0; it must be from 0 to 100 m"
-    assert "walk[0][1] is 4250, larger than 100 m; lengths are in metres" in refusal(
-        length, [[0, 4250.0], [2, 3]]
-    )
-    assert "walk[1][1] is nan; it must be a finite number" in refusal(length, [[2, 3], [5, np.nan]])
-    assert refusal(Tuples((), 0.0), -1) == "walk is -1.0; it must be at least 0"
-    assert refusal(Tuples((), 1.0, 2.0, "kg"), 3) == "walk is 3.0; it must be from 1 to 2 kg"
+CHOICE = Choice(("base", "steps", "weighted"))
+LENGTHS = Numbers((2, 2), 0.0, 100.0, "m")
+ROWS = Tuples((None, 2), rows=(0, 3))
+SOME = ListOf(OrNone(Integer(0, 9)), 1, 3)
+TURN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+NO_NUMBERS = (
+    None, True, "1", [1], {}, np.nan, np.inf, 10**400, [[1, 2], [3]], ["1", "2", "3"],
+    [1, 2, None], [True, False, True], [1, 2, "x"], object(),
+)  # fmt: skip
 
 
 @pytest.mark.parametrize(
-    "value",
-    [None, True, "1", [1], {}, np.nan, np.inf, 10**400, [[1, 2], [3]], ["1", "2", "3"],
-     [1, 2, None], [True, False, True], [1, 2, "x"], object()],
-    ids=lambda value: shortened(value)[:20],
-)  # fmt: skip
-def test_what_is_no_number_is_refused_by_name(value):
-    for shape in ((), (3,)):
-        assert refusal(Numbers(shape), value).startswith("walk")
+    ("kind", "value", "read"),
+    [
+        *((NAME, name, name) for name in ("D2a:4", "tool bag", "étagère", "きぼう")),
+        (Text(least=0), "", ""),
+        (Integer(0, 3), np.int64(3), 3),
+        (Flag(), np.bool_(True), True),
+        (CHOICE, "steps", "steps"),
+        (Tuples((2, 1)), np.array([[1], [2]]), ((1.0,), (2.0,))),
+        (Tuples(), 3, 3.0),
+        (ROWS, [], ()),
+        (ROWS, [[1, 2], [3, 4]], ((1.0, 2.0), (3.0, 4.0))),
+        (Rotation(), np.array(TURN), TURN),
+        (SOME, [1, None], (1, None)),
+    ],
+)
+def test_a_valid_value_is_read(kind, value, read):
+    assert kind.read(value, HERE) == read
 
 
-def test_the_number_of_rows_may_be_open():
-    rows = Tuples((None, 2), rows=(0, 3))
-    assert rows.read([], HERE) == ()
-    assert rows.read([[1, 2], [3, 4]], HERE) == ((1.0, 2.0), (3.0, 4.0))
-    assert refusal(rows, [[1, 2]] * 4) == "walk has 4 entries; it must have 0 to 3"
-    assert "has shape (1, 3)" in refusal(rows, [[1, 2, 3]])
-    for value in (None, 3, "ab", {}, np.array(3)):
-        assert refusal(rows, value).endswith("it must be a list")
+@pytest.mark.parametrize(
+    ("kind", "values", "words"),
+    [
+        (NAME, ["", "a\nb", "a\0", "\ud800", "x" * 201, 3, None, ["a"]], "walk is "),
+        (Integer(0, 3), [True, 2.0, -1, 4, "1", 10**5000, None], "a whole number from 0 to 3"),
+        (Flag(), [0, 1, "true", None], "; it must be true or false"),
+        (CHOICE, [None, [], {"a": 1}, "love"], "; valid choices are 'base', 'steps', 'weighted'"),
+        (CHOICE, ["step"], "walk is 'step'; valid .*'weighted'; did you mean 'steps'"),
+        (Numbers(()), NO_NUMBERS, "walk"),
+        (Numbers((3,)), NO_NUMBERS, "walk"),
+        (LENGTHS, [[[0, 1], [-2, 3]]], r"walk\[1\]\[0\] is -2.0; it must be from 0 to 100 m"),
+        (LENGTHS, [[[0, 4250], [2, 3]]], r"walk\[0\]\[1\] is 4250, larger than 100 m; .*metres"),
+        (LENGTHS, [[[2, 3], [5, np.nan]]], r"\[1\]\[1\] is nan; it must be a finite number"),
+        (Tuples((), 0.0), [-1], "walk is -1.0; it must be at least 0"),
+        (Tuples((), 1.0, 2.0, "kg"), [3], "walk is 3.0; it must be from 1 to 2 kg"),
+        (ROWS, [[[1, 2]] * 4], "walk has 4 entries; it must have 0 to 3"),
+        (ROWS, [[[1, 2, 3]]], r"has shape \(1, 3\)"),
+        (ROWS, [None, 3, "ab", {}, np.array(3)], "it must be a list"),
+        (
+            Rotation(),
+            [np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.full((3, 3), 1e300)],
+            "walk must be a right-handed rotation matrix",
+        ),
+        (SOME, [[1, 2, "x"]], r"walk\[2\] is 'x'; it must be a whole number"),
+        (SOME, [[]], "walk has 0 entries; it must have 1 to 3"),
+    ],
+)
+def test_an_invalid_value_is_refused_by_name(kind, values, words):
+    for value in values:
+        assert re.search(words, refusal(kind, value))
 
 
-def test_rotations():
-    turn = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
-    assert Rotation().read(turn, HERE) == ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    for value in (np.diag([1.0, 1.0, -1.0]), 2.0 * np.eye(3), np.full((3, 3), 1e300)):
-        assert refusal(Rotation(), value) == "walk must be a right-handed rotation matrix"
-    stack = np.stack([np.eye(3), 2.0 * np.eye(3), np.array(turn)])
+def test_rotations_of_a_stack_are_told_apart():
+    stack = np.stack([np.eye(3), 2.0 * np.eye(3), np.array(TURN)])
     assert are_rotations(stack).tolist() == [True, False, True]
-
-
-def test_lists_and_what_may_be_missing():
-    kind = ListOf(OrNone(Integer(0, 9)), 1, 3)
-    assert kind.read([1, None], HERE) == (1, None)
-    assert refusal(kind, [1, 2, "x"]).startswith("walk[2] is 'x'; it must be a whole number")
-    assert refusal(kind, []) == "walk has 0 entries; it must have 1 to 3"
 
 
 FIELDS = Fields({"id": NAME, "ends": ListOf(Tuples((3,)))}, {"note": Anything(), "width": Tuples()})
@@ -184,9 +168,3 @@ def test_a_complete_record_has_no_defaults():
     whole = Struct(Rail, RAIL.validators, complete=True)
     assert refusal(whole, {"id": "R"}) == "walk.width is missing"
     assert whole.read({"id": "R", "width": 0.2}, HERE) == Rail("R", 0.2)
-
-
-def test_errors_are_of_the_type_that_is_asked_for():
-    with pytest.raises(ShapeError):
-        NAME.read(3, FieldPath("walk", ShapeError))
-    assert issubclass(ShapeError, MlivrError)
