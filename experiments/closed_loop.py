@@ -102,7 +102,7 @@ class Task(NamedTuple):
     in_hindsight: int | None
     """Steps of a robot that knows everything; None if no plan was found for it."""
     is_possible: bool
-    """Whether it is not proved that the goal cannot be reached."""
+    """Whether it is not proved that the goal cannot be reached from any branches of the start."""
 
 
 def unknown_things(graph: StanceGraph, start: State, rng: np.random.Generator) -> tuple[Box, ...]:
@@ -186,12 +186,22 @@ def walk(task: int, mode: str) -> dict[str, Any]:
         return row | {"outcome": None}
     return row | {
         "outcome": record.outcome, "proved": record.proved,
+        "is_true": record.proved and is_cut_off(graph, given, record.state),
         "failure": record.reason.split(":")[0] if record.outcome == FAILED else "",
         "steps": record.steps, "duration": record.duration,
         "peak_force": record.peak_force, "crew_distance": record.crew_distance,
         "is_crew_unavoidable": record.is_crew_unavoidable,
         "replanning_times": record.replanning_times.tolist(),
     }  # fmt: skip
+
+
+def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
+    """Return whether it is proved that the goal cannot be reached from a state."""
+    graph.add_obstacles(task.unknown)
+    start = task.start if state is None else state
+    found = Planner(graph).plan(start, task.goal, "steps", time_limit=limit_of(graph))
+    graph.remove_obstacles()
+    return found.reason in PROVED_IMPOSSIBLE
 
 
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
@@ -203,6 +213,7 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
     done = execute(graph, found.plan, setup.timing, simulation=simulation)
     return {
         "outcome": ARRIVED if done.failure is None else FAILED, "proved": False,
+        "is_true": False,
         "failure": "" if done.failure is None else done.failure.kind,
         "steps": len(done.captures), "duration": done.simulated_time,
         "peak_force": float(done.peaks.grasp_force.max()), "crew_distance": None,
@@ -212,7 +223,7 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
 
 
 COLUMNS = (
-    "outcome", "proved", "failure", "steps", "in_hindsight", "is_possible", "duration",
+    "outcome", "proved", "is_true", "failure", "steps", "in_hindsight", "is_possible", "duration",
     "peak_force", "crew_distance", "is_crew_unavoidable", "replanning_times",
 )  # fmt: skip
 
@@ -247,7 +258,7 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     failures = Counter(walked["failure"] for walked in walks if walked["outcome"] == FAILED)
     stopped = [walked for walked in walks if walked["outcome"] == STOPPED]
     proved = sum(walked["proved"] for walked in stopped)
-    true = sum(walked["proved"] and not walked["is_possible"] for walked in stopped)
+    true = sum(walked["is_true"] for walked in stopped)
     both = [w for w in walks if w["outcome"] == ARRIVED and w["in_hindsight"]]
     more = [w["steps"] for w in both], [w["in_hindsight"] for w in both]
     forces = [w["peak_force"] for w in walks]
@@ -316,9 +327,9 @@ encoders {turn:g} degrees off, points {off:g} mm and {angle:g} degrees off, gras
 controller is `delayed` at the gentle pace with errors, `full` at the fast one without; the paper's
 takes 50 s a step. Replanning times are those of one walk on each core. *Open loop* is the first
 plan, carried out without looking. A robot that stopped holds all its points; its proof is about
-what it has sensed, and true if no plan exists in the whole module either. Crew members cross the
-cabin at 0.5 m/s across or along it, and do not evade the robot; *unavoidable* are walks in which
-the search for a way out was exhausted at the start.
+what it has sensed, and true if no plan exists from there in the whole module either. Crew members
+cross the cabin at 0.5 m/s across or along it, and do not evade the robot; *unavoidable* are walks
+in which the search for a way out was exhausted at the start.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
 

@@ -32,6 +32,12 @@ CUBE = 0.05
 MARGIN = 0.01
 """Distance by which a sensed box extends beyond the hits in its cubes [m]."""
 
+TIGHT_MARGIN = 0.001
+"""The same if no plan exists otherwise [m]."""
+
+LEAST_GROWTH = 0.005
+"""Growth of a sensed box below which it is not told anew, even without a margin [m]."""
+
 MIN_HITS = 3
 """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
 
@@ -93,7 +99,8 @@ class Belief:
         self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
         self._cubes = np.zeros(0, dtype=_CUBES)
         self._is_there = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle at present
-        self._box_count = 0
+        self._box_count, self._margin = 0, MARGIN
+        self._is_outdated = False  # whether all boxes of the graph must be replaced
         self._path: PathCheck | None = None
 
     def refuse(self, point: int) -> None:
@@ -120,8 +127,9 @@ class Belief:
         np.add.at(cubes["count"], rows, 1)
         np.minimum.at(cubes["low"], rows, unexplained)
         np.maximum.at(cubes["high"], rows, unexplained)
-        grown = cubes["known_low"] - cubes["low"] > MARGIN
-        grown |= cubes["high"] - cubes["known_high"] > MARGIN
+        least = max(self._margin, LEAST_GROWTH)
+        grown = cubes["known_low"] - cubes["low"] > least
+        grown |= cubes["high"] - cubes["known_high"] > least
         cubes["is_fresh"] |= grown.any(axis=1)
         cubes["is_pending"] |= cubes["is_fresh"]
         cell = cubes["cell"]
@@ -160,7 +168,8 @@ class Belief:
         """
         cubes, there, replaced = self._cubes, self._is_there, list[str]()
         new = there & cubes["is_pending"]
-        if (cubes["is_in_graph"] & ~there).any():
+        if self._is_outdated or (cubes["is_in_graph"] & ~there).any():
+            self._is_outdated = False
             before = (box.id for box in self.graph.obstacles)
             replaced, new = [name for name in before if name.startswith(f"{SENSED}/")], there
         if new.any() or replaced:
@@ -170,6 +179,14 @@ class Belief:
         cubes["is_in_graph"] = there
         cubes["is_pending"] &= ~there
         self._mark_known(there)
+
+    def tighten(self) -> bool:
+        """Let boxes extend by `TIGHT_MARGIN` from now on; return whether they did not before."""
+        if self._margin == TIGHT_MARGIN:
+            return False
+        self._margin, self._is_outdated = TIGHT_MARGIN, True
+        self.update_graph()
+        return True
 
     def _mark_known(self, chosen: BoolArray) -> None:
         """Mark the extents of cubes as known to the graph or to the step that is executed."""
@@ -200,7 +217,7 @@ class Belief:
         return self._boxes_of(self._is_there, self._is_there)
 
     def _boxes_of(self, chosen: BoolArray, there: BoolArray, number: int = 0) -> tuple[Box, ...]:
-        """Return boxes that contain the hits in chosen cubes and `MARGIN`.
+        """Return boxes that contain the hits in chosen cubes and the margin about them.
 
         They may contain other cubes that are there. Their ids count from a number.
         """
@@ -219,7 +236,8 @@ class Belief:
             cubes = self._cubes[row[where].ravel()]
             corners.append((cubes["low"].min(axis=0), cubes["high"].max(axis=0)))
         low, high = np.array(corners).swapaxes(0, 1)
-        return Box.each_between(f"{SENSED}/", "obstacle", low - MARGIN, high + MARGIN, number)
+        low, high = low - self._margin, high + self._margin
+        return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)
 
 
 def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:

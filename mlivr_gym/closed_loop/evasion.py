@@ -21,6 +21,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.closed_loop.crew import KEPT, LEAST_DISTANCE, CrewMember, distance_from_crew
 from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
 from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -36,6 +37,8 @@ LEAST_STEP_TIME = 2.5
 MOST_EXPANDED = 300
 """Maximum number of stances that a search expands."""
 
+EACH = slice(None, None, 2)
+"""Samples of a recording at which the distance from crew members is measured."""
 
 MOST_TRIED = 60
 """Number of first steps of ways out whose trajectories are compared with the crew."""
@@ -78,6 +81,14 @@ class Evasion:
             radii = robot_radii(self._shapes)
             self._distances[state] = distance_from_crew(still, radii, self._crew, self._times)
         return self._distances[state]
+
+    def distance_during(self, recording: Recording) -> float:
+        """Return the smallest distance from crew members in a recording [m]."""
+        kept, robot = recording.part(EACH), self._graph.robot
+        each = zip(kept.base_positions, kept.base_quaternions, kept.joint_positions, strict=True)
+        axes = np.array([robot_axes(robot, self._shapes, configuration) for configuration in each])
+        gaps = distance_from_crew(axes, robot_radii(self._shapes), self._crew, kept.times)
+        return float(gaps.min())
 
     def escape(
         self,

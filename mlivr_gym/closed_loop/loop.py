@@ -25,10 +25,9 @@ import numpy as np
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.crew import KEPT, CrewMember, distance_from_crew, waiting_time
+from mlivr_gym.closed_loop.crew import KEPT, CrewMember, waiting_time
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
 from mlivr_gym.closed_loop.evasion import MOST_TRIED, PROOF, TRIED_IN_TURN, Evasion
-from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
@@ -62,11 +61,11 @@ NOT_BEGUN = "no clear time", "no swing"
 INFLATION = 2.0
 """Suboptimality bound of the plans of more than two limbs, with a time limit."""
 
+PATIENCE = 4.0
+"""Time for which any plan is searched for if there is none at the limit, relative to the limit."""
+
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
-
-EACH = slice(None, None, 2)
-"""Samples of a recording at which the distance from crew members is measured."""
 
 NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path": "blocked"}
 """Failures after which the limb goes back to the point that it left, and their kinds of event."""
@@ -133,9 +132,9 @@ def run_closed_loop(
     max_steps
         Number of attempted steps after which the robot stops.
     time_limit
-        Maximum time of each planning [s], after which the robot stops if it has no plan. More than
-        two limbs then follow a plan that is proved within `INFLATION`, or the best one found in
-        this time; without a limit they follow the first one found.
+        Maximum time of each planning [s]. More than two limbs follow a plan that is proved within
+        `INFLATION`, or the best one found in this time; without a limit, the first one found. If
+        none is found, any plan is searched for, `PATIENCE` times as long, before the robot stops.
     show
         Called with each event.
 
@@ -166,11 +165,15 @@ def run_closed_loop(
     executor = StepExecutor(graph, setup or Setup(), (*graph.obstacles, *unknown))
     planner = Planner(graph)
     inflation = INFLATION if graph.limbs > 2 and time_limit is not None else None
-    plan = partial(
-        planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance, inflation=inflation,
-        time_limit=time_limit,
-    )  # fmt: skip
-    loop = _Loop(executor, plan, (camera, tuple(crew)), seed, show)
+    plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
+
+    def plan_from(state: State) -> PlanningResult:
+        result = plan(state, inflation=inflation, time_limit=time_limit)
+        if time_limit is None or result.plan is not None or result.reason in PROVED_IMPOSSIBLE:
+            return result
+        return plan(state, time_limit=PATIENCE * time_limit)
+
+    loop = _Loop(executor, plan_from, (camera, tuple(crew)), seed, show)
     try:
         loop.run(start, refusing_points, max_steps)
     finally:
@@ -229,7 +232,8 @@ class _Loop:
                 self._step(plan)
                 attempts += 1
         record.sensed, record.duration = self._belief.boxes(), executor.simulation.time
-        record.refused = tuple(ids[point] for point in sorted(self._belief.refused))
+        record.state, refused = executor.state, sorted(self._belief.refused)
+        record.refused = tuple(ids[point] for point in refused)
 
     def _check_start(self) -> None:
         """Check that nothing touches the robot at the start."""
@@ -263,6 +267,8 @@ class _Loop:
         began = time.perf_counter()
         self._belief.update_graph()
         result = self._plan_from(state)
+        if result.reason in PROVED_IMPOSSIBLE and self._belief.tighten():
+            result = self._plan_from(state)
         computing_time = time.perf_counter() - began
         if result.plan is None:
             self.record.proved = result.reason in PROVED_IMPOSSIBLE
@@ -341,17 +347,11 @@ class _Loop:
 
     def _measure(self, executed: SimulatedInterval) -> None:
         """Record the largest force, and the smallest distance from crew members."""
-        record, recording, graph = self.record, executed.recording.part(EACH), self.graph
+        record = self.record
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
         if self._crew:
-            shapes, each = self._belief.shapes, zip(
-                recording.base_positions, recording.base_quaternions, recording.joint_positions,
-                strict=True,
-            )  # fmt: skip
-            axes = np.array([robot_axes(graph.robot, shapes, here) for here in each])
-            gaps = distance_from_crew(axes, robot_radii(shapes), self._crew, recording.times)
             before = np.inf if record.crew_distance is None else record.crew_distance
-            record.crew_distance = min(before, float(gaps.min()))
+            record.crew_distance = min(before, self._evasion.distance_during(executed.recording))
 
     def _move(
         self,

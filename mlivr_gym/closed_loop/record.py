@@ -9,6 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners import Plan
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
@@ -59,6 +60,8 @@ class ClosedLoopRecord:
         that were taken.
     sensed
         Boxes that were sensed.
+    state
+        The state of the stance graph after the last step; None if no step could be planned.
     refused
         Ids of the points that count as occupied, since limbs did not get to them or were refused.
     peak_force
@@ -78,6 +81,7 @@ class ClosedLoopRecord:
     events: list[Event] = field(default_factory=list)
     plans: list[tuple[Plan, int]] = field(default_factory=list)
     sensed: tuple[Box, ...] = ()
+    state: State | None = None
     refused: tuple[str, ...] = ()
     peak_force: float = 0.0
     duration: float = 0.0

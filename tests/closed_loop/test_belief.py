@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE, MARGIN, Belief
+from mlivr_gym.closed_loop.belief import CUBE, MARGIN, TIGHT_MARGIN, Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.simulation.setup import Setup
@@ -50,13 +50,21 @@ def test_a_module_as_the_map_has_it_shows_nothing(seen):
 def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, plan):
     wall = Box.between("wall", "obstacle", (3.2, -1.0, -0.9), (3.5, 1.0, 0.3))
     belief = seen(wall)
+
+    def farthest(boxes):
+        """Distance of the farthest corner of boxes from the wall."""
+        corners = [np.stack(np.meshgrid(*box.bounds.T), axis=-1).reshape(-1, 3) for box in boxes]
+        return gaps(np.concatenate(corners), wall).max()
+
     boxes = belief.boxes()
     assert boxes == belief.graph.obstacles
-    for box in boxes:
-        low, high = box.bounds
-        corners = np.array(np.meshgrid(*np.stack([low, high], axis=1))).reshape(3, -1).T
-        # The extent of hits, which are noise away from the box at most, and the margin.
-        assert gaps(corners, wall).max() <= np.sqrt(3.0) * MARGIN + 5.0 * CAMERA.noise
+    # The extent of hits, which are noise away from the box at most, and the margin.
+    assert MARGIN < farthest(boxes) <= np.sqrt(3.0) * MARGIN + 5.0 * CAMERA.noise
+    assert belief.tighten()
+    assert not belief.tighten()
+    tight = belief.graph.obstacles
+    assert len(tight) == len(boxes)
+    assert farthest(tight) <= np.sqrt(3.0) * TIGHT_MARGIN + 5.0 * CAMERA.noise
     here = plan.motion.base_positions[0]
     face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
     covered = np.min([gaps(face, box) for box in boxes], axis=0)

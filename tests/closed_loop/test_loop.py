@@ -33,6 +33,7 @@ def test_without_surprises_it_takes_the_steps_of_the_plan(graph, plan):
     record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
     assert record.outcome == ARRIVED
     assert record.steps == len(plan.steps)
+    assert record.state.stance == tuple(graph.indices(plan.stances[-1]))
     assert not record.sensed
     assert not record.refused
     assert record.plans == [(record.plans[0][0], len(plan.steps))]  # it never changes its mind
