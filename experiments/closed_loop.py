@@ -290,9 +290,10 @@ def sentence(data: dict[str, Any]) -> str:
     for number in ROBOTS:
         walks = data["modes"][f"{number} limbs, cameras, all errors"]
         counts = Counter(walked["outcome"] for walked in walks)
+        true = sum(walked["is_true"] for walked in walks)
         parts.append(
             f"{counts[ARRIVED]} of {len(walks)} with {number} limbs arrive, {counts[STOPPED]} stop "
-            f"on all points and {counts[FAILED]} fail"
+            f"on all points, {true} of them with a proof that is true, and {counts[FAILED]} fail"
         )
     blind = [walked["outcome"] for walked in data["modes"]["two limbs, open loop, all errors"]]
     return (

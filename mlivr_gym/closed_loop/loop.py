@@ -25,6 +25,7 @@ import numpy as np
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.course import Course
 from mlivr_gym.closed_loop.crew import KEPT, CrewMember, waiting_time
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
 from mlivr_gym.closed_loop.evasion import MOST_TRIED, PROOF, TRIED_IN_TURN, Evasion
@@ -196,19 +197,19 @@ class _Loop:
         show: Callable[[Event], None] | None,
     ) -> None:
         self.graph, self.record = executor.graph, ClosedLoopRecord()
-        self._executor, self._plan_from, self._show = executor, plan_from, show
+        self._executor, self._show = executor, show
         (self._camera, self._crew), self._seed = around, seed
         camera = self._camera
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
-        self._attempts = dict[int, int]()
+        self._attempts, self._course = dict[int, int](), Course(self._belief, plan_from)
         self._evasion = Evasion(self.graph, self._belief.shapes, self._crew)
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
         executor, record, ids = self._executor, self.record, self.graph.grasp_map.ids
         state = self.graph.state(start)
-        first = self._plan_from(state)  # it chooses the branches of the start
+        first = self._course.replan(state)  # it chooses the branches of the start
         if first.plan is None:
             record.proved = first.reason in PROVED_IMPOSSIBLE
             self._end(STOPPED, first.message)
@@ -223,7 +224,7 @@ class _Loop:
             plan = self._plan(executor.state)
             if plan is None:
                 break
-            if not plan.steps:
+            if self._course.taken == len(plan.steps):
                 away = executor.configuration[0] - np.array(plan.query.goal)
                 self._end(ARRIVED, f"the base is {np.linalg.norm(away):.3f} m from the goal")
             elif attempts == max_steps:
@@ -265,17 +266,14 @@ class _Loop:
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
         began = time.perf_counter()
-        self._belief.update_graph()
-        result = self._plan_from(state)
-        if result.reason in PROVED_IMPOSSIBLE and self._belief.tighten():
-            result = self._plan_from(state)
+        result = self._course.replan(state)
         computing_time = time.perf_counter() - began
         if result.plan is None:
             self.record.proved = result.reason in PROVED_IMPOSSIBLE
             self._end(STOPPED, result.message)
             return None
         self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)
-        return result.plan
+        return self._course.plan
 
     def _wait(
         self,
@@ -303,15 +301,17 @@ class _Loop:
         return duration
 
     def _step(self, plan: Plan) -> None:
-        """Take the first step of a plan; if a crew member is in the way, make way for it."""
-        executor, (limb, name) = self._executor, plan.actions[0]
-        executor.follow(plan)
+        """Take the next step of a plan; if a crew member is in the way, make way for it."""
+        executor, taken = self._executor, self._course.taken
+        limb, name = plan.actions[taken]
+        executor.follow(None if taken else plan)
         moves = self.graph.successors(executor.state)
         row = moves.find(limb, self.graph.grasp_map.index(name))
         wait = partial(self._wait, after=moves.after(executor.state, row))
         failure = self._move(limb, name, moves.branch_sets[row], wait)
         if failure is None:
-            self.record.add_step(plan)
+            self._course.taken += 1
+            self.record.add_step(plan, taken)
         elif failure.kind == "no clear time":
             self._evade()
         elif failure.kind == "no swing":

@@ -101,14 +101,14 @@ class ClosedLoopRecord:
         ]
         return np.array(planned[1:])
 
-    def add_step(self, plan: Plan) -> None:
-        """Record that the first step of a plan was taken; it may continue the plan before it."""
+    def add_step(self, plan: Plan, taken: int) -> None:
+        """Record a step of a plan after those taken; it may continue the plan before it."""
         if self.plans:
-            last, taken = self.plans[-1]
-            if last.actions[taken:] == plan.actions:
-                self.plans[-1] = last, taken + 1
+            last, before = self.plans[-1]
+            if last.actions[before:] == plan.actions[taken:]:
+                self.plans[-1] = last, before + 1
                 return
-        self.plans.append((plan, 1))
+        self.plans.append((plan, taken + 1))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the record as plain data for JSON."""

@@ -153,13 +153,16 @@ class StepExecutor:
         self.measures = _measures(executed, begin, self.simulation.time)
         return self.state, executed
 
-    def follow(self, plan: Plan) -> None:
+    def follow(self, plan: Plan | None) -> None:
         """Follow a plan from the present state as long as the steps are its own.
 
         Its branches, joint angles and swings are used, unless it starts with other joint angles.
+        Without a plan each step is committed to a branch and a swing of its own.
         """
-        fits = np.allclose(planned_regrasp(self.graph, plan, 0).joints, self.joints, atol=1e-6)
-        self._plan, self._next = plan if fits else None, 0
+        if plan is not None:
+            joints = planned_regrasp(self.graph, plan, 0).joints
+            plan = plan if np.allclose(joints, self.joints, atol=1e-6) else None
+        self._plan, self._next = plan, 0
 
     def retreat(self) -> SimulatedInterval:
         """Go back to the present state from a step at whose end nothing was grasped."""
