@@ -1,0 +1,51 @@
+"""A robot keeps what remains of its plan while that is cheaper than a new plan and possible."""
+
+import pytest
+
+from mlivr_gym import stance_graph
+from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.course import Course
+from mlivr_gym.planners import Planner
+
+START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    return stance_graph(jem)
+
+
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_a_longer_plan_replaces_what_remains_only_if_that_is_blocked(graph, cost):
+    planner = Planner(graph)
+    best = planner.plan(START, GOAL, cost)
+    # After the first step a search without time for more goes back to the start and on from there.
+    limb, point = best.unwrap().actions[0]
+    start = graph.state(best.unwrap().stances[0])
+    moves = graph.successors(start)
+    state = moves.after(start, moves.find(limb, graph.grasp_map.index(point)))
+    rest = planner.plan(state, GOAL, cost).unwrap()
+    worse = planner.plan(state, GOAL, cost, method="greedy")
+    assert worse.unwrap().cost > rest.cost + 0.01
+    answers = iter([best, worse, worse])
+    course = Course(Belief(graph, 0.003), lambda _: next(answers))
+    course.replan(start)
+    assert (course.plan, course.taken) == (best.plan, 0)
+    course.taken += 1
+    assert course.replan(state) is worse
+    assert (course.plan, course.taken) == (best.plan, 1)
+    graph.occupy([best.unwrap().actions[1][1]])
+    course.replan(state)
+    graph.vacate()
+    assert (course.plan, course.taken) == (worse.plan, 0)
+
+
+def test_a_cheaper_plan_replaces_what_remains(graph):
+    planner = Planner(graph)
+    best, worse = planner.plan(START, GOAL), planner.plan(START, GOAL, method="greedy")
+    assert best.unwrap().cost < worse.unwrap().cost
+    answers = iter([worse, best])
+    course = Course(Belief(graph, 0.003), lambda _: next(answers))
+    for found in (worse, best):
+        course.replan(graph.state(START))
+        assert course.plan is found.plan
