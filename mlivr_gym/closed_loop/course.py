@@ -1,8 +1,8 @@
 """The course of a closed loop: the plan that the robot follows, and when another takes its place.
 
 A plan of a search with a time limit may be longer than what remains of the one before, and so may
-the next one; a robot that follows each could go back and forth. It therefore keeps the remainder of its
-plan as long as that is cheaper than the new plan and still possible.
+the next one; a robot that follows each could go back and forth. It therefore keeps the remainder of
+its plan as long as that is cheaper than the new plan and still possible.
 """
 
 from __future__ import annotations
