@@ -139,7 +139,7 @@ def unequal_robot():
 
 
 def close(one, other):
-    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["urdf", "xml"])

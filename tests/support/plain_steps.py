@@ -168,6 +168,48 @@ class PlainStep:
                     self.keep(kind, apart, -1, 8 * b0 + b1)
                     return
 
+    def most(self, released=None):
+        """Pairs on which limbs may hold on some path, beside some swing; see `check`.
+
+        Of two limbs that hold each needs a pair that is clear of some of the other's.
+        """
+        found = {i: set() for i in self.held}
+        for path, standing in zip(self.paths, self.on_path, strict=True):
+            if not all(standing.values()):
+                continue
+            for line in [None] if released is None else self.swings(path, released):
+                out = dict(standing)
+                if line is not None:
+                    out = self.each_clear(path, standing, line, ("boxes", "body", "meeting"))
+                    out = all(out.values()) and self.some_apart(path, out)
+                if out and all(out.values()):
+                    found = {i: found[i] | out[i] for i in self.held}
+        return found
+
+    def swings(self, path, released):
+        """Folds in which the limb that moves can stay, and lines that are tried and clear."""
+        first, last = (released[s][self.limb] for s in (self.before, self.after))
+        if not first.pairs or not last.pairs:
+            return []
+        lines = [(self.plain.folds[fold],) * 2 for fold in sorted(first.folds & last.folds)]
+        lines += [(start, end) for _, _, start, end in self.lines(first, last)]
+        return [line for line in lines if self.plain.swing_clear(path, self.limb, *line)]
+
+    def some_apart(self, path, out):
+        """One pair of limbs after the other."""
+        for i in self.held:
+            for j in (j for j in self.held if j > i):
+                clear = [
+                    (b, c)
+                    for b in branches(out[i])
+                    for c in branches(out[j])
+                    if self.plain.clear(path, self.holds(i, b), self.holds(j, c), ("meeting",))
+                ]
+                out = out | {
+                    i: on(out[i], {b for b, _ in clear}), j: on(out[j], {c for _, c in clear})
+                }  # fmt: skip
+        return out
+
     def holds(self, i, branch):
         """A limb that holds."""
         flange = self.plain.grasp(self.after, i)["flange"]
