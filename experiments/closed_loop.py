@@ -315,7 +315,7 @@ def markdown(data: dict[str, Any]) -> str:
     )
     turn, angle = np.rad2deg([ERRORS.encoder_bias, ERRORS.point_angle]).tolist()
     delay, refused, off = 1e3 * ERRORS.delay, 100.0 * ERRORS.refusal, 1e3 * ERRORS.point_position
-    return f"""# Walks through a partly unknown module
+    text = f"""# Walks through a partly unknown module
 
 Made by `experiments/closed_loop.py`: random starts and goals on the JEM, {BOXES} unknown boxes and
 {PLATES} points under unknown plates in each task. It is proved that no plan exists, even for a
@@ -333,6 +333,7 @@ cross the cabin at 0.5 m/s across or along it, and do not evade the robot; *unav
 in which the search for a way out was exhausted at the start.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
+    return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"
 
 
 def draw_walk(data: dict[str, Any], path: Path) -> None:

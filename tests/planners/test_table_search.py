@@ -239,7 +239,7 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
                     assert found.bound == 1.0 or kinds in other
         graph.remove_obstacles()
         graph.vacate()
-    assert True in ends
+    assert any(ends)
 
 
 def quaternion(rotation):
