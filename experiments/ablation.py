@@ -66,7 +66,7 @@ VARIANTS: dict[str, list[Patch]] = {
     ],
     "no node table, queue by lower bound alone": [
         *NO_TABLE,
-        (implicit_search._ImplicitSearch, "_next_queue", lambda self: self.by_lower_bound),
+        (implicit_search.ImplicitSearch, "_next_queue", lambda self: self._by_lower_bound),
     ],
 }  # fmt: skip
 """Variants, and what switches their parts of the search off."""

@@ -10,7 +10,6 @@ Results are cached for further queries.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.labels import NodePath
+from mlivr_gym.planners.path_search import StatePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_steps import join
@@ -29,15 +29,6 @@ from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
-
-
-class StatePath(NamedTuple):
-    """A path of K states whose steps were checked."""
-
-    states: tuple[State, ...]
-    """The states."""
-    positions: Array
-    """Base positions in them [m], shape (K, 3)."""
 
 
 class LazyTable(ABC):

@@ -1,12 +1,9 @@
-"""Results of searches over stances, and how paths are read off their search trees."""
+"""Results of searches over stances."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.transitions.state import State
@@ -75,17 +72,3 @@ class SearchResult:
     backward_expanded: int = 0
     bound: float = math.inf
     improvements: tuple[Improvement, ...] = ()
-
-
-def search_tree(position: Array, parents: Sequence[int]) -> Array:
-    """Return the base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
-    before = np.array(parents[1:], dtype=np.int64)
-    return np.stack([position[before], position[1:]], axis=1)
-
-
-def path_indices(parents: Sequence[int], last: int = -1) -> list[int]:
-    """Return the indices from the root, whose parent is -1, to an entry, by default the last."""
-    path = [last % len(parents)]
-    while parents[path[-1]] >= 0:
-        path.append(int(parents[path[-1]]))
-    return path[::-1]

@@ -1,27 +1,82 @@
 """Items of the open queues of the search over an implicit graph, see `implicit_search`.
 
 An item changes while it waits in several queues. Each change raises its `version`, and a queue
-skips an item that was pushed with another one.
+skips an item that was pushed with another one. Items of the same `stage` are evaluated in batches.
 """
 
 from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from typing import ClassVar
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.transitions.state import State
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
+class Entry:
+    """A stance with a known posture in the open queue, once expanded a node of the search tree.
+
+    Attributes
+    ----------
+    state
+        Its state, with all branches of its posture until the step to it is checked.
+    parent
+        The expanded entry before it, None at the start.
+    cost
+        Cost so far.
+    lower_bound
+        Lower bound of the cost of plans through it.
+    estimate
+        Key by which it is ordered in the search for a first plan.
+    posture
+        Its posture.
+    checked
+        Whether the step to it was checked.
+    done
+        Whether it is expanded or dropped.
+    """
+
+    state: State
+    parent: Entry | None
+    cost: float
+    lower_bound: float
+    estimate: float
+    posture: Postures
+    checked: bool = False
+    done: bool = False
+
+    @property
+    def position(self) -> Array:
+        """Base position [m], shape (3,)."""
+        position: Array = self.posture.base_position[0]
+        return position
+
+    @property
+    def stage(self) -> int:
+        """1 before the step to it is checked, 2 after."""
+        return 1 + self.checked
+
+    version = stage
+
+    def path(self) -> list[Entry]:
+        """Return the entries from the start to it."""
+        entries = [self]
+        while entries[-1].parent is not None:
+            entries.append(entries[-1].parent)
+        return entries[::-1]
+
+
+@dataclass(slots=True, eq=False)
 class Block:
     """Neighbours of an expanded state, in order of estimate, of which only the points are known.
 
     Attributes
     ----------
     parent
-        Index of the expanded state.
+        The expanded entry.
     cost
         Lower bound of the cost so far at each of them.
     stances
@@ -34,12 +89,13 @@ class Block:
         Number of neighbours already taken, which identifies the state of the block.
     """
 
-    parent: int
+    parent: Entry
     cost: float
     stances: IntArray
     lower_bounds: Array
     estimates: Array
     version: int = 0
+    stage: ClassVar[int] = 0
 
     @property
     def done(self) -> bool:
@@ -56,44 +112,11 @@ class Block:
         """Estimate of the first neighbour not taken."""
         return float(self.estimates[self.version])
 
-
-@dataclass(slots=True)
-class Entry:
-    """A stance with a known posture in the open queue.
-
-    Attributes
-    ----------
-    stance
-        Its points.
-    parent
-        Index of the expanded state before it, -1 at the start.
-    cost
-        Cost so far.
-    lower_bound
-        Lower bound of the cost of plans through it.
-    estimate
-        Key by which it is ordered in the search for a first plan.
-    posture
-        Its posture.
-    state
-        Its state, once the step to it is checked.
-    done
-        Whether it is expanded or dropped.
-    """
-
-    stance: tuple[int, ...]
-    parent: int
-    cost: float
-    lower_bound: float
-    estimate: float
-    posture: Postures
-    state: State | None = None
-    done: bool = False
-
-    @property
-    def version(self) -> int:
-        """0 before the step to it is checked, 1 after."""
-        return int(self.state is not None)
+    def take(self, count: int) -> IntArray:
+        """Take the next neighbours, at most some number of them; return their points, (k, N)."""
+        taken = self.stances[self.version : self.version + count]
+        self.version += len(taken)
+        return taken
 
 
 class OpenQueue:
@@ -118,9 +141,10 @@ class OpenQueue:
             heapq.heappop(self._heap)
         return None
 
-    def pop(self) -> Block | Entry | None:
-        """Remove and return the first item, or None."""
+    def pop(self, stage: int | None = None) -> Block | Entry | None:
+        """Remove and return the first item, or None; with a stage, only if the item has it."""
         item = self.top()
-        if item is not None:
-            heapq.heappop(self._heap)
+        if item is None or stage not in (None, item.stage):
+            return None
+        heapq.heappop(self._heap)
         return item

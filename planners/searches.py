@@ -7,15 +7,24 @@ other graph is searched without.
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import complete_by_deadline
-from mlivr_gym.planners.implicit_search import search_implicit_graph
+from mlivr_gym.planners.implicit_search import ImplicitSearch
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import LIMIT_REACHED, SearchResult, path_indices, search_tree
+from mlivr_gym.planners.outcome import (
+    GOAL_REACHED,
+    LIMIT_REACHED,
+    SEARCH_EXHAUSTED,
+    Improvement,
+    SearchResult,
+)
+from mlivr_gym.planners.path_search import PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
-from mlivr_gym.planners.table_search import search_table
+from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -52,9 +61,9 @@ class GraphSearcher:
             return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            return search_table(lower_bounds, search, start)
+            return run_search(TableSearch(lower_bounds, search, start))
         assert isinstance(graph, ImplicitGraph)
-        return search_implicit_graph(graph, start, search)
+        return run_search(ImplicitSearch(graph, search, start))
 
     def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
@@ -71,14 +80,45 @@ class GraphSearcher:
         )
 
 
+def run_search(path_search: PathSearch) -> SearchResult | None:
+    """Search until a path is proved good enough, a limit is reached, or no path is left.
+
+    Each path becomes the incumbent. Returns None if no sequence of moves leads to the goal.
+    """
+    search, start = path_search.search, path_search.start
+    if path_search.starts_at_goal:
+        return SearchResult(GOAL_REACHED, (start,), 0.0, 1, 1, np.zeros((0, 2, 3)), bound=1.0)
+    incumbent: StatePath | None = None
+    improvements = []
+    for path in path_search.paths():
+        incumbent = path
+        elapsed, bound = time.perf_counter() - search.start_time, path_search.bound()
+        improvements.append(Improvement(elapsed, path_search.incumbent_cost, bound))
+        if bound <= search.inflation:
+            break
+    tree, backward_expanded = path_search.tree(), path_search.backward_expanded
+    counts = path_search.expanded, path_search.generated, tree, backward_expanded
+    if incumbent is None:
+        none_exists = path_search.lower_bound == np.inf
+        if none_exists and not path_search.is_connected():
+            return None
+        status = SEARCH_EXHAUSTED if none_exists else LIMIT_REACHED
+        return SearchResult(status, (start,), 0.0, *counts)
+    cost, bound = path_search.incumbent_cost, path_search.bound()
+    return SearchResult(GOAL_REACHED, incumbent.states, cost, *counts, bound, tuple(improvements))
+
+
 def _find_by_algorithm1(graph: StanceGraph, search: SearchQuery, start: State) -> SearchResult:
     """Search from a state by Algorithm 1 of the paper in plain Python."""
     found = algorithm1(
         graph, start, search.goal, search.heuristic,
         inflation=search.inflation, limit=search.limit, progress=search.progress,
     )  # fmt: skip
-    states = tuple(found.states[k] for k in path_indices(found.parents))
-    tree = search_tree(np.array(found.positions), found.parents)
+    path = [len(found.states) - 1]
+    while found.parents[path[-1]] >= 0:
+        path.append(found.parents[path[-1]])
+    states, positions = tuple(found.states[k] for k in path[::-1]), np.array(found.positions)
+    tree = np.stack([positions[found.parents[1:]], positions[1:]], axis=1)
     counts = len(found.states), found.generated
     return SearchResult(
         found.status, states, found.costs[-1], *counts, tree, bound=search.guaranteed_bound

@@ -16,8 +16,6 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -36,15 +34,8 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
-from mlivr_gym.planners.lazy_table import StatePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
-from mlivr_gym.planners.outcome import (
-    GOAL_REACHED,
-    LIMIT_REACHED,
-    SEARCH_EXHAUSTED,
-    Improvement,
-    SearchResult,
-)
+from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.search_stages import (
     BY_WEIGHT,
@@ -67,82 +58,20 @@ FIRST_EXPANSION_LIMIT = 50
 LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
 
-COST_TOLERANCE = 1e-9
-"""Relative tolerance of costs: a path must be cheaper by more than this to replace another."""
 
-
-def search_table(
-    lower_bounds: LowerBounds, search: SearchQuery, start: State
-) -> SearchResult | None:
-    """Search from a state to the goal over the table of a graph.
-
-    Parameters
-    ----------
-    lower_bounds
-        Lower bounds over the table of the graph.
-    search, start
-        The query and the start state.
-
-    Returns
-    -------
-    SearchResult | None
-        The path; None if no sequence of moves connects the start with the goal.
-    """
-    table_search = _TableSearch(lower_bounds, search, start)
-    if table_search.starts_at_goal:
-        return SearchResult(GOAL_REACHED, (start,), 0.0, 1, 1, np.zeros((0, 2, 3)), bound=1.0)
-    best, improvements = None, []
-    for path in table_search.paths():
-        cost = table_search.cost(path)
-        best, bound = path, table_search.bound(cost)
-        elapsed = time.perf_counter() - search.start_time
-        improvements.append(Improvement(elapsed, cost, bound))
-        if bound <= search.inflation:
-            break
-    counts = table_search.expanded, table_search.generated, table_search.tree()
-    if best is None:
-        if table_search.lower_bound == np.inf and not lower_bounds.is_connected(search.goal, start):
-            return None
-        status = SEARCH_EXHAUSTED if table_search.lower_bound == np.inf else LIMIT_REACHED
-        return SearchResult(status, (start,), 0.0, *counts, table_search.backward_expanded)
-    cost = table_search.cost(best)
-    return SearchResult(
-        GOAL_REACHED, best.states, cost, *counts, table_search.backward_expanded,
-        table_search.bound(cost), tuple(improvements),
-    )  # fmt: skip
-
-
-class _TableSearch:
-    """A search over a table in progress.
-
-    Attributes
-    ----------
-    lower_bound
-        Lower bound of the cost of every plan; infinite if it is proved that there is none.
-    has_path
-        Whether a path was found.
-    starts_at_goal
-        Whether the start is at the goal.
-    expanded
-        Number of labels expanded, in all searches.
-    generated
-        Number of labels generated, in all searches.
-    backward_expanded
-        Number of nodes that backward searches settled to compute the lower bounds.
-    """
+class TableSearch(PathSearch):
+    """A search over the table of a graph, given by lower bounds over it."""
 
     def __init__(self, lower_bounds: LowerBounds, search: SearchQuery, start: State) -> None:
-        self.graph, self.goal, self.search = lower_bounds.graph, search.goal, search
+        """Prepare a search from a state."""
+        super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
-        self.lower_bound, self.has_path = 0.0, False
-        self.expanded = self.generated = self.backward_expanded = self._last_expanded = 0
+        self._last_expanded = 0
         self._is_complete = self._is_exhausted = False
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
-        position = self.graph.posture_of(start).base_position
-        self.starts_at_goal = bool(self.goal.reached(position[0], start.stance))
         self._origin_paths: list[StatePath] = []
-        self._set_origins(StatePath((start,), position))
+        self._set_origins(StatePath((start,), self.start_posture.base_position))
 
     def _set_origins(self, start: StatePath) -> None:
         """Set the nodes at which paths may start, each with its path and limb relabelling."""
@@ -212,11 +141,15 @@ class _TableSearch:
         if known is not None:
             quick = first == (FIRST_PATH,) and goal.cost.base_weight
             yield known, (QUICK_FIRST_PATH,) if quick else first
-        if goal.cost.base_weight and not lazy_table.label_independent and not self.has_path:
+        if (
+            goal.cost.base_weight
+            and not lazy_table.label_independent
+            and self.incumbent_cost == np.inf
+        ):
             steps = replace(goal, cost=Cost.named("steps"))
             found = self._lower_bounds.cached(steps, starts)
             yield found or self._lower_bounds.compute(steps, starts), first
-        if time.perf_counter() < search.deadline:
+        if not self.is_late:
             new = self._lower_bounds.compute(goal, starts)
             self.backward_expanded += int(new.is_tight.sum())
             yield new, stages
@@ -231,8 +164,7 @@ class _TableSearch:
                 search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
             yield goal_bounds, (SearchStage(parameters),)
-            late = time.perf_counter() >= search.deadline
-            if late or self.lower_bound == np.inf or self.expanded >= search.limit:
+            if self.is_late or self.lower_bound == np.inf or self.expanded >= search.limit:
                 return
             if self._origin_paths[0].states[0].pose is None:
                 goal_bounds = self._backward_bounds(goal_bounds, expansion_limit)
@@ -276,16 +208,15 @@ class _TableSearch:
         if not len(self._origins.nodes):
             self.lower_bound = np.inf
             return
-        incumbent_cost = np.inf
         for goal_bounds, stages in self._bounds_with_stages():
             if self.search.heuristic != "paper":
                 self._raise_lower_bound(goal_bounds)
             for stage in stages:
-                path = self._next_path(goal_bounds, stage, incumbent_cost)
+                path = self._next_path(goal_bounds, stage)
                 if path is not None:
-                    self.has_path, incumbent_cost = True, self.cost(path)
+                    self.incumbent_cost = self.cost(path)
                     yield path
-                if self.lower_bound >= incumbent_cost * (1.0 - COST_TOLERANCE):
+                if self.lower_bound >= self.incumbent_cost * (1.0 - COST_TOLERANCE):
                     return
 
     def _raise_lower_bound(self, goal_bounds: GoalBounds) -> None:
@@ -295,14 +226,12 @@ class _TableSearch:
         if goal_bounds.cost == self.goal.cost or least == np.inf:
             self.lower_bound = max(self.lower_bound, least)
 
-    def _next_path(
-        self, goal_bounds: GoalBounds, stage: SearchStage, incumbent_cost: float
-    ) -> StatePath | None:
+    def _next_path(self, goal_bounds: GoalBounds, stage: SearchStage) -> StatePath | None:
         """Return a path cheaper than the incumbent, or None if the stage finds none."""
-        cost_limit = incumbent_cost * (1.0 - COST_TOLERANCE)
+        cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
         if stage.only_after_exhaustion and not self._is_exhausted:
             return None
-        while time.perf_counter() < self.search.deadline and self.lower_bound < cost_limit:
+        while not self.is_late and self.lower_bound < cost_limit:
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
                 return None
@@ -380,18 +309,16 @@ class _TableSearch:
         for node in nodes[table.branch_sets[nodes] != free.branch_sets[nodes]].tolist():
             self._lazy_table.check_nodes(reached, NODES_CHECKED_AROUND, table.base_position[node])
 
-    def cost(self, path: StatePath) -> float:
-        """Return the cost of a path."""
-        return self.goal.cost.of_path(path.positions)
-
-    def bound(self, cost: float) -> float:
-        """Return the factor of the minimum within which a path of some cost is proved."""
-        if cost <= self.lower_bound * (1.0 + COST_TOLERANCE):
-            return 1.0
-        proved = cost / self.lower_bound if self.lower_bound > 0.0 else math.inf
+    def bound(self) -> float:
+        """Return the factor of the minimum within which the incumbent is proved."""
+        proved = super().bound()
         if self._is_complete and self._lazy_table.label_independent:
             return min(proved, self.search.guaranteed_bound)
         return proved
+
+    def is_connected(self) -> bool:
+        """Return whether moves may connect the start with the goal, whatever the obstacles are."""
+        return self._lower_bounds.is_connected(self.goal, self.start)
 
     def tree(self) -> Array:
         """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""

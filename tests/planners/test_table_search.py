@@ -14,7 +14,8 @@ from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
-from mlivr_gym.planners.table_search import search_table
+from mlivr_gym.planners.searches import run_search
+from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances import node_table_file
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -229,7 +230,7 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
             least = optimum(graph, goal, state)
             for kinds in (*optimal, *other):
                 query = SearchQuery.from_options(graph, goal, SearchOptions(**kinds))
-                found = search_table(bounds, query, state)
+                found = run_search(TableSearch(bounds, query, state))
                 status = None if found is None else found.status
                 assert (status == GOAL_REACHED) == np.isfinite(least), kinds
                 assert status != LIMIT_REACHED
