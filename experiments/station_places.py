@@ -257,7 +257,7 @@ def dynamics() -> dict[str, Any]:
     links = [in_link(k) for k in range(1, 7)]
     mass, middle, inertia = base()
     return {
-        "base_mass": round(mass, 4), "base_size": [0.18, 1.3589],
+        "base_mass": round(mass, 4),
         "base_centre": np.round(middle, 6).tolist(), "base_inertia": upper(inertia),
         "masses": [mass for mass, _, _ in links],
         "centres": [(np.round(centre, 6) + 0.0).tolist() for _, centre, _ in links],

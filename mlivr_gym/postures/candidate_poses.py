@@ -55,7 +55,7 @@ class Candidates(NamedTuple):
                 geometry.positions,
                 geometry.normals,
                 np.ascontiguousarray(geometry.rails[:, 0]),
-                robot.mount_directions if robot.mounts else None,
+                None if robot.is_symmetric else robot.mount_directions,
             ),
             np.array(robot.heights),
             np.array(robot.rolls),

@@ -122,7 +122,8 @@ def reach_queries(
     out["rule"]["thresholds"]["w_m"] = w_m
     # The limbs are equal: other robots are not asked, see `PostureSolver.in_reach`.
     limbs_reach = robot.limb.farthest_flange(robot.characteristic_length, w_m)
-    out["farthest"] = robot.mount_radius + limbs_reach
+    away = robot.mount_radius if robot.mounts is None else robot.mount_positions[0]
+    out["farthest"] = np.linalg.norm(away) + limbs_reach
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance
     return out
 

@@ -14,9 +14,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.limb_dynamics import MASSES, check_inertia
+from mlivr_gym.robot.limb_dynamics import MASSES, check_inertia, gripper_link
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.link_masses import base_link, gripper_link
 from mlivr_gym.robot.mounts import MOUNT, Mount
 from mlivr_gym.robot.rigid import RigidBody, box_inertia
 from mlivr_gym.robot.validators import SizeOrEdges
@@ -159,7 +158,7 @@ class Cargo:
             )
         ]
         gripper = gripper_link(gripper_mass, tool_length)
-        return [base_link(dynamics).moved(frames[0]), *links, gripper.moved(frames[6])]
+        return [dynamics.base_link.moved(frames[0]), *links, gripper.moved(frames[6])]
 
 
 def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:

@@ -70,16 +70,31 @@ class DerivedFigures:
         whole = replace(mount, limb=limb, capsules=shapes, dynamics=dynamics, visuals=seen)
         return _on_base(whole, limb)
 
-    @property
+    @cached_property
     def is_symmetric(self) -> bool:
-        """Whether a robot is the same after a turn by one limb about the body's z axis.
+        """Whether plans are the same after a turn by one limb about the body's z axis.
 
-        Its limbs are equal and evenly mounted, and the body of more than two limbs is a cube. Cargo
-        must lie on the axis of two limbs.
+        Its limbs are equal and evenly mounted, that of limb 0 along the body's x axis, and the body
+        of more than two limbs is a cube. Cargo must lie on the axis of two limbs.
         """
         if self.cargo is not None and (self.limbs > 2 or self.cargo_frame[:2, 3].any()):
             return False
-        return self.mounts is None and (self.limbs == 2 or isinstance(self.body_size, float))
+        if self.limbs > 2 and not isinstance(self.body_size, float):
+            return False
+        return self.mounts is None or self._is_evenly_mounted
+
+    @property
+    def _is_evenly_mounted(self) -> bool:
+        """Whether all mounts and limbs are those of limb 0, turned about the body's z axis."""
+        turns = even_rotations(self.limbs)
+        turns = turns @ turns[0].T
+        first, every = self.mounted[0], self.mounted
+        return (
+            all((one.limb, one.capsules) == (first.limb, first.capsules) for one in every)
+            and np.allclose(self.mount_rotations, turns @ first.rotation, atol=MIN_SIZE)
+            and np.allclose(self.mount_positions, turns @ first.position, atol=MIN_SIZE)
+            and first.position[0] >= MIN_SIZE > abs(first.position[1])
+        )
 
     def is_apart(self, first: str, second: str) -> bool:
         """Return whether the shapes of two links of a limb never meet, see `RobotSpec.apart`."""

@@ -68,6 +68,11 @@ class Description(NamedTuple):
     visuals: dict[str, tuple[BodyMesh, ...]]
     """Meshes that show each body, by its name."""
 
+    @property
+    def is_exported(self) -> bool:
+        """Whether this package wrote the file, and so says all that there is of a robot."""
+        return WINDOWS in self.fields
+
 
 def read_description(
     path: str | Path,

@@ -20,9 +20,8 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
-from mlivr_gym.robot.limb_dynamics import LimbDynamics
+from mlivr_gym.robot.limb_dynamics import LimbDynamics, gripper_link
 from mlivr_gym.robot.link_frames import axes_of
-from mlivr_gym.robot.link_masses import base_link, gripper_link
 from mlivr_gym.robot.model import quaternion_of
 from mlivr_gym.robot.rigid import RigidBody
 from mlivr_gym.values import as_triple
@@ -173,7 +172,7 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
         }
         parent = f"limb{i}"
         yield WrittenLink(
-            parent, "base", position, rotation, base_link(dynamics), parts["base"], None
+            parent, "base", position, rotation, dynamics.base_link, parts["base"], None
         )
         for k, (origin, quaternion) in enumerate(limb.link_offsets):
             axes = np.round(axes_of(quaternion), 15)

@@ -23,7 +23,7 @@ from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
-from mlivr_gym.values import MAX_ROBOT_LENGTH
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE
 
 ROTOR_INERTIA = 0.1
 """Inertia of a rotor where neither file nor caller gives one [kg m^2]: MuJoCo Menagerie's UR arms.
@@ -169,7 +169,7 @@ def limb_of(
     members = limb_parts(file, arms, number, options.tool_length is None)
     found = recognised(chain_of(file, arm, members.flange))
     limb = found.limb(_limits(file, arm, found))
-    if WINDOWS in file.fields:
+    if file.is_exported:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
     found = found._replace(offsets=found.offsets + limb.joint_shifts)
     frames = _base_of(limb, found) @ link_frames(limb, found.offsets)
@@ -274,29 +274,32 @@ def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbD
                 f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
                 "mass [kg] and the inertia [kg m^2]"
             )
-    base, size, given = masses[0], *_cylinder_of(masses[0])
+    base = masses[0]
+    size = _cylinder_of(base)
     return LimbDynamics(
         base.mass,
-        size,
         tuple(part.mass for part in masses[1:]),
         tuple(part.centre for part in masses[1:]),
         tuple(part.inertia for part in masses[1:]),
         tuple(float(one.torque or 0.0) for one in figures),
         tuple(float(one.speed or 0.0) for one in figures),
         (0.0,) * len(figures),
-        base.centre if given else None,
-        base.inertia if given else None,
+        size,
+        None if size or not base.mass else base.centre,
+        None if size or not base.mass else base.inertia,
     )
 
 
-def _cylinder_of(base: RigidBody) -> tuple[tuple[float, float], bool]:
-    """Return radius and length of the cylinder that stands for a base, and whether it differs."""
+def _cylinder_of(base: RigidBody) -> tuple[float, float] | None:
+    """Return radius and length [m] of the cylinder on the body that a base is, None if none."""
     if not base.mass:
-        return (0.05, 0.05), False
-    radius = float(np.sqrt(max(2.0 * base.inertia[2] / base.mass, 1e-6)))
-    square = 12.0 * base.inertia[0] / base.mass - 3.0 * radius**2
-    length = float(np.sqrt(max(square, 1e-6)))
-    return (radius, length), not _same(base, cylinder(base.mass, radius, length, 0.5 * length))
+        return None
+    radius = float(np.sqrt(2.0 * base.inertia[2] / base.mass))
+    length = 2.0 * base.centre[2]
+    if radius < MIN_SIZE or length < MIN_SIZE:
+        return None
+    same = _same(base, cylinder(base.mass, radius, length, 0.5 * length))
+    return (radius, length) if same else None
 
 
 def _with_gripper(

@@ -55,7 +55,7 @@ def limb_parts(
         away, axis = tool[:3, 3] - flange[:3, 3], file.data.xaxis[arm.joints[-1]]
         length = abs(float(away @ axis))
         off = float(np.linalg.norm(np.cross(away, axis)))
-        if length < SHORTEST_GRIPPER or off > MEETING:
+        if (length < SHORTEST_GRIPPER and not file.is_exported) or off > MEETING:
             gripper, flange, length = (), tool, 0.0
     links[-1] = tuple(body for body in links[-1] if body not in gripper)
     return LimbParts(_base(file, arms, number), tuple(links), gripper, flange, round(length, 9))
@@ -106,8 +106,19 @@ def _moved_by(file: Description, arm: FileArm, link: int) -> tuple[int, ...]:
 
 
 def _gripper(file: Description, arm: FileArm, last: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the bodies behind the last link that have shapes, and those that they carry."""
-    first = [body for body in last if body != arm.links[-1] and solid_geoms(file, body)]
+    """Return the bodies behind the last link that have shapes, and those that they carry.
+
+    Files of this package have a gripper by that name, with shapes or not.
+    """
+    first = [
+        body
+        for body in last
+        if body != arm.links[-1]
+        and (
+            solid_geoms(file, body)
+            or (file.is_exported and body_name(file.model, body).endswith("/gripper"))
+        )
+    ]
     return tuple(body for body in last if set(first) & set(with_carriers(file.model, body)))
 
 

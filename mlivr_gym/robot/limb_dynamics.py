@@ -18,6 +18,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
 from mlivr_gym.robot.limb import Limb, LimbBase
+from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -38,10 +39,7 @@ class LimbDynamics:
     Attributes
     ----------
     base_mass
-        Mass of the link by which the limb is fixed to the body, a cylinder that stands on it [kg];
-        0 if the body includes it.
-    base_size
-        Radius and length of that cylinder [m].
+        Mass of the link by which the limb is fixed to the body [kg]; 0 if the body includes it.
     masses
         Mass of each link [kg].
     centres
@@ -55,20 +53,23 @@ class LimbDynamics:
         Largest speed of each joint [rad/s].
     rotor_inertias
         Inertia of each joint's rotor, reflected through its gear [kg m^2].
+    base_size
+        Radius and length of the base link, a cylinder that stands on the body [m]; None if it has
+        no mass, or centre and inertia of its own.
     base_centre
-        Centre of mass of the base link in the limb's base frame [m]; None for that of the cylinder.
+        Its centre of mass in the limb's base frame [m]; None for that of the cylinder.
     base_inertia
         Its inertia, in the order of `inertias` [kg m^2]; None for that of the cylinder.
     """
 
     base_mass: float
-    base_size: tuple[float, float]
     masses: tuple[float, ...]
     centres: tuple[tuple[float, ...], ...]
     inertias: tuple[tuple[float, ...], ...]
     torque_limits: tuple[float, ...]
     speed_limits: tuple[float, ...]
     rotor_inertias: tuple[float, ...]
+    base_size: tuple[float, float] | None = None
     base_centre: Triple | None = None
     base_inertia: tuple[float, ...] | None = None
 
@@ -80,6 +81,40 @@ class LimbDynamics:
             check_inertia(inertia, place.field("inertias").entry(link))
         if self.base_inertia is not None:
             check_inertia(self.base_inertia, place.field("base_inertia"))
+        self._set_base(place)
+
+    def _set_base(self, place: FieldPath) -> None:
+        """Describe the base in one way alone: not at all, as a cylinder, or by its figures."""
+        size, centre, inertia = self.base_size, self.base_centre, self.base_inertia
+        if not self.base_mass:
+            size = centre = inertia = None
+        elif centre is None or inertia is None:
+            if size is None:
+                raise place.field("base_size").fault(
+                    "is None; a base with mass needs it [m], or base_centre [m] and base_inertia "
+                    "[kg m^2]"
+                )
+            if centre is not None or inertia is not None:
+                solid = self._base_cylinder(size)
+                size, centre, inertia = None, centre or solid.centre, inertia or solid.inertia
+        else:
+            size = None
+        base = size, centre, inertia
+        for name, value in zip(("base_size", "base_centre", "base_inertia"), base, strict=True):
+            object.__setattr__(self, name, value)
+
+    def _base_cylinder(self, size: tuple[float, float]) -> RigidBody:
+        radius, length = size
+        return cylinder(self.base_mass, radius, length, 0.5 * length)
+
+    @property
+    def base_link(self) -> RigidBody:
+        """The link by which the limb is fixed to the body, in the limb's base frame."""
+        if self.base_size is not None:
+            return self._base_cylinder(self.base_size)
+        return RigidBody(
+            self.base_mass, self.base_centre or (0.0, 0.0, 0.0), self.base_inertia or (0.0,) * 6
+        )
 
 
 def check_inertia(inertia: tuple[float, ...], place: FieldPath) -> None:
@@ -114,14 +149,20 @@ def arm_dynamics(name: str) -> LimbDynamics:
     links, limits = data["links"], data["joint_limits"]
     return LimbDynamics(
         data["base_link"]["mass"],
-        (data["base_link"]["radius"], data["base_link"]["length"]),
         tuple(link["mass"] for link in links),
         tuple(tuple(link["com_urdf"]) for link in links),
         tuple(tuple(np.array(link["inertia_urdf"])[rows, columns].tolist()) for link in links),
         tuple(limits["torque"]),
         tuple(limits["velocity"]),
         (data["rotor_inertia"]["value"],) * 6,
+        (data["base_link"]["radius"], data["base_link"]["length"]),
     )
+
+
+def gripper_link(mass: float, tool_length: float) -> RigidBody:
+    """Return a gripper, a cylinder from the flange to the grasp [kg, m]."""
+    radius = arm_data("ur5e")["gripper"]["radius"]
+    return cylinder(mass, radius, max(tool_length, 0.01), 0.5 * tool_length)
 
 
 def arm_limb(name: str) -> Limb:
@@ -189,13 +230,13 @@ LIMB_DYNAMICS = Struct(
     LimbDynamics,
     {
         "base_mass": Tuples((), 0.0, MASSES[1], "kg"),
-        "base_size": Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
         "masses": Tuples((6,), *MASSES, "kg"),
         "centres": Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m"),
         "inertias": Tuples((6, 6), -1e6, 1e6, "kg m^2"),
         "torque_limits": Tuples((6,), 1e-3, 1e6, "N m"),
         "speed_limits": Tuples((6,), 1e-3, 1e3, "rad/s"),
         "rotor_inertias": Tuples((6,), 0.0, 1e3, "kg m^2"),
+        "base_size": OrNone(Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m")),
         "base_centre": OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")),
         "base_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
     },

@@ -15,8 +15,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of
-from mlivr_gym.robot.link_masses import base_link, gripper_link
+from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
 from mlivr_gym.robot.rigid import RigidBody
 
 ROBOT, SURROUNDINGS = 1, 2
@@ -119,7 +118,7 @@ def _add_limb(base: Any, robot: DerivedFigures, i: int) -> dict[str, Any]:
     limb, dynamics = robot.every_limb[i], known_dynamics(robot, i)
     mount = quaternion_of(robot.mount_rotations[i])
     parent = base.add_body(name=f"limb{i}", pos=robot.mount_positions[i], quat=mount)
-    _set_inertia(parent, base_link(dynamics))
+    _set_inertia(parent, dynamics.base_link)
     links = {"base": parent}
     for k, ((offset, quaternion), link) in enumerate(
         zip(limb.link_offsets, LINKS[1:-1], strict=True)

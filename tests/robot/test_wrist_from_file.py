@@ -15,9 +15,8 @@ from robot_texts import (
     one_arm,
     written,
 )
-from scipy.spatial.transform import Rotation
 
-from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.from_file import read_robot
@@ -125,57 +124,6 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
         signs = np.outer(file.signs[0], file.signs[0])
         expected = full[0][np.ix_(moving, moving)] * signs
         np.testing.assert_allclose(full[1][6:12, 6:12], expected, atol=1e-6)
-
-
-def unequal_robot():
-    """Two limbs of unequal arms on tilted mounts."""
-    robot, tilt = robot_spec("mlivr2"), Rotation.from_euler("y", 20, degrees=True).as_matrix()
-    mounts = [
-        {"position": p.tolist(), "rotation": (r @ tilt).tolist()}
-        for p, r in zip(robot.mount_positions, robot.mount_rotations, strict=True)
-    ]
-    mounts[1]["limb"] = "ur10e"
-    return robot_spec({"name": "unequal", "mounts": mounts})
-
-
-def close(one, other):
-    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["urdf", "xml"])
-@pytest.mark.parametrize(
-    ("name", "angle"),
-    [("mlivr2", None), ("mlivr3", None), ("unequal", None), ("iiwa", 0.0), ("iiwa", 0.8),
-     ("iiwa-first", 0.4), ("iiwa-second", -1.1), ("iiwa-fifth", 0.0), ("iiwa-fifth", 0.8),
-     ("iiwa-sixth", 1.2), ("franka", 1.9), ("gen3", 0.6)],
-)  # fmt: skip
-def test_a_robot_written_and_read_is_the_same(tmp_path, kind, name, angle):
-    """Its limb of six joints is that of seven of which one is held, whatever that is called."""
-    if name in HELD:
-        path, held = written(tmp_path, one_arm(frames=ARMS[name])), HELD[name]
-        robot = RobotSpec.from_urdf(path, held_joint=held, held_angle=angle, mount_radius=CLEAR)
-    else:
-        robot = unequal_robot() if name == "unequal" else robot_spec(name)
-    path, rng = str(tmp_path / f"again.{kind}"), np.random.default_rng(0)
-    (robot.to_urdf if kind == "urdf" else robot.to_mjcf)(path)
-    both = robot, again = robot, robot_spec(path)
-    assert again.limbs == robot.limbs
-    assert name in HELD or again.is_symmetric == robot.is_symmetric
-    for i in range(robot.limbs):
-        arms = [(one.every_limb[i].lengths, one.every_limb[i].family_code) for one in both]
-        for q in rng.uniform(-np.pi, np.pi, (5, 6)):
-            close(*(forward_kinematics(q, *arm)[-1] for arm in arms))
-        close(robot.mount_positions[i], again.mount_positions[i])
-        close(robot.mount_rotations[i], again.mount_rotations[i])
-        figures = ("masses", "centres", "inertias", "rotor_inertias", "base_size")
-        for figure in figures[: 4 if name in HELD else 5]:
-            close(getattr(robot.dynamics_of(i), figure), getattr(again.dynamics_of(i), figure))
-        for one, other in zip(robot.mounted[i].capsules, again.mounted[i].capsules, strict=True):
-            assert one.link == other.link
-            close([*one.start, *one.end, one.radius], [*other.start, *other.end, other.radius])
-    for figure in ("joint_limits", "torque_limits", "speed_limits", "body_edges", "heights",
-                   "tool_length", "gripper_mass", "span", "characteristic_length"):  # fmt: skip
-        close(getattr(robot, figure), getattr(again, figure))
 
 
 def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):

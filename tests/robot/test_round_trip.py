@@ -1,0 +1,156 @@
+"""Robots written to JSON, URDF and MJCF and read again are the same, for every joint held."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from map_data import few_of_a_wall
+from robot_texts import FRANKA, GEN3, one_arm, written
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import RobotSpec, Settings, robot_spec
+from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.robot.specification import ROBOTS
+from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINTS
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.world.grasp_map import as_map
+
+SAVED = {"json": RobotSpec.save, "urdf": RobotSpec.to_urdf, "xml": RobotSpec.to_mjcf}
+FIGURES = ("joint_limits", "torque_limits", "speed_limits", "body_edges", "heights", "rolls",
+           "tool_length", "gripper_mass", "span", "characteristic_length", "mount_positions",
+           "mount_rotations", "body_mass", "lift")  # fmt: skip
+ANGLES = {1: 0.4, 2: -1.1, 3: 0.8, 5: 0.4, 6: -1.1}
+"""Angles at which joints can be held so that two and three limbs have stances."""
+
+
+def unequal():
+    """Two limbs of unequal arms on tilted mounts."""
+    robot, tilt = robot_spec("mlivr2"), Rotation.from_euler("y", 20, degrees=True).as_matrix()
+    mounts = [
+        {"position": p.tolist(), "rotation": (r @ tilt).tolist()}
+        for p, r in zip(robot.mount_positions, robot.mount_rotations, strict=True)
+    ]
+    mounts[1]["limb"] = "ur10e"
+    return robot_spec({"name": "unequal", "mounts": mounts})
+
+
+def held(joint, angle, limbs):
+    """A robot with iiwas, whose base is no cylinder."""
+    robot = robot_spec("mlivr2-iiwa")
+    limb = replace(robot.limb, held_joint=joint, held_angle=angle)
+    folds = limb.default_folds
+    return replace(robot, limbs=limbs, limb=limb, folds=folds, capsules=None, apart=())
+
+
+def from_text(tmp_path, frames, joint, angle):
+    path = written(tmp_path, one_arm(frames=frames))
+    return RobotSpec.from_urdf(path, held_joint=joint, held_angle=angle, mount_radius=0.2)
+
+
+def assert_same(one, other):
+    """Compare all figures, and how their limbs move."""
+    assert (one.limbs, one.is_symmetric) == (other.limbs, other.is_symmetric)
+    for figure in FIGURES:
+        close(getattr(one, figure), getattr(other, figure))
+    rng = np.random.default_rng(0)
+    for i in range(one.limbs):
+        arms = [(limb.lengths, limb.family_code) for limb in (one.every_limb[i],
+                                                              other.every_limb[i])]  # fmt: skip
+        for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+            close(*(forward_kinematics(q, *arm)[-1] for arm in arms))
+        close(one.every_limb[i].window_starts, other.every_limb[i].window_starts)
+        mine, theirs = one.dynamics_of(i), other.dynamics_of(i)
+        for figure in mine.__dataclass_fields__:
+            a, b = getattr(mine, figure), getattr(theirs, figure)
+            assert (a is None) == (b is None), figure
+            if a is not None:
+                close(a, b)
+        for a, b in zip(one.mounted[i].capsules, other.mounted[i].capsules, strict=True):
+            assert a.link == b.link
+            close([*a.start, *a.end, a.radius], [*b.start, *b.end, b.radius])
+
+
+def close(one, other):
+    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-9)
+
+
+def postures(robot, grasp_map):
+    """Postures of stances on a map, with low thresholds, so that there are some."""
+    settings = Settings(limb_threshold=0.01, base_threshold=1e-5, path_floor=0.005)
+    graph = ImplicitGraph(grasp_map, robot, settings)
+    stances = np.array(list(permutations(range(len(grasp_map)), robot.limbs)))
+    apart = [graph.compatible[np.ix_(row, row)].sum() for row in stances]
+    stances = stances[np.array(apart) == robot.limbs * (robot.limbs - 1)]
+    return graph.nodes(stances[np.random.default_rng(0).permutation(len(stances))[:400]])
+
+
+def assert_written_and_read(robot, tmp_path, grasp_map):
+    truth = postures(robot, grasp_map)
+    assert (truth.branch_sets > 0).all(axis=1).sum() > 3
+    for kind, save in SAVED.items():
+        path = str(tmp_path / f"again.{kind}")
+        save(robot, path)
+        again = robot_spec(path)
+        assert_same(robot, again)
+        found = postures(again, grasp_map)
+        np.testing.assert_array_equal(found.branch_sets, truth.branch_sets)
+        close(found.base_position, truth.base_position)
+        close(found.base_rotation, truth.base_rotation)
+
+
+@pytest.mark.parametrize("name", ["unequal", *ROBOTS])
+def test_robots_that_ship_are_the_same(tmp_path, name):
+    robot = unequal() if name == "unequal" else robot_spec(name)
+    world = as_map("truss") if name == "ssrms2" else few_of_a_wall(20)
+    assert_written_and_read(robot, tmp_path, world)
+    assert robot_spec(str(tmp_path / "again.json")) == robot
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+@pytest.mark.parametrize("joint", HELD_JOINTS)
+def test_a_robot_is_the_same_whichever_joint_is_held(tmp_path, joint, limbs):
+    """Files have the six joints that move, with the base at the first of them."""
+    robot = held(joint, ANGLES[joint], limbs)
+    assert_written_and_read(robot, tmp_path, few_of_a_wall(20))
+
+
+@pytest.mark.parametrize("gripper", [(0.0, 0.0), (0.004, 0.7), (0.08, 0.0), (0.08, 0.7)])
+def test_a_robot_has_the_same_gripper(tmp_path, gripper):
+    robot = replace(robot_spec("mlivr2"), tool_length=gripper[0], gripper_mass=gripper[1])
+    bare = tuple(capsule for capsule in robot.shapes if capsule.link != "gripper")
+    for one in (robot, replace(robot, capsules=bare)):
+        for kind in ("urdf", "xml"):
+            path = str(tmp_path / f"again.{kind}")
+            SAVED[kind](one, path)
+            assert_same(one, robot_spec(path))
+
+
+@pytest.mark.parametrize(
+    ("frames", "joint", "angle"),
+    [(FRANKA, "joint6", 1.9), (GEN3, "joint3", 0.6), (GEN3, "joint1", 0.4)],
+)
+def test_arms_of_other_makers_are_the_same(tmp_path, frames, joint, angle):
+    robot = from_text(tmp_path, frames, joint, angle)
+    assert_written_and_read(robot, tmp_path, few_of_a_wall(20))
+
+
+@pytest.mark.parametrize(
+    "base",
+    [{"base_mass": 0.0}, {"base_centre": (0.01, 0.0, 0.02)},
+     {"base_inertia": (0.05, 0.06, 0.03, 0.0, 0.001, 0.0)}],
+)  # fmt: skip
+def test_a_base_is_the_same_however_it_is_described(tmp_path, base):
+    """Without mass, or a cylinder of which one figure is another one."""
+    robot = robot_spec("mlivr2")
+    robot = replace(robot, dynamics=replace(robot.limb_dynamics, **base))
+    for kind, save in SAVED.items():
+        path = str(tmp_path / f"again.{kind}")
+        save(robot, path)
+        assert_same(robot, robot_spec(path))
+
+
+def test_a_base_with_mass_needs_a_size():
+    with pytest.raises(RobotError, match="base_size is None; a base with mass needs it"):
+        replace(robot_spec("mlivr2").limb_dynamics, base_size=None)
