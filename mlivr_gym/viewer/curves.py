@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.viewer.frames import AT_REST, Frames
-from mlivr_gym.viewer.solids import Link
 
 THRESHOLD_COLOUR, FLOOR_COLOUR, TORQUE_COLOUR = "#495057", "#e8a0a0", "#9c36b5"
 """Colours of thresholds, of the path floor and of torques."""
@@ -35,31 +34,21 @@ class Plot(NamedTuple):
         return 1.05 * max(float(np.nanmax(curve)) for _, _, curve in self.curves)
 
 
-def limb_manipulabilities(robot: RobotSpec, links: tuple[Link, ...], joints: Array) -> Array:
+def limb_manipulabilities(robot: RobotSpec, joints: Array) -> Array:
     """Compute the limb manipulability w_m at joint angles (k, N, 6) [rad], shape (k, N).
 
     The Jacobian is square, so that `w_m = |det J| / l_c^3`, at whatever point twists are taken.
     """
     out = np.empty(joints.shape[:2])
-    for limb in range(robot.limbs):
-        chain = [link for link in links if link.joint is not None and link.joint[0] == limb]
-        rotation, origin = np.tile(np.eye(3), (len(joints), 1, 1)), np.zeros((len(joints), 3))
-        columns = []
-        for link in chain:
-            origin = origin + rotation @ link.position
-            fixed = Rotation.from_quat(link.quaternion, scalar_first=True).as_matrix()
-            assert link.joint is not None
-            angle = np.zeros((len(joints), 3))
-            angle[:, 2] = joints[:, limb, link.joint[1]]
-            rotation = rotation @ fixed @ Rotation.from_rotvec(angle).as_matrix()
-            axis = rotation[:, :, 2]
-            columns.append(np.concatenate([np.cross(origin, axis), axis], axis=1))
-        jacobian = np.stack(columns, axis=2)
-        out[:, limb] = np.abs(np.linalg.det(jacobian)) / robot.characteristic_length**3
+    for i, limb in enumerate(robot.every_limb):
+        frames = link_frames(limb, joints[:, i])[:, 1:]
+        origins, axes = frames[..., :3, 3], frames[..., :3, 2]
+        twists = np.concatenate([np.cross(origins, axes), axes], axis=2)
+        out[:, i] = np.abs(np.linalg.det(twists)) / robot.characteristic_length**3
     return out
 
 
-def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
+def margins(frames: Frames, plan: Plan) -> Plot:
     """Plot manipulability divided by its threshold.
 
     The curve of a limb has values while the limb holds; the curve of the base joins its values in
@@ -70,7 +59,7 @@ def margins(frames: Frames, plan: Plan, links: tuple[Link, ...]) -> Plot:
     if limb_threshold <= 0.0 or base_threshold <= 0.0 or len(frames) < 2:
         return Plot(title, frames.times, ())
     robot = plan.world.robot
-    limb = limb_manipulabilities(robot, links, frames.joint_positions) / limb_threshold
+    limb = limb_manipulabilities(robot, frames.joint_positions) / limb_threshold
     swing_limb = np.array([step.limb for step in plan.steps] or [0])[
         np.minimum(frames.step, len(plan.steps) - 1)
     ]

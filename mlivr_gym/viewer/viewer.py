@@ -160,7 +160,7 @@ class Viewer:
         plan = self.live.plan
         plots: dict[str, Plot] = {}
         if plan is not None:
-            plots["margins"] = margins(self.frames, plan, self.scene.links)
+            plots["margins"] = margins(self.frames, plan)
         if self.recording is not None:
             plots |= {"torques": torques(self.recording), "forces": grasp_forces(self.recording)}
         self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}

@@ -15,24 +15,18 @@ from mlivr_gym.viewer.curves import (
     with_cursor,
 )
 from mlivr_gym.viewer.frames import plan_frames
-from mlivr_gym.viewer.solids import scene_solids
 
 
-@pytest.fixture(scope="module")
-def links(checked_graph):
-    return scene_solids(checked_graph.grasp_map, checked_graph.robot).links
-
-
-def test_manipulability_of_limbs_is_the_plans(checked_graph, walk, links):
-    """By Jacobians of MuJoCo's links, against the closed form that the plan carries."""
-    found = limb_manipulabilities(checked_graph.robot, links, walk.motion.joint_positions)
+def test_manipulability_of_limbs_is_the_plans(checked_graph, walk):
+    """By Jacobians of the link frames, against the closed form that the plan carries."""
+    found = limb_manipulabilities(checked_graph.robot, walk.motion.joint_positions)
     np.testing.assert_allclose(found, walk.motion.w_m, rtol=1e-9)
 
 
-def test_margins_are_the_plans_in_stances(checked_graph, walk, links):
+def test_margins_are_the_plans_in_stances(checked_graph, walk):
     frames = plan_frames(checked_graph, walk)
     limits = checked_graph.limb_threshold, checked_graph.base_threshold
-    plot = margins(frames, walk, links)
+    plot = margins(frames, walk)
     curves = {label: values for label, _, values in plot.curves}
     last = len(frames) - 1
     for limb in range(2):
@@ -47,9 +41,9 @@ def test_margins_are_the_plans_in_stances(checked_graph, walk, links):
     assert np.nanmin(held) >= floor
 
 
-def test_a_limb_that_moves_has_no_margin(checked_graph, walk, links):
+def test_a_limb_that_moves_has_no_margin(checked_graph, walk):
     frames = plan_frames(checked_graph, walk)
-    curves = margins(frames, walk, links).curves
+    curves = margins(frames, walk).curves
     k = frames.at(2.5)  # half-way through the first step
     limb = walk.steps[0].limb
     assert np.isnan(curves[limb][2][k])
@@ -57,11 +51,11 @@ def test_a_limb_that_moves_has_no_margin(checked_graph, walk, links):
     assert np.isfinite(curves[1 - limb][2][k])
 
 
-def test_without_thresholds_there_is_no_margin(checked_graph, walk, links):
+def test_without_thresholds_there_is_no_margin(checked_graph, walk):
     frames = plan_frames(checked_graph, walk)
     settings = replace(walk.world.settings, manipulability=False)
     plan = replace(walk, world=replace(walk.world, settings=settings))
-    assert margins(frames, plan, links).curves == ()
+    assert margins(frames, plan).curves == ()
 
 
 def test_torques_and_forces_are_those_recorded(walk):
