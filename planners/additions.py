@@ -11,9 +11,8 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, SettingError, StanceError
-from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import GOAL_REACHED
-from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY, Goal, SearchOptions, SearchQuery
+from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY, Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.planners.why_not import smallest_subset
 from mlivr_gym.robot.specification import ROBOTS, robot_spec
@@ -221,7 +220,7 @@ class _Trial:
         kept = {self.graph.grasp_map.index(point) for point in added}
         self.graph.vacate()
         self.graph.occupy([*self.occupied, *(p for p in self.new if p not in kept)])
-        search = SearchQuery.from_options(self.graph, self.goal, SearchOptions())
+        search = SearchQuery.from_options(self.graph, self.goal)
         result = GraphSearcher(self.graph).find(search, self.graph.state(self.held))
         return result is not None and result.status == GOAL_REACHED
 
@@ -279,8 +278,7 @@ def one_more_limb(
         except StanceError:
             continue
         target = Goal.from_arguments(other, goal, "steps", None, goal_tolerance, goal_face)
-        options = SearchOptions(limit=limit)
-        search = SearchQuery.from_options(other, replace(target, cost=Cost.named("steps")), options)
+        search = SearchQuery.from_options(other, target, limit=limit)
         result = GraphSearcher(other, build_sets=False).find(search, state)
         status = "no moves lead there" if result is None else result.status
         return MoreLimbs(name, other.ids(state.stance), status)

@@ -30,6 +30,9 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
+Members = tuple[IntArray, IntArray]
+"""Rows of nodes and the limb of each that moves, shape (k,)."""
+
 
 class LazyTable(ABC):
     """Nodes and edges of a table in the present world.
@@ -243,23 +246,12 @@ class LazyNodeTable(LazyTable):
 
     def check_edges(self, edges: IntArray) -> None:
         """Check those edges that were not checked yet, in both directions."""
-        graph, unchecked = self.graph, self.unchecked(edges)
+        unchecked = self.unchecked(edges)
         if not len(unchecked):
             return
         (before, i), (after, j), reverse = edge_ends(self.table, unchecked)
-        rows, relabellings = (
-            np.concatenate([before, after]),
-            np.concatenate([np.zeros_like(i), j - i]),
-        )
-        stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, relabellings)
-        if graph.obstacles:
-            stances.releases["known"][self._may_touch[rows]] = False
-        here = np.arange(len(unchecked))
-        steps = graph.step_rows(stances, here, here + len(unchecked), stances.branch_sets[here])
-        found = graph.branch_sets_of_steps(steps, stances)
-        if graph.obstacles:
-            self._record_releases(rows, relabelled(stances.releases, -relabellings))
-        kept = packed(relabelled(found, i + 1)[:, : graph.limbs - 1])
+        found = self._check((before, i), (after, j), self.table.branch_sets[before], True)
+        kept = packed(relabelled(found, i + 1)[:, : self.graph.limbs - 1])
         kept[~found.all(axis=1)] = 0
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
             after, reverse, kept
@@ -269,27 +261,38 @@ class LazyNodeTable(LazyTable):
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
     ) -> NDArray[np.uint64]:
         """Check edges for given labels, see `LazyTable.branch_sets_after`."""
-        graph, kept = self.graph, np.zeros(len(edges), dtype=np.uint64)
+        kept = np.zeros(len(edges), dtype=np.uint64)
         (before, i), (after, j), _ = edge_ends(self.table, edges)
         self.check_nodes(np.concatenate([before, after]))
         some = np.flatnonzero(self.table.branch_sets[after] != 0)
-        if not len(some):
-            return kept
-        before, i, after, j = before[some], i[some], after[some], j[some]
-        rows, relabellings = (
-            np.concatenate([before, after]),
-            np.concatenate([np.zeros_like(i), j - i]),
-        )
+        if len(some):
+            ends = (before[some], i[some]), (after[some], j[some])
+            found = self._check(*ends, branch_sets[some], False)
+            found[~found.all(axis=1)] = 0
+            kept[some] = packed(relabelled(found, (i - j)[some]))
+        return kept
+
+    def _check(
+        self, start: Members, end: Members, branch_sets: NDArray[np.uint64], record: bool
+    ) -> IntArray:
+        """Return the branch sets after edges with those before them, shape (k, N); 0 for no step.
+
+        The limbs are those of the nodes before the edges. With `record`, releases that are computed
+        among obstacles are stored.
+        """
+        graph, (before, i), (after, j) = self.graph, start, end
+        rows = np.concatenate([before, after])
+        relabellings = np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, relabellings)
         if graph.obstacles:
             stances.releases["known"][self._may_touch[rows]] = False
-        here = np.arange(len(some))
-        masks_before = unpacked(branch_sets[some], graph.limbs)
-        steps = graph.step_rows(stances, here, here + len(some), masks_before)
+        here = np.arange(len(before))
+        limbs_before = unpacked(branch_sets, graph.limbs)
+        steps = graph.step_rows(stances, here, here + len(here), limbs_before)
         found = graph.branch_sets_of_steps(steps, stances)
-        found[~found.all(axis=1)] = 0
-        kept[some] = packed(relabelled(found, i - j))
-        return kept
+        if graph.obstacles and record:
+            self._record_releases(rows, relabelled(stances.releases, -relabellings))
+        return found
 
     def _record_releases(self, rows: IntArray, releases: Array) -> None:
         """Store the branches of releases, rows of `ReleaseRecord`, shape (k, N)."""

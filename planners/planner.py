@@ -29,7 +29,6 @@ from mlivr_gym.planners.query import (
     MAX_EXPANSIONS,
     QUERY,
     Goal,
-    SearchOptions,
     SearchQuery,
 )
 from mlivr_gym.planners.refinement import refined
@@ -170,8 +169,11 @@ class Planner:
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )
-        options = SearchOptions(method, heuristic, inflation, limit, progress, time_limit)
-        search, timer = SearchQuery.from_options(self.graph, target, options), _Timer()
+        search = SearchQuery.from_options(
+            self.graph, target, method=method, heuristic=heuristic, inflation=inflation,
+            limit=limit, progress=progress, time_limit=time_limit,
+        )  # fmt: skip
+        timer = _Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
             start_state = self._start_state(start, start_pose, start_joints)

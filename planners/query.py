@@ -30,7 +30,6 @@ METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
 GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
 
-
 MAX_EXPANSIONS = 10**30
 """Largest limit of expansions that can be requested; compiled searches count in 64 bits."""
 
@@ -62,34 +61,6 @@ QUERY: Validators = {
 }
 """Validators of the arguments of a planner; base poses and joint angles are checked by the stance
 graph."""
-
-
-@dataclass(frozen=True)
-class SearchOptions:
-    """Options of a search; None stands for the default of method and robot, see `Planner.plan`.
-
-    Attributes
-    ----------
-    method
-        One of `METHODS`.
-    heuristic
-        One of `costs.HEURISTICS`.
-    inflation
-        Suboptimality bound w >= 1: the plan shall be proved to cost at most w times the minimum.
-    limit
-        Maximum number of expansions.
-    progress
-        Called from time to time with the number of expansions.
-    time_limit
-        Maximum time in which a plan is sought and improved [s].
-    """
-
-    method: str = "astar"
-    heuristic: str | None = None
-    inflation: float | None = None
-    limit: int = 10_000_000
-    progress: Callable[[int], None] | None = None
-    time_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -198,24 +169,34 @@ class SearchQuery:
     start_time: float = field(default_factory=time.perf_counter)
 
     @classmethod
-    def from_options(cls, graph: StanceGraph, goal: Goal, options: SearchOptions) -> SearchQuery:
-        """Return a query from the options of a user, with the defaults of method and robot.
+    def from_options(
+        cls,
+        graph: StanceGraph,
+        goal: Goal,
+        *,
+        method: str = "astar",
+        heuristic: str | None = None,
+        inflation: float | None = None,
+        limit: int = MAX_EXPANSIONS,
+        progress: Callable[[int], None] | None = None,
+        time_limit: float | None = None,
+    ) -> SearchQuery:
+        """Return a query from the options of a user, those of `Planner.plan`.
 
-        The `SettingError` names an option that cannot be used.
+        None stands for the default of method and robot. The `SettingError` names an option that
+        cannot be used.
         """
-        method = options.method
         is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, TwoLimbGraph)
-        heuristic = options.heuristic
+        if method == "dijkstra":
+            if heuristic not in (None, "zero"):
+                raise SettingError(
+                    f"heuristic is {heuristic!r}; method 'dijkstra' takes none but 'zero'"
+                )
+            heuristic = "zero"
         if heuristic is None:
             # Greedy search needs an estimate without plateaus, and loses nothing by overestimates.
             estimate = "relaxed" if two_limbs and not is_algorithm1 else "consistent"
             heuristic = "paper" if method == "greedy" else estimate
-        if method == "dijkstra":
-            if options.heuristic not in (None, "zero"):
-                raise SettingError(
-                    f"heuristic is {options.heuristic!r}; method 'dijkstra' takes none but 'zero'"
-                )
-            heuristic = "zero"
         if method == "greedy" and heuristic == "zero":
             raise SettingError("method 'greedy' needs a heuristic other than 'zero'")
         if heuristic == "relaxed" and not two_limbs:
@@ -223,11 +204,9 @@ class SearchQuery:
             raise SettingError(f"heuristic 'relaxed' needs two limbs; robot {name!r} has more")
         if heuristic == "relaxed" and is_algorithm1:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'relaxed'")
-        limit, inflation = min(options.limit, sys.maxsize), options.inflation
-        seconds = options.time_limit
-        if seconds is not None and is_algorithm1:
-            raise SettingError(f"time_limit is {seconds!r}; method 'algorithm1' takes none")
-        seconds = math.inf if seconds is None else seconds
+        if time_limit is not None and is_algorithm1:
+            raise SettingError(f"time_limit is {time_limit!r}; method 'algorithm1' takes none")
+        limit, seconds = min(limit, sys.maxsize), math.inf if time_limit is None else time_limit
         optimal = two_limbs or is_algorithm1 or method == "dijkstra" or seconds < math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
@@ -237,7 +216,7 @@ class SearchQuery:
         anytime &= inflation > 1.0 or seconds < math.inf
         if not (two_limbs or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
-        return cls(goal, method, heuristic, inflation, limit, options.progress, seconds, anytime)
+        return cls(goal, method, heuristic, inflation, limit, progress, seconds, anytime)
 
     @property
     def deadline(self) -> float:

@@ -13,7 +13,7 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
-from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
+from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.postures.relabelling import relabelled
@@ -229,7 +229,7 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
             state = graph.state(start.stance)
             least = optimum(graph, goal, state)
             for kinds in (*optimal, *other):
-                query = SearchQuery.from_options(graph, goal, SearchOptions(**kinds))
+                query = SearchQuery.from_options(graph, goal, **kinds)
                 found = run_search(TableSearch(bounds, query, state))
                 status = None if found is None else found.status
                 assert (status == GOAL_REACHED) == np.isfinite(least), kinds

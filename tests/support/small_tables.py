@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from mlivr_gym import jem_map, stance_graph
-from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
+from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.two_limb_build import fill_rows
@@ -36,7 +36,7 @@ def small_table(limbs):
 def searching(bounds, goal, start, **options):
     """A search over the table of a graph that may take a minute."""
     given = {"inflation": 1.0, "time_limit": 60.0} | options
-    search = SearchQuery.from_options(bounds.graph, goal, SearchOptions(**given))
+    search = SearchQuery.from_options(bounds.graph, goal, **given)
     return TableSearch(bounds, search, start)
 
 
