@@ -1,13 +1,14 @@
-"""Depth cameras on the body, simulated by ray casting, so that no GL library is needed.
+"""Depth cameras on body and grippers, simulated by ray casting, so that no GL library is needed.
 
 One pinhole camera looks out of each corner of the body, along its diagonal. There the limbs, which
-are mounted on the faces, hide least. What lies behind the limbs is not seen. Rays that hit the
-robot are left out, as a robot filters its own links from a depth image by its joint angles.
+are mounted on the faces, hide least. Four look out of each gripper, sideways and forwards, and see
+what the limbs hide from the body, and the far sides of things. Rays that hit the robot are left
+out, as a robot filters its own links from a depth image by its joint angles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
@@ -32,12 +33,19 @@ FIELDS = slice(0, None, 2), slice(1, None, 2)
 """Halves of the pixels of an image, which interlaced looks read out in turn."""
 
 LENS_OFFSET = 0.01
-"""Distance of a camera from each of the three faces that meet in its corner [m]."""
+"""Distance of a camera from each of the three faces that meet in its corner, or from the side of
+its gripper [m]."""
+
+SIDES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Directions from the axis of a gripper, z, to its cameras, shape (4, 3)."""
+
+GRIPPER_AXES = SIDES * np.cos(np.pi / 6.0) + np.array([0.0, 0.0, np.sin(np.pi / 6.0)])
+"""Their optical axes: sideways, and 30 degrees forwards, shape (4, 3)."""
 
 
 @dataclass(frozen=True)
 class DepthCamera(ParameterSet):
-    """Parameters of the cameras on the corners of the body.
+    """Parameters of the cameras on the corners of the body and on the grippers.
 
     Attributes
     ----------
@@ -73,9 +81,12 @@ class DepthCamera(ParameterSet):
         "period": Tuples((), 0.01, 1e3, "s"),
     }
 
-    def rays(self) -> Array:
-        """Return unit vectors of the rays of all cameras in the body frame, shape (8, p^2, 3)."""
-        return _rays(self.pixels, self.field_of_view)
+    def rays(self, axes: Array = CORNERS) -> Array:
+        """Return unit vectors of the rays of k cameras, shape (k, p^2, 3).
+
+        Their optical axes, shape (k, 3), are by default those of the cameras on the body.
+        """
+        return _rays(self.pixels, self.field_of_view, tuple(map(tuple, axes.tolist())))
 
     def measure(
         self,
@@ -103,13 +114,9 @@ class DepthCamera(ParameterSet):
         Array
             Positions of surfaces in the module frame [m], shape (k, 3).
         """
-        base = model.body("base").id
-        rotation = data.xmat[base].reshape(3, 3)
-        of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
-        hits = []
-        for corner, image in zip(CORNERS, self.rays()[:, pixels], strict=True):
-            lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
-            position, rays = data.xpos[base] + rotation @ lens, image @ rotation.T
+        of_robot, hits = np.isin(model.geom_bodyid, robot_body_ids(model)), []
+        for position, image in self._images(model, data, robot):
+            rays = image[pixels]
             geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
             mujoco.mj_multiRay(
                 model, data, position, rays.ravel(), None, True, -1, geom, distance, None,
@@ -121,18 +128,36 @@ class DepthCamera(ParameterSet):
             hits.append(position + distance[:, None] * rays[hit])
         return np.concatenate(hits)
 
+    def _images(
+        self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield the position of each camera [m] and its rays (p^2, 3), in the module frame."""
+        base = data.body("base")
+        rotation = base.xmat.reshape(3, 3)
+        for corner, image in zip(CORNERS, self.rays(), strict=True):
+            lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
+            yield base.xpos + rotation @ lens, image @ rotation.T
+        for limb in range(robot.limbs):
+            site = model.site(f"limb{limb}/grasp")
+            parts = model.geom_bodyid == int(site.bodyid[0])
+            parts |= model.geom_bodyid == model.body(f"limb{limb}/gripper").id
+            radius = float(model.geom_size[parts, 0].max()) + LENS_OFFSET
+            rotation, position = data.site_xmat[site.id].reshape(3, 3), data.site_xpos[site.id]
+            flange = position - robot.tool_length * rotation[:, 2]
+            for side, image in zip(SIDES, self.rays(GRIPPER_AXES), strict=True):
+                yield flange + radius * rotation @ side, image @ rotation.T
+
 
 @cache
-def _rays(pixels: int, field_of_view: float) -> Array:
-    """Return the rays of cameras with given pixels along each side and field of view [rad]."""
+def _rays(pixels: int, field_of_view: float, axes: tuple[tuple[float, ...], ...]) -> Array:
+    """Return the rays of k cameras with given pixels along each side, field of view, and axes."""
     half = np.tan(0.5 * field_of_view)
     centres = (np.arange(pixels) + 0.5) / pixels * 2.0 - 1.0
     u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
-    rays = np.empty((len(CORNERS), pixels**2, 3))
-    for image, corner in zip(rays, CORNERS, strict=True):
-        forward = corner / np.sqrt(3.0)
-        right = np.array([forward[1], -forward[0], 0.0]) / np.hypot(*forward[:2])
-        image[:] = forward + u * right + v * np.cross(forward, right)
+    forward = np.array(axes)[:, None] / np.linalg.norm(axes, axis=1)[:, None, None]
+    right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
+    right /= np.linalg.norm(right, axis=2)[..., None]
+    rays = forward + u * right + v * np.cross(forward, right)
     unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
     unit.flags.writeable = False
     return unit

@@ -8,8 +8,10 @@ saturated at the torque limit and held until the next period. `tau_ff` is the in
 the trajectory, see `feedforward`. `q_ref` is the trajectory plus an offset. At the beginning of a
 step `align_references` sets the offset such that the references equal the encoder readings; limbs
 that hold the same robot then do not work against each other. During departure and swing the offset
-decays, so that errors do not accumulate over steps. During a `guided` approach the offset of the
-swing limb follows what a sensor on the gripper measures of the point.
+decays, so that errors do not accumulate over steps: that of the free limb, and the part of the
+others that a motion of the base takes back, see `compatible_motions`. The rest of it would load
+grasps against each other. During a `guided` approach the offset of the swing limb follows what a
+sensor on the gripper measures of the point.
 
 A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
 is small. What multiplies kp (q_ref - q) + kd (qdot_ref - qdot) is then, in place of the identity,

@@ -3,6 +3,7 @@
 The robot floats without gravity, so the wrenches of the grasps alone accelerate it. The base rows
 of the inverse dynamics (recursive Newton-Euler, MuJoCo's `mj_rne`) give the resultant wrench; the
 joint rows minus the transposed Jacobians of the grasps times their wrenches give the joint torques.
+Limbs that hold can only move together, see `compatible_motions`.
 """
 
 from __future__ import annotations
@@ -101,3 +102,26 @@ def inverse_inertia(
     compliance = stacked @ by_wrench + np.diag(np.tile(1.0 / at_grasps, len(holding)))
     inverse -= by_wrench @ np.linalg.solve(compliance, by_wrench.T)
     return inverse[6:, 6:]
+
+
+def compatible_motions(robot: RobotSpec, holding: Sequence[int], joints: Array) -> Array:
+    """Return the projector on the joint motions that the grasps allow, shape (6 N, 6 N).
+
+    Limbs that hold move together, as one motion of the base makes them; the others move at will.
+    `holding` has one limb or more, and joint angles have shape (6 N,) [rad].
+    """
+    model = robot_model(robot)
+    data, jacobian = mujoco.MjData(model), np.empty((6, model.nv))
+    data.qpos[7:] = joints
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    by_base = np.zeros((len(joints), 6))
+    free = np.ones(len(joints))
+    for limb in holding:
+        of_limb = slice(6 * limb, 6 * limb + 6)
+        site = model.site(f"limb{limb}/grasp").id
+        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+        by_base[of_limb] = -np.linalg.solve(jacobian[:, 6:][:, of_limb], jacobian[:, :6])
+        free[of_limb] = 0.0
+    basis, _ = np.linalg.qr(by_base)
+    return np.diag(free) + basis @ basis.T

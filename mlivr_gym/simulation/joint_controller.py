@@ -20,7 +20,7 @@ from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.feedforward import feedforward
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.inverse_dynamics import inverse_inertia
+from mlivr_gym.simulation.inverse_dynamics import compatible_motions, inverse_inertia
 
 DELAY_SHARE = 0.25
 """Bound of velocity gain times delay over inertia; an inertia alone is unstable above pi / 2."""
@@ -106,12 +106,18 @@ class JointController:
         """Velocities of all joints at the last reading, shape (6 N,) [rad/s]."""
         return self._past[-1][1]
 
-    def _offsets(self, count: int, recovering: bool) -> Array:
-        """Return the offset at each of the next time steps, shape (1 or count, 6 N) [rad]."""
+    def _offsets(self, count: int, held: Sequence[bool], recovering: bool) -> Array:
+        """Return the offset at each of the next time steps, shape (1 or count, 6 N) [rad].
+
+        What decays of it is what the limbs that hold can take back together, by moving the base.
+        """
         if not recovering:
             return self.offset[None]
         decay = self._model.opt.timestep / self._controller.recovery
-        offsets: Array = self.offset * np.exp(-decay * np.arange(1, count + 1))[:, None]
+        holding, joints = np.flatnonzero(held).tolist(), self._data.qpos[7:] + self._bias
+        decaying = compatible_motions(self._robot, holding, joints) @ self.offset
+        lost = 1.0 - np.exp(-decay * np.arange(1, count + 1))
+        offsets: Array = self.offset - lost[:, None] * decaying
         self.offset = offsets[-1].copy()
         return offsets
 
@@ -145,7 +151,7 @@ class JointController:
         speed_noise = self._ranges.speed_noise * self._rng.standard_normal((count, joint_count))
         kp = np.ravel([controller.kp_hold if holds else controller.kp_free for holds in held])
         kd = np.ravel([controller.kd_hold if holds else controller.kd_free for holds in held])
-        targets = kp * (reference.positions + self._offsets(count, recovering))
+        targets = kp * (reference.positions + self._offsets(count, held, recovering))
         wanted, share = targets + kd * reference.speeds, self._share(kd, held)
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box
-from mlivr_gym.closed_loop.depth_camera import CORNERS, LENS_OFFSET, DepthCamera
+from mlivr_gym.closed_loop.depth_camera import (
+    CORNERS,
+    GRIPPER_AXES,
+    LENS_OFFSET,
+    SIDES,
+    DepthCamera,
+)
 from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.setup import Setup
 
@@ -42,13 +48,21 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     base = simulation.data.body("base")
     rotation = base.xmat.reshape(3, 3)
     boxes, expected = [*checked_graph.grasp_map.boxes, WALL], []
-    for corner, image in zip(CORNERS, camera.rays(), strict=True):
-        lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
-        origin = base.xpos + rotation @ lens
+    views = [
+        (base.xpos + rotation @ (corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)), turned)
+        for corner, turned in zip(CORNERS, camera.rays() @ rotation.T, strict=True)
+    ]
+    for limb in range(robot.limbs):
+        tool = simulation.data.body(f"limb{limb}/wrist_3")
+        turn = tool.xmat.reshape(3, 3)
+        for side, image in zip(SIDES, camera.rays(GRIPPER_AXES), strict=True):
+            # The last link and the gripper of a UR5e lie within 40 mm of the axis of the flange.
+            views.append((tool.xpos + turn @ ((0.04 + LENS_OFFSET) * side), image @ turn.T))
+    for origin, image in views:
         for ray in image:
-            distance = first_hit(origin, rotation @ ray, boxes)
+            distance = first_hit(origin, ray, boxes)
             if distance <= camera.max_range:
-                expected.append(origin + distance * (rotation @ ray))
+                expected.append(origin + distance * ray)
     expected = np.array(expected)
     away = np.linalg.norm(points[:, None] - expected, axis=2)
     assert away.min(axis=1).max() < 1e-9  # each point is a first hit
