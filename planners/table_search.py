@@ -91,7 +91,7 @@ class TableSearch(PathSearch):
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
         stances, branch_sets = table[:, 0], table[:, 1]
-        rows, self._relabellings = self._lazy_table.table.find(stances)
+        rows, self._relabellings = self._lazy_table.table.find(stances, self.graph.robot)
         branch_sets = relabelled(branch_sets, self._relabellings)
         self._origins = NodeOrigins(rows, packed(branch_sets), costs)
 

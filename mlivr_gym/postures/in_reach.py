@@ -5,10 +5,11 @@ of the candidate base poses and for some assignment of the points to the limbs, 
 its point with the threshold of `w_m`. Every node satisfies this whatever its surroundings, so a set
 out of reach contains the points of no node.
 
-The robot looks the same after a cyclic relabelling of its limbs, and after a half turn about its
-roll axis. Orders of the points around the body therefore count once if they differ only in their
-first point or their sense. The roll axis passes through the point closest to the centroid, see
-`solver`; of points at equal distances each is evaluated.
+A robot whose limbs are alike looks the same after a cyclic relabelling of them, and, if their first
+joints turn freely, after a half turn about its roll axis. Orders of the points around its body
+therefore count once if they differ only in their first point or their sense. Its roll axis passes
+through the point closest to the centroid, see `solver`; of points at equal distances each is
+evaluated. That of a robot whose limbs differ passes through the point of limb 0.
 """
 
 from __future__ import annotations
@@ -45,8 +46,8 @@ from mlivr_gym.values import Triple
 SLACK = 1e-6
 """Relative tolerance of `w_m` and of equal directions, since postures use rounded coordinates."""
 
-MOST_FRAMES = 24
-"""Maximum number of body axes of a set: both senses of the orders of five limbs."""
+MOST_FRAMES = 48
+"""Maximum number of body axes of a set: both senses of all cyclic orders of five limbs."""
 
 UNKNOWN = -1
 """Value of `ReachScratch.frame_count` while the body axes are not computed."""
@@ -57,6 +58,10 @@ class ReachQuery(Record):
 
     rule: PostureRule
     """Candidate base poses, and the threshold of `w_m`."""
+    mounts: Annotated[Array, (8, 2)]
+    """Directions of the mounts across the body's z axis."""
+    begins_with_limb_0: bool
+    """Whether the roll axis is that of limb 0, and not of the limb closest to the centroid."""
     farthest: float
     """Upper bound of the distance of a flange from the base origin at that threshold [m]."""
     target: Vector
@@ -78,6 +83,8 @@ class ReachScratch(Record):
     """Number of body axes at roll zero; `UNKNOWN` until they are computed."""
     frames: Annotated[Rows[Pose], (MOST_FRAMES,)]
     """These body axes."""
+    first: int
+    """Point of limb 0 in the orders that count; `UNKNOWN` for any."""
     order: Annotated[IntArray, (MOST_FRAMES,), np.int64]
     """Index of the order of the points for which each was computed."""
     base: Pose
@@ -95,13 +102,17 @@ class _ReachWorld(NamedTuple):
     orders: IntArray
 
 
-def orders_of(limbs: int) -> IntArray:
+def orders_of(robot: RobotSpec) -> IntArray:
     """Return the orders of N points around the body, shape (k, N).
 
-    Orders that differ only in their first point or their sense are listed once.
+    Orders that differ only in their first point are listed once if the limbs are alike, and those
+    that differ only in their sense if no first joint is held, too.
     """
-    rest = [one for one in permutations(range(1, limbs)) if limbs < 3 or one[0] < one[-1]]
-    return np.array([(0, *one) for one in rest], dtype=np.int64)
+    every, limbs = list(permutations(range(robot.limbs))), robot.limbs
+    if robot.is_symmetric:
+        turns = limbs > 2 and robot.limb.base_in_mount is None and robot.mounts is None
+        every = [one for one in every if one[0] == 0 and (not turns or one[1] < one[-1])]
+    return np.array(every, dtype=np.int64)
 
 
 def reach_queries(
@@ -120,10 +131,14 @@ def reach_queries(
     out = ReachQuery.rows(1)
     set_candidates(out["rule"][0], heights_and_rolls)
     out["rule"]["thresholds"]["w_m"] = w_m
-    # The limbs are equal: other robots are not asked, see `PostureSolver.in_reach`.
-    limbs_reach = robot.limb.farthest_flange(robot.characteristic_length, w_m)
-    away = robot.mount_radius if robot.mounts is None else robot.mount_positions[0]
-    out["farthest"] = np.linalg.norm(away) + limbs_reach
+    out["farthest"] = max(
+        float(np.linalg.norm(place)) + limb.farthest_flange(robot.characteristic_length, w_m)
+        for place, limb in zip(robot.mount_positions, robot.every_limb, strict=True)
+    )
+    angles = 2.0 * np.pi * np.arange(robot.limbs) / robot.limbs
+    even = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    out["mounts"][0, : robot.limbs] = even if robot.is_symmetric else robot.mount_directions
+    out["begins_with_limb_0"] = not robot.is_symmetric
     out["target"], out["tolerance"] = 0.0 if target is None else target, tolerance
     return out
 
@@ -167,11 +182,16 @@ def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
     nearest = np.inf
     for k in range(count):
         nearest = min(nearest, _centroid_distance(k, centre, world, scratch))
+    scratch.first = UNKNOWN
+    if query.begins_with_limb_0:
+        nearest = np.inf
     if upright:
         scratch.frame_count, with_zero_roll = UNKNOWN, True
         for k in range(count):
             if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
+            if query.begins_with_limb_0:
+                scratch.frame_count, scratch.first, with_zero_roll = UNKNOWN, k, True
             line = _roll_axis(k, centre, world, scratch)
             if _is_reached_about(line, _normalised(normal), with_zero_roll, False, world, scratch):
                 return True
@@ -181,6 +201,8 @@ def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
             if _centroid_distance(k, centre, world, scratch) > nearest + SLACK:
                 continue
             scratch.frame_count = UNKNOWN
+            if query.begins_with_limb_0:
+                scratch.first = k
             line, rail = (
                 _roll_axis(k, centre, world, scratch),
                 vector(world.grasps[scratch.points[k]].rail),
@@ -249,13 +271,15 @@ def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     e2, count = cross(out, e1), world.orders.shape[1]
     scratch.frame_count = 0
     for order in range(len(world.orders)):
+        if scratch.first != UNKNOWN and world.orders[order, 0] != scratch.first:
+            continue
         # Procrustes fits of the mounts' azimuths to the grasps, for both senses of the body z axis.
         along_x, along_y, over_x, over_y = 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             grasp = world.grasps[scratch.points[world.orders[order, i]]]
             offset = minus(vector(grasp.point), vector(scratch.centre))
             x, y = dot(offset, e1), dot(offset, e2)
-            c, s = np.cos(2.0 * np.pi * i / count), np.sin(2.0 * np.pi * i / count)
+            c, s = world.query.mounts[i, 0], world.query.mounts[i, 1]
             along_x, along_y = along_x + x * c + y * s, along_y + y * c - x * s
             over_x, over_y = over_x + x * c - y * s, over_y + y * c + x * s
         fits = np.hypot(along_x, along_y), np.hypot(over_x, over_y)

@@ -1,6 +1,6 @@
 """Cyclic relabellings of the limbs, which stand for turns of the robot about its own axis.
 
-The limbs are alike and mounted at equal angles, so a stance whose points are exchanged cyclically
+If the limbs are alike and mounted at equal angles, a stance whose points are exchanged cyclically
 among the limbs is the same stance of a robot that has turned. With more than two limbs its posture
 is the same too: the rule of postures starts with a limb that the grasps determine, not with limb 0,
 see `first_limbs`. Upper bounds of its steps are the same if the body, a cube, also looks the same,
@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.kinematics.batches import chain
 from mlivr_gym.postures.geometries import RESOLUTION
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def is_symmetric_after_relabelling(limbs: int) -> bool:
+def is_symmetric_after_relabelling(robot: RobotSpec) -> bool:
     """Return whether the robot, its cubic body included, is unchanged by cyclic relabellings.
 
     With two limbs it is not, since the rule of postures starts with limb 0.
     """
-    return limbs == 4
+    return robot.limbs == 4 and robot.is_symmetric
 
 
 def relabelled(values: NDArray[Any], relabellings: NDArray[Any]) -> NDArray[Any]:

@@ -271,13 +271,11 @@ class PostureSolver:
         `tolerance` away [m].
         """
         robot = self.robot
-        if not robot.is_symmetric:
-            return np.ones(len(sets), dtype=np.bool_)
         candidates = Candidates.of(robot, geometries_in_world(self.grasp_map, sets[:1]))
         w_m = self.settings.thresholds(robot.limbs)[0]
         queries = reach_queries(robot, w_m, candidates[1:], target, tolerance)
         out = np.zeros(len(sets), dtype=np.bool_)
-        world = self.shapes.rows, self.grasps, queries, orders_of(robot.limbs)
+        world = self.shapes.rows, self.grasps, queries, orders_of(robot)
         in_parallel(len(sets), sets_in_reach, sets, world, out, scratch_rows=ReachScratch.rows)
         return out
 

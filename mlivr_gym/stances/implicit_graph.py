@@ -99,7 +99,7 @@ class ImplicitGraph(StanceGraph):
                 np.zeros(len(rows), np.bool_),
             )
         else:
-            known, relabellings = self.table.find(points)
+            known, relabellings = self.table.find(points, self.robot)
             nodes = node_stances(self.grasp_map, self.robot, self.table, known, -relabellings)
             base, branch_sets[rows], given = nodes.base, nodes.branch_sets, known < 0
         given |= (abs(base["position"] - position) > SAME).any(axis=1)
@@ -128,7 +128,9 @@ class ImplicitGraph(StanceGraph):
         is_occupied = not self.occupied.isdisjoint(state.stance)
         if self.table is None or state.pose is not None or self.obstacles or is_occupied:
             return super().successors(state)
-        row, relabelling = (int(one[0]) for one in self.table.find(np.array([state.stance])))
+        (row,), (relabelling,) = (
+            one.tolist() for one in self.table.find(np.array([state.stance]), self.robot)
+        )
         if row < 0:
             return super().successors(state)
         moves = candidate_steps(self.table, row, -relabelling)
@@ -182,7 +184,7 @@ class ImplicitGraph(StanceGraph):
         stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
         stances[np.arange(len(limb_of)), limb_of] = point
         if self.table is not None:
-            kept = self.table.find(stances)[0] >= 0
+            kept = self.table.find(stances, self.robot)[0] >= 0
         else:
             sets = self.sets(build=False)
             kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0

@@ -1,7 +1,7 @@
 """Table of the nodes and edges of a stance graph, as searches read it, for any number of limbs.
 
 `two_limb_nodes` makes that of two limbs, `node_table_build` those of three and four. With four
-limbs a node stands for all cyclic relabellings of the limbs, see `postures.relabelling`:
+limbs that are alike a node stands for all cyclic relabellings of them, see `postures.relabelling`:
 limb 0 holds its lowest point. Each node has what the search needs before it checks an edge: the
 base position, the branches on which limbs may hold and be released, and the edges to other nodes
 with an upper bound of the branches kept along each. So a path is searched without computing
@@ -19,6 +19,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, lowest_first, relabelled
+from mlivr_gym.robot.specification import RobotSpec
 
 RESOLUTION = 1e-12
 """Unit in which files have base positions, from the centroid of the grasps [m]."""
@@ -53,7 +54,7 @@ class NodeTable(NamedTuple):
     """
 
     points: NDArray[np.uint16]
-    """Point index of each limb, with four limbs the lowest first, shape (n, N)."""
+    """Point index of each limb, with four that are alike the lowest first, shape (n, N)."""
     base_position: NDArray[np.float64]
     """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
     branch_sets: NDArray[np.uint64]
@@ -90,13 +91,15 @@ class NodeTable(NamedTuple):
         """Number of limbs."""
         return int(self.points.shape[1])
 
-    def find(self, stances: IntArray) -> tuple[IntArray, IntArray]:
+    def find(self, stances: IntArray, robot: RobotSpec) -> tuple[IntArray, IntArray]:
         """Find the rows of stances, and the relabellings that lead to the nodes of the table.
 
         Parameters
         ----------
         stances
             Point indices, shape (k, N).
+        robot
+            The robot of the graph.
 
         Returns
         -------
@@ -104,7 +107,7 @@ class NodeTable(NamedTuple):
             Rows, -1 for a stance that is no node, and cyclic relabellings, each of shape (k,).
         """
         relabellings = np.zeros(len(stances), dtype=np.int64)
-        if is_symmetric_after_relabelling(self.limbs):
+        if is_symmetric_after_relabelling(robot):
             relabellings = lowest_first(stances)
         rows = np.empty(len(stances), dtype=np.int64)
         find_rows(self.points, relabelled(stances, relabellings), rows)
@@ -144,14 +147,17 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
     return code
 
 
-def table_of(nodes: Nodes) -> NodeTable:
-    """Return the table of some nodes without edges, which `node_edges.with_edges` adds."""
+def table_of(nodes: Nodes, is_symmetric: bool) -> NodeTable:
+    """Return the table of some nodes without edges, which `node_edges.with_edges` adds.
+
+    Whether nodes stand for all cyclic relabellings is `is_symmetric_after_relabelling`.
+    """
     points, releasable = nodes.points, nodes.releasable
     limbs = points.shape[1]
     after_move: Any = np.stack(
         [codes(np.roll(points, -k, axis=1)[:, 1:]) for k in range(limbs)], axis=1
     )
-    if not is_symmetric_after_relabelling(limbs):
+    if not is_symmetric:
         after_move = after_move * np.uint64(limbs) + np.arange(limbs, dtype=np.uint64)
     known, support_sets = np.unique(after_move, return_inverse=True)
     numbers = support_sets.reshape(-1).astype(np.int32)

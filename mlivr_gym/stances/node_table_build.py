@@ -58,18 +58,12 @@ def build(
 ) -> NodeTable:
     """Compute all nodes that hold one of the sets of points, and the steps between them.
 
-    Raises a `TableError` if limbs differ or are not mounted evenly; if the robot has not three or
-    four limbs, or the map too many points; if steps are not checked, or there are obstacles or
-    occupied points.
+    Raises a `TableError` if the robot has not three or four limbs, or the map too many points; if
+    steps are not checked, or there are obstacles or occupied points.
     """
-    if not graph.robot.is_symmetric:
-        raise TableError(
-            "tables of nodes are built for robots whose limbs are equal and mounted evenly round a "
-            f"cube; robot {graph.robot.name!r} plans without one"
-        )
     sets = sets_of(graph)
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
-    each, parts = STANCES_AT_ONCE // len(_orders(limbs)), parts or Parts(None)
+    each, parts = STANCES_AT_ONCE // len(_orders(graph.robot)), parts or Parts(None)
     sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
     with Workers(workers(len(sets), FEW_SETS), STAGES, progress) as processes:
         found = _in_blocks(processes, nodes_of_sets, sets_of_blocks, parts, (world,))
@@ -77,7 +71,7 @@ def build(
         *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
         order = np.argsort(codes(columns[0]))
         nodes = Nodes(*(one[order] for one in columns))
-        table = table_of(nodes)
+        table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
         shared = world, nodes, rotation[order], table
         steps = _in_blocks(processes, _joined, _support_set_blocks(table), parts, shared)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
@@ -141,11 +135,11 @@ def _each(
     return found
 
 
-def _orders(limbs: int) -> IntArray:
+def _orders(robot: RobotSpec) -> IntArray:
     """Return the orders in which limbs may hold ascending points, shape (k, N)."""
     # Of cyclic relabellings the one with the lowest point first stands for all.
-    alike = is_symmetric_after_relabelling(limbs)
-    return np.array([one for one in permutations(range(limbs)) if not (alike and one[0])])
+    alike, every = is_symmetric_after_relabelling(robot), permutations(range(robot.limbs))
+    return np.array([one for one in every if not (alike and one[0])])
 
 
 def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
@@ -156,7 +150,7 @@ def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
 def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
     limbs = sets.shape[1]
-    stances = sets.astype(np.int64)[:, _orders(limbs)].reshape(-1, limbs)
+    stances = sets.astype(np.int64)[:, _orders(world[1])].reshape(-1, limbs)
     graph = _graph(world)
     postures = graph.nodes(stances)
     nodes = np.flatnonzero(graph.is_node(postures))
@@ -202,7 +196,7 @@ def kept_at_most(
     """
     limbs = graph.limbs
     rows, moved = np.divmod(members, limbs)
-    relabellings = moved if is_symmetric_after_relabelling(limbs) else np.zeros_like(moved)
+    relabellings = moved if is_symmetric_after_relabelling(graph.robot) else np.zeros_like(moved)
     points, branch_sets = (
         relabelled(nodes.points[rows], relabellings),
         relabelled(nodes.branch_sets[rows], relabellings),

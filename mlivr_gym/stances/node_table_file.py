@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
+from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import EdgeSet, edges_of, with_edges
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
@@ -99,7 +100,10 @@ def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
     branch_sets, releasable, folds = (
         arrays["mask"][arrays["mask_index"]].reshape(*points.shape, 3).transpose(2, 0, 1)
     )
-    table = table_of(Nodes(points, base, branch_sets, releasable, folds, pose_number))
+    table = table_of(
+        Nodes(points, base, branch_sets, releasable, folds, pose_number),
+        is_symmetric_after_relabelling(graph.robot),
+    )
     joined, loses_branches = (
         np.unpackbits(arrays[name], count=count).view(np.bool_)
         for name, count in zip(

@@ -23,7 +23,8 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
         releasable = np.where(known, pairs.releases["branches"], pairs.branch_sets).astype(np.int64)
         folds = pairs.releases["folds"].astype(np.int64)
     table = table_of(
-        Nodes(pairs.points, pairs.base, pairs.branch_sets, releasable, folds, pose_number)
+        Nodes(pairs.points, pairs.base, pairs.branch_sets, releasable, folds, pose_number),
+        is_symmetric=False,
     )
     joined, loses_branches = (np.zeros_like(table.joined) for _ in range(2))
     table = table._replace(joined=joined, loses_branches=loses_branches)

@@ -88,6 +88,30 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
     assert proved >= 9
 
 
+@pytest.mark.parametrize("limbs", [3, 4])
+@pytest.mark.parametrize("cost", COSTS)
+def test_the_last_walk_of_limbs_that_differ_is_the_cheapest_of_all(limbs, cost):
+    """To where random steps lead, since a node does not stand for its relabellings."""
+    first, table = small_table(limbs, is_unequal=True)
+    graph, rng = again(first, table), np.random.default_rng(2)
+    compared = proved = longest = 0
+    for _ in range(30):
+        start = state = random_state(graph, rng)
+        for _ in range(4):
+            steps = graph.successors(state)
+            if len(steps.limb):
+                state = steps.after(state, int(rng.integers(len(steps.limb))))
+        row = int(table.find(np.array([state.stance]), graph.robot)[0][0])
+        goal = goal_at(graph, table, row, cost)
+        if not goal.reached(graph.posture_of(start).base_position[0], start.stance):
+            path, sure = compare(graph, goal, start, searching(LowerBounds(graph), goal, start))
+            compared, proved = compared + 1, proved + sure
+            longest = max(longest, len(path.states) - 1)
+    assert compared > 5
+    assert proved > 0.8 * compared
+    assert longest > 1
+
+
 @pytest.mark.parametrize("cost", COSTS)
 def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known, cost):
     """With obstacles that come after the first search, and go again."""

@@ -1,13 +1,15 @@
 """Sets of points in reach, compared with every order of the limbs and every candidate base pose."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 from random_steps import neighbouring_points
+from unequal_robots import unequal
 
-from mlivr_gym import Settings, stance_graph
+from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
@@ -15,18 +17,19 @@ from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.robot.limb import Limb
 
 
-@pytest.fixture(scope="module", params=[3, 4])
+@pytest.fixture(scope="module", params=["mlivr3", "mlivr4", 3, 4])
 def graph(request):
-    return stance_graph(robot=f"mlivr{request.param}", settings=NO_COLLISIONS)
+    """Of limbs that are alike, and, by their number, of limbs that differ."""
+    robot = request.param if isinstance(request.param, str) else unequal(request.param)
+    return stance_graph(robot=robot, settings=NO_COLLISIONS)
 
 
-def closed_w_m(q, robot):
+def closed_w_m(q, limb, scale):
     """Return `w_m` by the closed form, for joint angles of shape (..., 6)."""
-    limb = robot.limb
     u = limb.a2 * np.cos(q[..., 1]) + limb.a3 * np.cos(q[..., 1] + q[..., 2])
     u = u + limb.d5 * np.sin(q[..., 1:4].sum(axis=-1))
     det = limb.a2 * limb.a3 * np.sin(q[..., 2]) * np.sin(q[..., 4]) * u
-    return np.abs(det) / robot.characteristic_length**3
+    return np.abs(det) / scale**3
 
 
 def least_w_m(graph, stance):
@@ -38,7 +41,9 @@ def least_w_m(graph, stance):
     best, out = np.zeros(geometry.shape), Angles.rows(*geometry.shape)
     for branch in range(8):
         held_angles(graph.solver.shapes.rows, bases, geometry, np.full(geometry.shape, branch), out)
-        best = np.fmax(best, closed_w_m(out["q"], graph.robot))
+        for i, limb in enumerate(graph.robot.every_limb):
+            w_m = closed_w_m(out["q"][:, i], limb, graph.robot.characteristic_length)
+            best[:, i] = np.fmax(best[:, i], w_m)
     return best.min(axis=1), positions
 
 
@@ -89,11 +94,24 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
     assert inside > 3
 
 
+def first_joint_held(limbs, settings):
+    """A robot of iiwas with an offset along axis 2 whose first joint is held."""
+    robot = robot_spec("mlivr2-iiwa")
+    limb = replace(robot.limb, held_joint=1, held_angle=0.4, d2=0.15)
+    robot = replace(
+        robot, limbs=limbs, limb=limb, folds=limb.default_folds, capsules=None, apart=()
+    )
+    return robot, replace(settings, limb_threshold=0.03, base_threshold=1e-5)
+
+
 @pytest.mark.parametrize("collisions", [True, False])
 def test_every_node_is_in_reach(collisions):
     """Every node is in reach at its own base, also where its first posture touches something."""
-    for limbs in (3, 4):
-        graph = stance_graph(robot=f"mlivr{limbs}", settings=Settings(collisions=collisions))
+    settings = Settings(collisions=collisions)
+    robots = [(f"mlivr{limbs}", settings) for limbs in (3, 4)]
+    robots += [(unequal(limbs), settings) for limbs in (3, 4)] + [first_joint_held(3, settings)]
+    for robot in robots:
+        graph = stance_graph(None, *robot)
         stances = neighbouring_points(graph, 4000, 1)
         postures = graph.nodes(stances)
         nodes = np.flatnonzero(graph.is_node(postures))
@@ -115,10 +133,9 @@ def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
         q = rng.uniform(-np.pi, np.pi, (40_000, 6))
         lengths, scale = limb.lengths, robot.characteristic_length
         for angles in q[:20]:
-            one = robot.__class__(name="one", limbs=3, limb=limb)
             definition = limb_manipulability(jacobian(angles, lengths), scale)
-            assert closed_w_m(angles, one) == pytest.approx(definition, abs=1e-9)
-        w_m = closed_w_m(q, robot.__class__(name="one", limbs=3, limb=limb))
+            assert closed_w_m(angles, limb, scale) == pytest.approx(definition, abs=1e-9)
+        w_m = closed_w_m(q, limb, scale)
         for least in (0.0, 0.05, 0.1):
             bound, some = limb.farthest_flange(scale, least), q[w_m >= least]
             some = some[rng.choice(len(some), min(len(some), 3000), replace=False)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from map_data import few_of_a_wall
 from robot_texts import FRANKA, GEN3, one_arm, written
-from scipy.spatial.transform import Rotation
+from unequal_robots import unequal
 
 from mlivr_gym import RobotSpec, Settings, robot_spec
 from mlivr_gym.errors import RobotError
@@ -23,17 +23,6 @@ FIGURES = ("joint_limits", "torque_limits", "speed_limits", "body_edges", "heigh
            "mount_rotations", "body_mass", "lift")  # fmt: skip
 ANGLES = {1: 0.4, 2: -1.1, 3: 0.8, 5: 0.4, 6: -1.1}
 """Angles at which joints can be held so that two and three limbs have stances."""
-
-
-def unequal():
-    """Two limbs of unequal arms on tilted mounts."""
-    robot, tilt = robot_spec("mlivr2"), Rotation.from_euler("y", 20, degrees=True).as_matrix()
-    mounts = [
-        {"position": p.tolist(), "rotation": (r @ tilt).tolist()}
-        for p, r in zip(robot.mount_positions, robot.mount_rotations, strict=True)
-    ]
-    mounts[1]["limb"] = "ur10e"
-    return robot_spec({"name": "unequal", "mounts": mounts})
 
 
 def held(joint, angle, limbs):
@@ -100,9 +89,10 @@ def assert_written_and_read(robot, tmp_path, grasp_map):
         close(found.base_rotation, truth.base_rotation)
 
 
-@pytest.mark.parametrize("name", ["unequal", *ROBOTS])
+@pytest.mark.parametrize("name", [2, 3, 4, *ROBOTS])
 def test_robots_that_ship_are_the_same(tmp_path, name):
-    robot = unequal() if name == "unequal" else robot_spec(name)
+    """And robots of unequal limbs, by their number."""
+    robot = unequal(name) if isinstance(name, int) else robot_spec(name)
     world = as_map("truss") if name == "ssrms2" else few_of_a_wall(20)
     assert_written_and_read(robot, tmp_path, world)
     assert robot_spec(str(tmp_path / "again.json")) == robot

@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+from unequal_robots import unequal
 
 from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.planners.query import Goal, SearchQuery
@@ -23,9 +24,9 @@ def small_map():
 
 
 @cache
-def small_table(limbs):
-    """A graph on these points, and the table of its nodes."""
-    graph = stance_graph(small_map(), f"mlivr{limbs}")
+def small_table(limbs, is_unequal=False):
+    """A graph on these points of limbs that are alike or not, and the table of its nodes."""
+    graph = stance_graph(small_map(), unequal(limbs) if is_unequal else f"mlivr{limbs}")
     if limbs == 2:
         fill_rows(graph)
     else:
