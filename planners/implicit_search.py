@@ -69,7 +69,8 @@ class ImplicitSearch(PathSearch):
     @cached_property
     def moves(self) -> MoveBounds | SetBounds:
         """Lower bounds of the steps to the goal."""
-        graph, goal, sets = self.graph, self.goal, self.graph.sets(build=False)
+        graph, goal = self.graph, self.goal
+        sets = graph.sets(build=False) if graph.searches_sets else None
         return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
 
     def paths(self) -> Iterator[StatePath]:

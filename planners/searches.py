@@ -72,12 +72,10 @@ class GraphSearcher:
             ("nodes", key), lambda: node_table(graph), search.deadline
         ):
             return False
-        if graph.table is not None or node_table(graph) is not None:
+        is_needless = not (self.build_sets and graph.searches_sets)
+        if is_needless or graph.table is not None or node_table(graph) is not None:
             return True
-        build_sets = self.build_sets
-        return complete_by_deadline(
-            ("sets", key), lambda: graph.sets(build=build_sets), search.deadline
-        )
+        return complete_by_deadline(("sets", key), graph.sets, search.deadline)
 
 
 def run_search(path_search: PathSearch) -> SearchResult | None:

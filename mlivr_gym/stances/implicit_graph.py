@@ -41,6 +41,14 @@ class ImplicitGraph(StanceGraph):
             self._sets = StanceSets.of(self, progress, build=build)
         return self._sets
 
+    @property
+    def searches_sets(self) -> bool:
+        """Whether searches without a node table use stance sets.
+
+        With four limbs these take longer to compute than a search gains by them.
+        """
+        return self.limbs == 3
+
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, shape (k, N), feasible or not.
 
@@ -186,7 +194,7 @@ class ImplicitGraph(StanceGraph):
         if self.table is not None:
             kept = self.table.find(stances, self.robot)[0] >= 0
         else:
-            sets = self.sets(build=False)
+            sets = self.sets(build=False) if self.searches_sets else None
             kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0
         return limb_of[kept], point[kept], stances[kept]
 

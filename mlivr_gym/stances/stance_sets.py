@@ -2,8 +2,8 @@
 
 Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
 smallest number of changes between two sets is a lower bound of the steps of a path, and a stance
-that holds no such set is no node: searches of three and four limbs without a node table use both,
-and node tables are built from them. The sets of a map and robot are computed once and stored.
+that holds no such set is no node: searches of three limbs without a node table use both, and node
+tables are built from them. The sets of a map and robot are computed once and stored.
 """
 
 from __future__ import annotations
