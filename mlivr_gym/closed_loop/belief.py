@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.closed_loop.known_boxes import KnownBoxes
@@ -33,7 +34,7 @@ MARGIN = 0.01
 """Distance by which a sensed box extends beyond the hits in its cubes [m]."""
 
 TIGHT_MARGIN = 0.001
-"""The same if no plan exists otherwise [m]."""
+"""The same if no plan exists otherwise [m]; see also `Belief.tighten`."""
 
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
@@ -99,7 +100,8 @@ class Belief:
         self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
         self._cubes = np.zeros(0, dtype=_CUBES)
         self._is_there = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle at present
-        self._box_count, self._margin = 0, MARGIN
+        self._box_count, self._margin, self._noise = 0, MARGIN, noise
+        self._is_denoised = False  # whether boxes end where surfaces are likely to be
         self._is_outdated = False  # whether all boxes of the graph must be replaced
         self._path: PathCheck | None = None
 
@@ -181,9 +183,14 @@ class Belief:
         self._mark_known(there)
 
     def tighten(self) -> bool:
-        """Let boxes extend by `TIGHT_MARGIN` from now on; return whether they did not before."""
-        if self._margin == TIGHT_MARGIN:
+        """Let sensed boxes be smaller from now on; return whether they can.
+
+        First they extend by `TIGHT_MARGIN`. Then what the noise adds to the extent of their hits is
+        also taken away, see `_outermost`.
+        """
+        if self._is_denoised or (self._margin == TIGHT_MARGIN and not self._noise):
             return False
+        self._is_denoised = self._margin == TIGHT_MARGIN
         self._margin, self._is_outdated = TIGHT_MARGIN, True
         self.update_graph()
         return True
@@ -234,10 +241,20 @@ class Belief:
         for first, last in merged_cells(is_chosen, row >= 0):
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
             cubes = self._cubes[row[where].ravel()]
-            corners.append((cubes["low"].min(axis=0), cubes["high"].max(axis=0)))
+            low, high = cubes["low"].min(axis=0), cubes["high"].max(axis=0)
+            if self._is_denoised:
+                excess = self._noise * _outermost(int(cubes["count"].sum()))
+                inwards = np.minimum(excess, 0.5 * (high - low))
+                low, high = low + inwards, high - inwards
+            corners.append((low, high))
         low, high = np.array(corners).swapaxes(0, 1)
         low, high = low - self._margin, high + self._margin
         return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)
+
+
+def _outermost(count: int) -> float:
+    """Return the mean of the largest of some standard normal numbers (Blom 1958)."""
+    return float(ndtri((count - 0.375) / (count + 0.25)))
 
 
 def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:

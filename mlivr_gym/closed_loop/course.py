@@ -14,6 +14,9 @@ from mlivr_gym.planners import Plan, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.transitions.state import State
 
+PATIENCE = 4.0
+"""Time for which any plan is searched for if there is none at the limit, relative to the limit."""
+
 ROUNDING = 1e-9
 """Difference of two costs that is due to rounding."""
 
@@ -24,13 +27,13 @@ class Course:
     Attributes
     ----------
     plan
-        The plan; None before the first one.
+        The plan; None if there is none.
     taken
         Number of its steps that were taken.
     """
 
-    def __init__(self, belief: Belief, plan_from: Callable[[State], PlanningResult]) -> None:
-        """Plan in what is believed, by a function."""
+    def __init__(self, belief: Belief, plan_from: Callable[[State, float], PlanningResult]) -> None:
+        """Plan in what is believed, by a function of the state and a factor of the time."""
         self._belief, self._graph, self._plan_from = belief, belief.graph, plan_from
         self.plan: Plan | None = None
         self.taken = 0
@@ -38,23 +41,34 @@ class Course:
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
-        If no plan exists, it is sought once more among smaller boxes, see `Belief.tighten`.
+        If neither exists, a plan is sought among smaller boxes, see `Belief.tighten`, and then,
+        unless it is proved that there is none, for `PATIENCE` times as long.
         """
         self._belief.update_graph()
-        result = self._plan_from(state)
-        if result.reason in PROVED_IMPOSSIBLE and self._belief.tighten():
-            result = self._plan_from(state)
-        if result.plan is not None and not self._keeps(result.plan, state):
-            self.plan, self.taken = result.plan, 0
+        result = self._plan_from(state, 1.0)
+        while result.plan is None and not self._remains(state) and self._belief.tighten():
+            result = self._plan_from(state, 1.0)
+        is_proved = result.reason in PROVED_IMPOSSIBLE
+        if result.plan is None and not is_proved and not self._remains(state):
+            result = self._plan_from(state, PATIENCE)
+        new = result.plan
+        if new is not None and (self._is_cheaper(new) or not self._remains(state)):
+            self.plan, self.taken = new, 0
+        elif new is None and not self._remains(state):
+            self.plan = None
         return result
 
-    def _keeps(self, new: Plan, state: State) -> bool:
-        """Return whether the remainder of the plan is cheaper than a new one, and possible."""
+    def _is_cheaper(self, new: Plan) -> bool:
+        """Return whether a plan costs no more than what remains of the one that is followed."""
+        if self.plan is None:
+            return True
+        rest = self.plan.query.cost_of(self.plan.motion.base_positions[self.taken :])
+        return new.cost < rest + ROUNDING
+
+    def _remains(self, state: State) -> bool:
+        """Return whether the remainder of the plan leads on from a state in what is believed."""
         plan, taken, graph = self.plan, self.taken, self._graph
         if plan is None or plan.stances[taken] != graph.ids(state.stance):
-            return False
-        rest = plan.query.cost_of(plan.motion.base_positions[taken:])
-        if rest > new.cost - ROUNDING:
             return False
         for limb, point in plan.actions[taken:]:
             successors = graph.successors(state)

@@ -62,9 +62,6 @@ NOT_BEGUN = "no clear time", "no swing"
 INFLATION = 2.0
 """Suboptimality bound of the plans of more than two limbs, with a time limit."""
 
-PATIENCE = 4.0
-"""Time for which any plan is searched for if there is none at the limit, relative to the limit."""
-
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
 
@@ -168,11 +165,9 @@ def run_closed_loop(
     inflation = INFLATION if graph.limbs > 2 and time_limit is not None else None
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
 
-    def plan_from(state: State) -> PlanningResult:
-        result = plan(state, inflation=inflation, time_limit=time_limit)
-        if time_limit is None or result.plan is not None or result.reason in PROVED_IMPOSSIBLE:
-            return result
-        return plan(state, time_limit=PATIENCE * time_limit)
+    def plan_from(state: State, patience: float) -> PlanningResult:
+        limit = None if time_limit is None else patience * time_limit
+        return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
 
     loop = _Loop(executor, plan_from, (camera, tuple(crew)), seed, show)
     try:
@@ -268,12 +263,14 @@ class _Loop:
         began = time.perf_counter()
         result = self._course.replan(state)
         computing_time = time.perf_counter() - began
-        if result.plan is None:
+        plan = self._course.plan
+        if plan is None:
             self.record.proved = result.reason in PROVED_IMPOSSIBLE
             self._end(STOPPED, result.message)
             return None
-        self._note("planned", steps=len(result.plan.steps), computing_time=computing_time)
-        return self._course.plan
+        remaining = len(plan.steps) - self._course.taken
+        self._note("planned", steps=remaining, computing_time=computing_time)
+        return plan
 
     def _wait(
         self,

@@ -124,4 +124,5 @@ def compatible_motions(robot: RobotSpec, holding: Sequence[int], joints: Array) 
         by_base[of_limb] = -np.linalg.solve(jacobian[:, 6:][:, of_limb], jacobian[:, :6])
         free[of_limb] = 0.0
     basis, _ = np.linalg.qr(by_base)
-    return np.diag(free) + basis @ basis.T
+    projector: Array = np.diag(free) + basis @ basis.T
+    return projector

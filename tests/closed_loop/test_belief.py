@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE, MARGIN, TIGHT_MARGIN, Belief
+from mlivr_gym.closed_loop.belief import CUBE, MARGIN, TIGHT_MARGIN, Belief, _outermost
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.simulation.setup import Setup
@@ -60,17 +60,24 @@ def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, pl
     assert boxes == belief.graph.obstacles
     # The extent of hits, which are noise away from the box at most, and the margin.
     assert MARGIN < farthest(boxes) <= np.sqrt(3.0) * MARGIN + 5.0 * CAMERA.noise
-    assert belief.tighten()
+    for deviations in (5.0, 1.5):  # of the outermost hits, with and without their mean
+        assert belief.tighten()
+        tight = belief.graph.obstacles
+        assert len(tight) == len(boxes)
+        assert farthest(tight) <= np.sqrt(3.0) * TIGHT_MARGIN + deviations * CAMERA.noise
     assert not belief.tighten()
-    tight = belief.graph.obstacles
-    assert len(tight) == len(boxes)
-    assert farthest(tight) <= np.sqrt(3.0) * TIGHT_MARGIN + 5.0 * CAMERA.noise
     here = plan.motion.base_positions[0]
     face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
     covered = np.min([gaps(face, box) for box in boxes], axis=0)
     assert here[0] < 3.2
     assert np.median(covered) < CUBE
     assert covered.max() < 3.0 * CUBE
+
+
+@pytest.mark.parametrize("count", [1, 10, 300, 5000])
+def test_the_outermost_of_many_hits_lies_outside_by_this_much_in_the_mean(count):
+    drawn = np.random.default_rng(count).standard_normal((2000, count)).max(axis=1)
+    assert _outermost(count) == pytest.approx(drawn.mean(), abs=4.0 * drawn.std() / np.sqrt(2000))
 
 
 def test_where_the_robot_is_there_is_nothing_else(seen, plan, jem, checked_graph):

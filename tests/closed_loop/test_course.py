@@ -4,7 +4,7 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.course import Course
+from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
@@ -28,7 +28,7 @@ def test_a_longer_plan_replaces_what_remains_only_if_that_is_blocked(graph, cost
     worse = planner.plan(state, GOAL, cost, method="greedy")
     assert worse.unwrap().cost > rest.cost + 0.01
     answers = iter([best, worse, worse])
-    course = Course(Belief(graph, 0.003), lambda _: next(answers))
+    course = Course(Belief(graph, 0.003), lambda *_: next(answers))
     course.replan(start)
     assert (course.plan, course.taken) == (best.plan, 0)
     course.taken += 1
@@ -45,7 +45,33 @@ def test_a_cheaper_plan_replaces_what_remains(graph):
     best, worse = planner.plan(START, GOAL), planner.plan(START, GOAL, method="greedy")
     assert best.unwrap().cost < worse.unwrap().cost
     answers = iter([worse, best])
-    course = Course(Belief(graph, 0.003), lambda _: next(answers))
+    course = Course(Belief(graph, 0.003), lambda *_: next(answers))
     for found in (worse, best):
         course.replan(graph.state(START))
         assert course.plan is found.plan
+
+
+def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
+    planner = Planner(graph)
+    best = planner.plan(START, GOAL)
+    limb, point = best.unwrap().actions[0]
+    start = graph.state(best.unwrap().stances[0])
+    moves = graph.successors(start)
+    state = moves.after(start, moves.find(limb, graph.grasp_map.index(point)))
+    late = planner.plan(start, GOAL, limit=1)
+    assert late.plan is None
+    answers, asked = iter([best, *[late] * 5]), []
+
+    def plan_from(_, patience):
+        asked.append(patience)
+        return next(answers)
+
+    course = Course(Belief(graph, 0.003), plan_from)
+    course.replan(start)
+    course.taken += 1
+    course.replan(state)
+    assert (course.plan, course.taken, asked) == (best.plan, 1, [1.0, 1.0])
+    graph.occupy([best.unwrap().actions[1][1]])
+    course.replan(state)  # twice among smaller boxes, and then for longer
+    graph.vacate()
+    assert (course.plan, asked[2:]) == (None, [1.0, 1.0, 1.0, PATIENCE])
