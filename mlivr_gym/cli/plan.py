@@ -182,7 +182,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         with Progress("loading the node table", quiet=args.quiet):
             table = node_table(graph)
         if table is None and graph.searches_sets:
-            name = "computing the stance sets [%]"
+            name = "no node table, see build: computing the stance sets [%]"
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price

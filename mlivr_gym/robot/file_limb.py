@@ -12,10 +12,11 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import FileArm, body_frame, chain_of, tool_frame_of
+from mlivr_gym.robot.file_arms import FileArm, chain_of, tool_frame_of
+from mlivr_gym.robot.file_chain import FileChain
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
+from mlivr_gym.robot.joint_chain import DECIMALS, JointChain, RecognisedArm
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
@@ -78,6 +79,8 @@ class FileLimb:
     """Bodies that its joints move."""
     position_error: float
     """Largest distance of the flange from that of the file [m]."""
+    chain: FileChain
+    """Its joints that move as the file has them."""
     apart: tuple[tuple[str, str], ...]
     """Links whose shapes never meet, see `RobotSpec.apart`."""
     visuals: tuple[Visual, ...]
@@ -114,11 +117,14 @@ class FileLimb:
                 replace(visual, position=(x, y, z - shift)) if visual.link in LINKS[6:] else visual
             )
 
+        along = np.eye(4)
+        along[2, 3] = shift
         x, y, z = self.dynamics.centres[5]
         centres = (*self.dynamics.centres[:5], (x, y, z - shift))
         return replace(
             self,
             limb=replace(self.limb, d6=self.limb.d6 + shift),
+            chain=self.chain._replace(flange=self.chain.flange @ along),
             capsules=tuple(map(moved, self.capsules)),
             dynamics=replace(self.dynamics, centres=centres),
             tool_length=length,
@@ -150,7 +156,7 @@ class FileLimb:
             dynamics = replace(dynamics, base_centre=base.centre, base_inertia=base.inertia)
         return replace(
             self,
-            limb=replace(self.limb, **fields),
+            limb=replace(self.limb, **fields), chain=self.chain.seen_from(turn),
             offsets=offsets, mount=self.mount @ turn, capsules=capsules, dynamics=dynamics,
             visuals=tuple(v.turned(turn[:3, :3]) if v.link == "base" else v for v in self.visuals),
         )  # fmt: skip
@@ -167,7 +173,8 @@ def limb_of(
     tool = tool_frame_of(file.data, arm)
     _check_size(file, arm, tool)
     members = limb_parts(file, arms, number, options.tool_length is None)
-    found = recognised(chain_of(file, arm, members.flange))
+    joints = chain_of(file, arm, members.flange)
+    found = recognised(joints)
     limb = found.limb(_limits(file, arm, found))
     if file.is_exported:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
@@ -208,13 +215,14 @@ def limb_of(
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
-    error = _position_error(file, arm, limb, found, members.flange)
+    chain = _chain_in_base(joints, limb, found)
+    error = _position_error(chain, limb, found, file.joints[arm.joints[-1]].name)
     if error > 1e-4:
         notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
         found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
-        error, apart, limb_visuals(file, members, frames), tuple(notes),
+        error, chain, apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
 
 
@@ -321,31 +329,26 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
     return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
 
 
-def _position_error(
-    file: Description, arm: FileArm, limb: AnyLimb, found: RecognisedArm, flange: Array
-) -> float:
-    """Return the largest distance of the flange from that of the file over random angles [m]."""
-    import mujoco
+def _chain_in_base(chain: JointChain, limb: AnyLimb, found: RecognisedArm) -> FileChain:
+    """Return the joints of a file that move, in the base frame of the limb."""
+    base, moving = _base_of(limb, found), chain.moving
+    tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ chain.flange
+    flange = chain.flange @ inverse(_only_turned(tool))
+    return FileChain(moving.axes, moving.anchors, flange).seen_from(base)
 
-    data, rng = mujoco.MjData(file.model), np.random.default_rng(0)
-    data.qpos[:] = file.data.qpos
-    local = inverse(body_frame(file.data, arm.links[5])) @ flange
+
+def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last: str) -> float:
+    """Return the largest distance of the flange from that of the file over random angles [m]."""
+    rng, worst = np.random.default_rng(0), 0.0
     probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    base = _base_of(limb, found)
-    tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ flange
-    addresses = file.model.jnt_qposadr[list(arm.joints)]
-    worst = 0.0
     for _ in range(SAMPLES):
-        angles = rng.uniform(-np.pi, np.pi, len(addresses))
-        data.qpos[addresses] = angles
-        mujoco.mj_kinematics(file.model, data)
-        theirs = body_frame(data, arm.links[5]) @ local @ probes
-        ours = base @ link_frames(limb, found.signs * angles + found.offsets)[6]
-        ours = ours @ _only_turned(tool) @ probes
-        worst = max(worst, float(np.linalg.norm((theirs - ours)[:3], axis=0).max()))
+        angles = rng.uniform(-np.pi, np.pi, len(chain.axes))
+        ours = link_frames(limb, found.signs * angles + found.offsets)[6]
+        apart = (chain.flange_at(angles) - ours) @ probes
+        worst = max(worst, float(np.linalg.norm(apart[:3], axis=0).max()))
     if worst > LARGEST_ERROR:
         raise RobotError(
-            f"the flange of joint {file.joints[arm.joints[-1]].name!r} lies up to {worst:.3g} m "
+            f"the flange of joint {last!r} lies up to {worst:.3g} m "
             f"from where exact axes would bring it; it must be at most {LARGEST_ERROR:g} m"
         )
     return worst

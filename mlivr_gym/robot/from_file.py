@@ -23,6 +23,7 @@ from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_descr
 from mlivr_gym.robot.file_arms import arms_of, with_held_joints
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.values import Triple
@@ -53,6 +54,8 @@ class RobotFile:
     """How far the capsules of each link reach beyond its shapes at most [m], by limb and link."""
     body_excess: float
     """How far the box of the body reaches beyond its shapes [m]."""
+    file_limbs: tuple[FileLimb, ...]
+    """Each limb as the file has it, N of them; equal limbs of one arm share it."""
     position_error: float
     """Largest distance of a flange from that of the file over random joint angles [m]. It is above
     0 because axes that are nearly parallel or perpendicular in the file are exactly so in the
@@ -65,6 +68,35 @@ class RobotFile:
     def to_file_angles(self, angles: Array) -> Array:
         """Return joint angles of the file from those of the robot [rad], shape (..., N, 6)."""
         return (np.asarray(angles) - self.offsets) * self.signs
+
+    def exact_file_angles(self, angles: Array) -> Array:
+        """Return the angles of the file at which its flanges are where the robot has them [rad].
+
+        They differ from those of `to_file_angles` where axes that are parallel or perpendicular in
+        the family are nearly so in the file, as those of a calibrated arm.
+
+        Parameters
+        ----------
+        angles
+            Joint angles of the robot [rad], shape (..., N, 6).
+
+        Returns
+        -------
+        Array
+            Joint angles of the file [rad], shape (..., N, 6); flanges are exact to 1e-11 m and rad.
+
+        Raises
+        ------
+        RobotError
+            If a limb has no such angles within 0.1 rad, too close to a singular posture.
+        """
+        given = np.asarray(angles, dtype=np.float64)
+        out = self.to_file_angles(given)
+        for place in np.ndindex(out.shape[:-1]):
+            limb = self.file_limbs[place[-1]]
+            target = link_frames(limb.limb, given[place])[6]
+            out[place] = limb.chain.solved(target, out[place], limb.joint_names)
+        return out
 
 
 def robot_of_file(
@@ -214,6 +246,7 @@ def _of_one_arm(
         np.tile(limb.offsets, (count, 1)),
         (limb.excess,) * count,
         0.0,
+        (limb,) * count,
         limb.position_error,
     )
 
@@ -252,6 +285,7 @@ def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -
         np.array([limb.offsets for limb in limbs]),
         tuple(limb.excess for limb in limbs),
         body.excess,
+        limbs,
         max(limb.position_error for limb in limbs),
     )
 

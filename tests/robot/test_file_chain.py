@@ -1,0 +1,146 @@
+"""Arms whose axes are nearly those of their family, as calibrated ones are, against Pinocchio."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from branches import arm_of, solutions
+from robot_texts import IIWA14, KR16, UR10E, frames_of, one_arm, whole_robot, written
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.link_frames import link_frames
+
+ARMS = {"ur10e": (frames_of(UR10E), {}), "kr16": (KR16, {}),
+        "iiwa": (IIWA14, {"held_joint": "joint3", "held_angle": 0.8})}  # fmt: skip
+DEVIATION = 2e-4
+"""Largest shift of an axis along each direction [m], and turn about it [rad]."""
+
+
+def deviating(frames, seed):
+    """Frames of joints whose axes are a little beside and askew of those of given frames."""
+    rng, out = np.random.default_rng(seed), [frame.copy() for frame in frames]
+    for frame in out[:-1]:
+        shift, turn = rng.uniform(-DEVIATION, DEVIATION, (2, 3))
+        frame[:3, 3] += shift
+        frame[:3, :3] = Rotation.from_rotvec(turn).as_matrix() @ frame[:3, :3]
+    return out
+
+
+class Truth:
+    """Pinocchio's model of a file with one arm, whose held joint stays where it is."""
+
+    def __init__(self, text, held_joint=None, held_angle=0.0):
+        self.model = pin.buildModelFromXML(text)
+        if held_joint is not None:
+            at = self.model.getJointId(held_joint)
+            angles = np.zeros(self.model.nq)
+            angles[at - 1] = held_angle
+            self.model = pin.buildReducedModel(self.model, [at], angles)
+        self.data, self.tool = self.model.createData(), self.model.getFrameId("tool0")
+
+    def flange(self, angles):
+        pin.framesForwardKinematics(self.model, self.data, np.asarray(angles))
+        return self.data.oMf[self.tool].homogeneous.copy()
+
+    def least_gain(self, angles):
+        """Smallest singular value of the Jacobian."""
+        jacobian = pin.computeFrameJacobian(self.model, self.data, np.array(angles), self.tool)
+        return np.linalg.svd(jacobian, compute_uv=False)[-1]
+
+    def found_from(self, target, angles):
+        """Damped least squares from given angles; None where it does not converge."""
+        target, q = pin.SE3(target), np.array(angles)
+        for _ in range(60):
+            pin.framesForwardKinematics(self.model, self.data, q)
+            error = pin.log6(self.data.oMf[self.tool].inverse() * target).vector
+            size = np.linalg.norm(error)
+            if size < 1e-11:
+                return q
+            frame = pin.ReferenceFrame.LOCAL
+            jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.tool, frame)
+            damped = jacobian @ jacobian.T + min(1e-2 * size, 1e-3) * np.eye(6)
+            q += np.clip(jacobian.T @ np.linalg.solve(damped, error), -0.5, 0.5)
+        return None
+
+
+def read(tmp_path, name, seed):
+    frames, held = ARMS[name]
+    text = one_arm(frames=deviating(frames, seed), seed=seed)
+    return read_robot(written(tmp_path, text), **held), Truth(text, **held)
+
+
+def families_flange(file, angles):
+    return link_frames(file.fields["limb"], np.asarray(angles))[6]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ARMS)
+def test_flanges_are_exactly_where_the_family_has_them(tmp_path, name, seed):
+    """Whatever the frames and zero angles of the file are; the family's own angles are beside."""
+    file, truth = read(tmp_path, name, seed)
+    assert 1e-4 < file.position_error < 5e-3
+    to_base = np.linalg.inv(file.file_limbs[0].mount)
+    rng, exact, plain = np.random.default_rng(seed), [], []
+    while len(exact) < 20:
+        q = rng.uniform(-2.0, 2.0, 6)
+        if truth.least_gain(file.to_file_angles([q, q])[0]) < 0.05:
+            continue  # singular
+        here = np.linalg.inv(families_flange(file, q)) @ to_base
+        exact.append(here @ truth.flange(file.exact_file_angles([q, q])[1]))
+        plain.append(here @ truth.flange(file.to_file_angles([q, q])[1]))
+    # The tool lies at the flange, its axes turned by the deviations at most.
+    np.testing.assert_allclose(exact, np.broadcast_to(exact[0], (20, 4, 4)), atol=1e-10)
+    np.testing.assert_allclose(exact[0], np.eye(4), atol=10.0 * DEVIATION)
+    np.testing.assert_allclose(exact[0][:3, 3], 0.0, atol=1e-10)
+    assert np.abs(np.array(plain)[:, :3, 3]).max() > 1e-4
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_there_are_as_many_solutions_as_branches_of_the_family(tmp_path, name):
+    """Those found from random angles are those next to the family's, one for each branch."""
+    file, truth = read(tmp_path, name, 1)
+    limb, rng = file.fields["limb"], np.random.default_rng(4)
+    q = {"ur10e": [0.3, -1.1, 1.4, 0.2, 0.9, -2.0]}.get(name, [0.3, 0.5, 1.2, 0.4, 0.9, -1.0])
+    pose = families_flange(file, np.array(q))
+    mask, branches = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
+    ours = [file.exact_file_angles([b, b])[0] for k, b in enumerate(branches) if mask >> k & 1]
+    target = truth.flange(ours[0])
+    for angles in ours:
+        np.testing.assert_allclose(truth.flange(angles), target, atol=1e-10)
+    found = [False] * len(ours)
+    for _ in range(150):
+        theirs = truth.found_from(target, rng.uniform(-np.pi, np.pi, 6))
+        if theirs is not None:
+            apart = [np.abs(np.angle(np.exp(1j * (theirs - one)))).max() for one in ours]
+            assert min(apart) < 1e-8
+            found[int(np.argmin(apart))] = True
+    assert all(found)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_limbs_of_a_whole_robot_have_their_own_angles(tmp_path, count):
+    """Mounted evenly, their bases are turned upright; a flange may be moved along its axis."""
+    places = []
+    for angle in 2.0 * np.pi * np.arange(count) / count:
+        turn = Rotation.from_euler("ZYZ", [angle, 0.5 * np.pi, 0.7])
+        place = np.eye(4)
+        place[:3, :3], place[:3, 3] = turn.as_matrix(), 0.2 * turn.as_matrix()[:, 2]
+        places.append(place)
+    file = read_robot(written(tmp_path, whole_robot(places)))
+    assert "mounts" not in file.fields
+    q = np.random.default_rng(0).uniform(0.4, 1.4, (count, 6))
+    np.testing.assert_allclose(file.exact_file_angles(q), file.to_file_angles(q), atol=1e-9)
+    for limb, angles, theirs in zip(file.file_limbs, q, file.to_file_angles(q), strict=True):
+        moved = limb.with_tool_length(limb.tool_length - 0.03)
+        flange = link_frames(moved.limb, angles)[6]
+        np.testing.assert_allclose(moved.chain.flange_at(theirs), flange, atol=1e-8)
+
+
+def test_a_singular_posture_has_no_exact_angles(tmp_path):
+    """The arm is stretched, so it does not reach as far as that of the family."""
+    file, _ = read(tmp_path, "ur10e", 1)
+    some = np.zeros((9, 2, 6))
+    some[..., 1], some[..., 3] = np.linspace(-1.0, 1.0, 9)[:, None], 0.3
+    with pytest.raises(RobotError, match="'joint1' to 'joint6' does not bring its flange where"):
+        file.exact_file_angles(some)
