@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.fastest import fastest_plan, least_reaction_plan, step_reactions
+from mlivr_gym.fastest import ranked_plans, step_reactions
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
@@ -45,8 +45,8 @@ CHOICES = ("least base translation", "fewest steps", "`time`", "`reaction`")
 COLOURS = ("#1f5fd0", "#d62728", "#2ca02c", "#9467bd")
 """Colours of the numbers of steps."""
 
-SWINGS = {"preferred": fastest_plan, "least reaction": least_reaction_plan}
-"""How the swings are chosen."""
+SWINGS = {"preferred": "time", "least reaction": "reaction"}
+"""How the swings are chosen, by what the best plan is best in."""
 
 
 def execution_row(graph: StanceGraph, plan: Plan, limits: Limits) -> dict[str, Any]:
@@ -71,20 +71,20 @@ def measured(tasks: int) -> dict[str, Any]:
     planner, rows = Planner(stance_graph()), list[dict[str, Any]]()
     for force in tqdm(FORCES, desc="limits", mininterval=5.0):
         limits = Limits(grasp_force=force, grasp_torque=0.5 * force)
-        for swings, choose in SWINGS.items():
-            for one in choose(planner, START, GOAL, limits):
+        for swings, best in SWINGS.items():
+            for one in ranked_plans(planner, START, GOAL, limits, best):
                 cost = one.cost if one.price is None else f"{one.price:g} m a regrasp"
                 row = {"cost": cost, "swings": swings, "limit": force}
                 rows.append(row | execution_row(planner.graph, one.plan, limits))
     rng, means = np.random.default_rng(SEED), list[list[list[float]]]()
     for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
         state, target = sample_task(planner.graph, rng, 0.2)
-        found = fastest_plan(planner, state.stance, target)
+        found = ranked_plans(planner, state.stance, target)
         chosen = (
             min(found, key=lambda one: one.plan.base_translation),
             min(found, key=lambda one: (len(one.plan.steps), one.plan.base_translation)),
             found[0],
-            least_reaction_plan(planner, state.stance, target)[0],
+            ranked_plans(planner, state.stance, target, best="reaction")[0],
         )
         means.append(
             [

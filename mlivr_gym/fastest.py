@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
@@ -22,7 +22,7 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
-from mlivr_gym.schema import OrNone
+from mlivr_gym.schema import Choice, OrNone
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import Reaction, reaction_of
 from mlivr_gym.simulation.timing import TIMING, timed_path
@@ -135,19 +135,23 @@ def with_least_reaction(
     return replace(plan, motion=replace(plan.motion, steps=tuple(steps)))
 
 
-@checked({**QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits))})
-def fastest_plan(
+@checked({
+    **QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits)),
+    "best": Choice(("time", "reaction")),
+})  # fmt: skip
+def ranked_plans(
     planner: Planner,
     start: Sequence[str | int],
     goal: Sequence[float] | Array,
     limits: Limits | None = None,
+    best: str = "time",
     *,
     goal_tolerance: float = GOAL_TOLERANCE,
     goal_face: str | None = None,
 ) -> list[Candidate]:
-    """Plan a query for several costs; return the candidates, the fastest first.
+    """Plan a query for several costs; return the candidates, the best first.
 
-    Of equally fast candidates the one with less base translation comes first.
+    Of equally good candidates the one with less base translation comes first.
 
     Parameters
     ----------
@@ -159,6 +163,9 @@ def fastest_plan(
         Goal position of the base in the module frame, shape (3,) [m].
     limits
         Limits of the steps; by default `Limits()`.
+    best
+        Which candidate is best: `"time"`, the fastest, or `"reaction"`, that with the least total
+        impulse on the station, with the swings of `with_least_reaction`.
     goal_tolerance
         Radius of the goal region [m].
     goal_face
@@ -180,58 +187,18 @@ def fastest_plan(
     --------
     >>> from mlivr_gym import stance_graph
     >>> from mlivr_gym.planners import Planner
-    >>> candidates = fastest_plan(Planner(stance_graph()), ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
+    >>> candidates = ranked_plans(Planner(stance_graph()), ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
     >>> candidates[0].seconds <= candidates[-1].seconds
     True
     """
-    query = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
-    candidates = _candidates(planner, start, goal, limits, query)
-    return sorted(candidates, key=lambda one: (one.seconds, one.plan.base_translation))
-
-
-@checked({**QUERY, "planner": InstanceOf(Planner), "limits": OrNone(InstanceOf(Limits))})
-def least_reaction_plan(
-    planner: Planner,
-    start: Sequence[str | int],
-    goal: Sequence[float] | Array,
-    limits: Limits | None = None,
-    *,
-    goal_tolerance: float = GOAL_TOLERANCE,
-    goal_face: str | None = None,
-) -> list[Candidate]:
-    """Return the candidates of `fastest_plan`, that with the least total impulse first.
-
-    The swings of each candidate are those of `with_least_reaction`; parameters and errors are those
-    of `fastest_plan`.
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.planners import Planner
-    >>> start, goal = ("D2a:4", "D2b:4"), (3.0, 0.0, 0.42)
-    >>> candidates = least_reaction_plan(Planner(stance_graph()), start, goal)
-    >>> candidates[0].impulse <= candidates[-1].impulse
-    True
-    """
-    query = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
-    candidates = _candidates(planner, start, goal, limits, query, choose_swings=True)
-    return sorted(candidates, key=lambda one: (one.impulse, one.plan.base_translation))
-
-
-def _candidates(
-    planner: Planner,
-    start: Sequence[str | int],
-    goal: Sequence[float] | Array,
-    limits: Limits | None,
-    query: dict[str, Any],
-    choose_swings: bool = False,
-) -> list[Candidate]:
-    """Return the plans for all `COSTS` that differ in their stances."""
     candidates: dict[tuple[object, ...], Candidate] = {}
     for cost, price in COSTS:
-        plan = planner.plan(start, goal, cost, regrasp_price=price, **query).unwrap()
+        plan = planner.plan(
+            start, goal, cost, regrasp_price=price,
+            goal_tolerance=goal_tolerance, goal_face=goal_face,
+        ).unwrap()  # fmt: skip
         if plan.stances not in candidates:
-            if choose_swings:
+            if best == "reaction":
                 plan = with_least_reaction(planner.graph, plan, limits)
             reactions = step_reactions(planner.graph, plan, limits)
             candidates[plan.stances] = Candidate(
@@ -240,4 +207,8 @@ def _candidates(
                 sum(one.impulse for one in reactions),
                 max((one.peak_force for one in reactions), default=0.0),
             )  # fmt: skip
-    return list(candidates.values())
+
+    def rank(one: Candidate) -> tuple[float, float]:
+        return (one.seconds if best == "time" else one.impulse), one.plan.base_translation
+
+    return sorted(candidates.values(), key=rank)

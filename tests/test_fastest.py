@@ -5,7 +5,7 @@ import pytest
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError
-from mlivr_gym.fastest import COSTS, fastest_plan, step_durations
+from mlivr_gym.fastest import COSTS, ranked_plans, step_durations
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
@@ -21,7 +21,7 @@ def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
     rng, several = np.random.default_rng(1), 0
     for _ in range(2):
         start, goal = sample_task(planner.graph, rng, 0.2)
-        found = fastest_plan(planner, start.stance, goal)
+        found = ranked_plans(planner, start.stance, goal)
         times = [one.seconds for one in found]
         assert times == sorted(times)
         assert len({one.plan.stances for one in found}) == len(found) <= len(COSTS)
@@ -34,7 +34,7 @@ def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
 
 def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
     goal = (6.0, 0.0, 0.42)
-    best = fastest_plan(planner, ("D2a:4", "D2b:4"), goal, GENTLE)[0]
+    best = ranked_plans(planner, ("D2a:4", "D2b:4"), goal, GENTLE)[0]
     execution = execute(planner.graph, best.plan, GENTLE)
     assert execution.failure is None
     waited = execution.step_times - step_durations(planner.graph, best.plan, GENTLE)
@@ -45,6 +45,6 @@ def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
     np.testing.assert_allclose(fixed, 50.0)
 
 
-def test_a_goal_that_cannot_be_reached_has_no_fastest_plan(planner):
+def test_a_goal_that_cannot_be_reached_has_no_ranked_plans(planner):
     with pytest.raises(NoPlanError):
-        fastest_plan(planner, ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), goal_tolerance=1e-6)
+        ranked_plans(planner, ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), goal_tolerance=1e-6)

@@ -23,8 +23,7 @@ from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation, RecordVideo
 from mlivr_gym.errors import MlivrError, shortened
 from mlivr_gym.fastest import (
-    fastest_plan,
-    least_reaction_plan,
+    ranked_plans,
     step_durations,
     step_reactions,
     with_least_reaction,
@@ -167,11 +166,7 @@ FUNCTIONS = {
     "Planner.prepare": lambda of: (of["planner"].prepare, {"goal": of["goal"]}),
     "Planner.cost_to_go": lambda of: (of["planner"].cost_to_go, {"goal": of["goal"]}),
     "Planner.refined": lambda of: (of["planner"].refined, {"plan": of["plan"]}),
-    "fastest_plan": lambda of: (fastest_plan, {"planner": of["planner"], **query(of)}),
-    "least_reaction_plan": lambda of: (
-        least_reaction_plan,
-        {"planner": of["planner"], **query(of)},
-    ),
+    "ranked_plans": lambda of: (ranked_plans, {"planner": of["planner"], **query(of)}),
     "step_durations": lambda of: (step_durations, walk(of)),
     "step_reactions": lambda of: (step_reactions, walk(of)),
     "with_least_reaction": lambda of: (with_least_reaction, walk(of)),

@@ -128,11 +128,11 @@ def best_candidate(
         "start_joints",
     )  # fmt: skip
     refuse_without_effect(args, f"with --cost {args.cost}", *without)
-    best_first = fastest.fastest_plan if args.cost == "time" else fastest.least_reaction_plan
     with Progress("comparing plans", quiet=args.quiet):
-        compared = best_first(
-            planner, start, goal, goal_tolerance=args.tolerance, goal_face=args.goal_face
-        )
+        compared = fastest.ranked_plans(
+            planner, start, goal, best=args.cost,
+            goal_tolerance=args.tolerance, goal_face=args.goal_face,
+        )  # fmt: skip
     for one in compared:
         price = "" if one.price is None else f", regrasp price {one.price:g} m"
         print(
