@@ -88,13 +88,18 @@ class FileLimb:
     notes: tuple[str, ...] = field(default=())
     """What the file does not say, in words."""
 
+    @property
+    def described_capsules(self) -> tuple[Capsule, ...] | None:
+        """Its collision shapes, None if they are those that a limb has by default."""
+        default = stretched_capsules(self.limb, self.tool_length)
+        return None if _all_alike(self.capsules, default) else self.capsules
+
     def is_like(self, other: FileLimb) -> bool:
         """Return whether another limb has the same figures, to the last rounded digit."""
         return (
             np.allclose(self.limb.lengths, other.limb.lengths, atol=1e-6)
             and np.allclose(self.limb.limits, other.limb.limits, atol=1e-6)
-            and len(self.capsules) == len(other.capsules)
-            and all(_alike(a, b) for a, b in zip(self.capsules, other.capsules, strict=True))
+            and _all_alike(self.capsules, other.capsules)
             and _same_dynamics(self.dynamics, other.dynamics)
             and self.gripper_mass == other.gripper_mass
         )
@@ -369,10 +374,12 @@ def _only_turned(frame: Array) -> Array:
     return out
 
 
-def _alike(first: Capsule, second: Capsule) -> bool:
-    """Return whether two capsules are equal but for rounding."""
-    figures = [(*c.start, *c.end, c.radius) for c in (first, second)]
-    return first.link == second.link and bool(np.allclose(figures[0], figures[1], atol=1e-6))
+def _all_alike(some: tuple[Capsule, ...], others: tuple[Capsule, ...]) -> bool:
+    """Return whether capsules are equal but for rounding."""
+    if [one.link for one in some] != [one.link for one in others]:
+        return False
+    first, second = ([(*c.start, *c.end, c.radius) for c in each] for each in (some, others))
+    return bool(np.allclose(first, second, atol=1e-6))
 
 
 def _same_dynamics(first: LimbDynamics, second: LimbDynamics) -> bool:

@@ -297,7 +297,12 @@ def _mount(limb: FileLimb, alike: bool) -> Mount:
     if alike:
         return Mount((x, y, z), (a, b, c))
     return Mount(
-        (x, y, z), (a, b, c), limb.limb, limb.capsules, limb.dynamics, limb.visuals or None
+        (x, y, z),
+        (a, b, c),
+        limb.limb,
+        limb.described_capsules,
+        limb.dynamics,
+        limb.visuals or None,
     )
 
 
@@ -313,7 +318,7 @@ def _fields(
     described = {
         "name": file.name,
         "limb": first.limb,
-        "capsules": first.capsules,
+        "capsules": first.described_capsules,
         "visuals": first.visuals or None,
         "dynamics": first.dynamics,
         "tool_length": first.tool_length,
