@@ -178,11 +178,14 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         refuse_without_effect(args, f"with --method {args.method}", *names)
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
+    expanded = "states expanded"
     if isinstance(graph, ImplicitGraph):
         with Progress("loading the node table", quiet=args.quiet):
             table = node_table(graph)
+        if table is None:
+            expanded += ", without a node table (see mlivr-gym build)"
         if table is None and graph.searches_sets:
-            name = "no node table, see build: computing the stance sets [%]"
+            name = "computing the stance sets [%]"
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
     planner, cost, price = Planner(graph), args.cost, args.regrasp_price
@@ -193,7 +196,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         cost, price = best.cost, best.price
     elif cost in COMPARED_COSTS:
         cost = "steps"
-    with Progress("states expanded", quiet=args.quiet) as progress:
+    with Progress(expanded, quiet=args.quiet) as progress:
         result = planner.plan(
             start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
         )
