@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.labels import NodePath
@@ -47,14 +47,18 @@ class LazyTable(ABC):
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
         Whether the branches kept on an edge do not depend on the label of the path.
+    is_unchecked
+        Whether each node may lose branches to obstacles in a check, shape (n,).
     """
 
     is_complete: bool
     label_independent: bool
+    is_unchecked: BoolArray
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Start with no edge checked."""
         self.version, self.table = graph.version, table
+        self.is_unchecked = np.zeros(len(table.points), dtype=np.bool_)
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
     def unchecked(self, edges: IntArray) -> IntArray:
@@ -210,26 +214,25 @@ class LazyNodeTable(LazyTable):
         """Start with no node and no edge checked."""
         super().__init__(graph, table)
         self.graph, self._free_table = graph, table
-        self._unchecked = np.zeros(len(table.points), dtype=np.bool_)
         if graph.obstacles:
             branch_sets, releasable = table.branch_sets.copy(), table.releasable.copy()
             self.table = table._replace(branch_sets=branch_sets, releasable=releasable)
             reach = graph.robot.extent + graph.settings.clearance
             base = table.base_position
             self._may_touch = graph.close_to_obstacles(base, base, reach)
-            self._unchecked = self._may_touch.copy()
+            self.is_unchecked = self._may_touch.copy()
 
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
-        rows = np.unique(rows[self._unchecked[rows]])
+        rows = np.unique(rows[self.is_unchecked[rows]])
         if limit is not None and centre is not None and len(rows) > limit:
             offset = self._free_table.base_position[rows] - centre
             rows = rows[np.argpartition(np.einsum("ij,ij->i", offset, offset), limit)[:limit]]
         if not len(rows):
             return False
-        self._unchecked[rows] = False
+        self.is_unchecked[rows] = False
         graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
         stances = node_stances(graph.grasp_map, graph.robot, self._free_table, rows, none[:, 0])
         postures = Postures(

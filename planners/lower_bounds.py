@@ -102,6 +102,12 @@ class LowerBounds:
             self._cached_bounds.popitem(last=False)
         return bounds
 
+    def among_checked(self, goal: Goal, starts: IntArray) -> GoalBounds:
+        """Compute bounds from some nodes for paths over the nodes that keep branches so far."""
+        table = self.lazy_table.table
+        forbidden = self._occupied_nodes() | (table.branch_sets == 0)
+        return self._compute(table, goal, starts, forbidden)
+
     def _compute(
         self, table: NodeTable, goal: Goal, starts: IntArray, forbidden: BoolArray
     ) -> GoalBounds:

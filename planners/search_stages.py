@@ -27,6 +27,8 @@ class SearchStage(NamedTuple):
     hold for all labels."""
     only_after_exhaustion: bool = False
     """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
+    max_searches: int | None = None
+    """Number of searches after which the stage ends, by default none."""
 
 
 FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
@@ -75,6 +77,9 @@ reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
 FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8))
 """The stage that finds a first path among obstacles."""
+
+QUICK_FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8, 100_000), max_searches=50)
+"""The same with little effort, before further nodes are checked against the obstacles."""
 
 OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, FIRST_PATH_AMONG_OBSTACLES, *STAGES
 """The stages among obstacles, in order."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import count, islice
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from mlivr_gym.planners.search_stages import (
     FIRST_PATH,
     OBSTACLE_STAGES,
     QUICK_FIRST_PATH,
+    QUICK_FIRST_PATH_AMONG_OBSTACLES,
     STAGES,
     SearchStage,
 )
@@ -51,6 +53,9 @@ from mlivr_gym.transitions.state import State
 
 NODES_CHECKED_AROUND = 200
 """Number of nodes that are checked around a node of a path that touches an obstacle."""
+
+NODES_CHECKED_AROUND_GOAL = 20_000
+"""Number of nodes that are checked around the goal if no path is found soon; it grows as well."""
 
 FIRST_EXPANSION_LIMIT = 50
 """Labels that a search expands before one from the other end improves the lower bounds."""
@@ -115,7 +120,10 @@ class TableSearch(PathSearch):
                 yield self._lower_bounds.from_distance(search), stages
                 return
         elif self.graph.obstacles:
-            stages, first = OBSTACLE_STAGES, OBSTACLE_STAGES[:3]
+            stages = OBSTACLE_STAGES
+            if not search.has_given_order:
+                yield from self._bounds_among_obstacles()
+                first = ()
         known = self._lower_bounds.cached(goal, starts)
         if search.has_given_order and not lazy_table.label_independent:
             if search.method != "dijkstra":
@@ -153,6 +161,27 @@ class TableSearch(PathSearch):
             new = self._lower_bounds.compute(goal, starts)
             self.backward_expanded += int(new.is_tight.sum())
             yield new, stages
+
+    def _bounds_among_obstacles(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
+        """Yield bounds and stages for a first path, or the proof that obstacles leave none.
+
+        Nodes are checked from the goal outwards, more in each turn, and bounds are computed over
+        those that keep branches. So a goal in a pocket is found to be cut off.
+        """
+        goal, starts, chosen = self.goal, self._origins.nodes, NODES_CHECKED_AROUND_GOAL
+        steps, lazy_table = replace(goal, cost=Cost.named("steps")), self._lazy_table
+        bounds = self._lower_bounds.cached(goal, starts) or self._lower_bounds.cached(steps, starts)
+        bounds = bounds or self._lower_bounds.compute(steps, starts)
+        stage = QUICK_FIRST_PATH_AMONG_OBSTACLES
+        yield bounds, (*OBSTACLE_STAGES[:2], stage)
+        while not (self.has_path or self.is_late):
+            rows = np.flatnonzero(lazy_table.is_unchecked & (bounds.h < np.inf))
+            if not len(rows):
+                return
+            lazy_table.check_nodes(rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]])
+            bounds, chosen = self._lower_bounds.among_checked(steps, starts), 2 * chosen
+            stage = stage._replace(max_searches=2 * (stage.max_searches or 1))
+            yield bounds, (stage,)
 
     def _improved_bounds(
         self, goal_bounds: GoalBounds
@@ -231,7 +260,9 @@ class TableSearch(PathSearch):
         cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
         if stage.only_after_exhaustion and not self._is_exhausted:
             return None
-        while not self.is_late and self.lower_bound < cost_limit:
+        for _ in islice(count(), stage.max_searches):
+            if self.is_late or self.lower_bound >= cost_limit:
+                break
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
                 return None

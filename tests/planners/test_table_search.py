@@ -203,6 +203,35 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
     assert proved > 5
 
 
+def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch):
+    """By checks of nodes alone: no search expands more than a few labels."""
+    first, table = known
+    if table.limbs == 2:
+        pytest.skip("two limbs are searched from either end")
+    few = table_search.OBSTACLE_STAGES[0].parameters._replace(max_expansions=1)
+    probe = table_search.OBSTACLE_STAGES[0]._replace(parameters=few)
+    monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
+    monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
+    monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
+    graph, rng, proved, open_ = again(first, table), np.random.default_rng(4), 0, 0
+    for _ in range(40):
+        row, end = rng.integers(len(table.points), size=2)
+        half = rng.uniform(0.05, 0.2, 3)
+        centre = table.base_position[end] + rng.uniform(-0.3, 0.3, 3)
+        goal = goal_at(graph, table, int(end), COSTS[0], 0.08)
+        graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
+        with suppress(StanceError):
+            state = graph.state(table.points[row].tolist())
+            search = searching(LowerBounds(graph), goal, state)
+            if not search.starts_at_goal and not list(search.paths()):
+                is_proved = search.lower_bound == np.inf
+                proved, open_ = proved + is_proved, open_ + (not is_proved)
+                assert not is_proved or optimum(graph, goal, state) == np.inf
+        graph.remove_obstacles()
+    assert proved > 3
+    assert open_ > 0
+
+
 def test_bounds_rest_on_what_steps_may_keep_at_most(known):
     """Not on what was found for all branches, which may be less than some of them keep."""
     first, table = known
