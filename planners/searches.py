@@ -1,8 +1,8 @@
-"""The searches of a planner: over a node table, over an implicit graph, and Algorithm 1.
+"""The searches of a planner: over a table, by levels, over an implicit graph, and Algorithm 1.
 
-`GraphSearcher` chooses by the graph, see the table in `docs/how-a-plan-is-made.md`. The graph of
-two limbs always has a node table, one of three or four limbs has it if one ships or was built; any
-other graph is searched without.
+`GraphSearcher` chooses by graph and query, see the table in `docs/how-a-plan-is-made.md`. The graph
+of two limbs always has a node table, one of three or four limbs has it if one ships or was built;
+any other graph is searched without.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import complete_by_deadline
 from mlivr_gym.planners.implicit_search import ImplicitSearch
+from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import (
     GOAL_REACHED,
@@ -29,6 +30,7 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import key_of
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 
@@ -59,6 +61,8 @@ class GraphSearcher:
             return _find_by_algorithm1(graph, search, start)
         if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
             return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
+        if isinstance(graph, TwoLimbGraph) and LevelSearch.answers(graph, search):
+            return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
             return run_search(TableSearch(lower_bounds, search, start))

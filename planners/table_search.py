@@ -6,8 +6,8 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
-  Likhachev 2014). In between, searches from the goal raise the lower
-  bounds by the edges that were checked. The first path is optimal.
+  Likhachev 2014). In between, searches from the goal raise the lower bounds by the edges that were
+  checked. The first path is optimal. The fewest steps are found by `level_search` instead.
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
   while one of them keeps no branch. Several stages follow each other, see `search_stages`; each

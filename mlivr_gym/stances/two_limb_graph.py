@@ -160,6 +160,11 @@ class TwoLimbGraph(StanceGraph):
         self._known.is_complete = is_complete
 
     @property
+    def is_complete_without_obstacles(self) -> bool:
+        """Whether every step is known, without obstacles and occupied points."""
+        return self._free.is_complete
+
+    @property
     def steps(self) -> TwoLimbTable:
         """The edges checked so far, among the present obstacles, as compiled code reads them.
 
@@ -343,14 +348,8 @@ class TwoLimbGraph(StanceGraph):
     def kept_branches(self, support: Any, before: Any, after: IntArray) -> IntArray:
         """Return the branches that support limbs keep on steps, which are checked once, shape (k,).
 
-        Parameters
-        ----------
-        support
-            The support limb, or that of each step, shape (k,).
-        before
-            The stance before, or that before each step, shape (k,).
-        after
-            The stance after each step, shape (k,).
+        The support limb and the stance before are one for all steps or one for each, shape (k,);
+        the stances after them have shape (k,).
         """
         if not self.settings.transitions:
             return np.full(len(after), ALL, dtype=np.int64)

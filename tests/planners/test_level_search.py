@@ -1,0 +1,91 @@
+"""Fewest steps whose checks were made on demand, against graphs all of whose steps were checked."""
+
+import numpy as np
+import pytest
+
+from mlivr_gym import Box, stance_graph
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.level_search import LevelSearch
+from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.two_limb_build import fill_rows
+
+BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
+
+
+def _graphs(world, blocked):
+    """A graph of which nothing is known, and one of which every step was checked."""
+    graphs = [stance_graph(world) for _ in range(2)]
+    for graph in graphs:
+        if blocked:
+            graph.add_obstacles([BOX])
+            graph.occupy([world.ids[4], world.ids[20]])
+    fill_rows(graphs[1])
+    return graphs
+
+
+@pytest.fixture(scope="module")
+def tracks(jem):
+    keep = [point.split(":")[0] in ("D1a", "D2a", "F1b", "F2b", "A1a", "A2b") for point in jem.ids]
+    return jem.subset(np.array(keep), "six tracks")
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, blocked):
+    lazy, full = _graphs(tracks, blocked)
+    assert full.is_complete
+    assert not lazy.is_complete
+    rng, lengths, checked = np.random.default_rng(1), [], []
+    for _ in range(25):
+        start = random_state(full, rng)
+        if start.pose is None and rng.integers(2):  # a limb that held keeps some branches only
+            left = full.successors(start)
+            start = left.after(start, int(rng.integers(len(left.limb))))
+        goal = np.clip(full.base_position[rng.integers(len(full))], *tracks.cabin)
+        before = int(lazy.steps.edges["known"].sum())
+        found, truth = (
+            Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05) for graph in (lazy, full)
+        )
+        assert bool(found) == bool(truth), (start, goal)
+        assert found.reason == truth.reason
+        checked.append(int(lazy.steps.edges["known"].sum()) - before)
+        if found:
+            lengths.append(len(found.plan.steps))
+            assert found.plan.cost == truth.plan.cost
+            assert found.plan.statistics.bound == 1.0
+    assert max(lengths) > 3
+    assert sum(checked) < 0.5 * full.steps.edges["known"].sum()
+
+
+def test_a_start_pose_counts_as_a_step(tracks):
+    """From a base pose that the start stance does not have."""
+    lazy, full = _graphs(tracks, blocked=False)
+    s = 7
+    position = full.base_position[s] + [0.004, 0.003, 0.0]
+    pose = (*position, *full.configuration(full.state(full.points[s].tolist()))[1])
+    start, goal = full.ids(full.points[s].tolist()), full.base_position[-1]
+    found, truth = (
+        Planner(graph).plan(start, goal, "steps", start_pose=pose, goal_tolerance=0.05)
+        for graph in (lazy, full)
+    )
+    assert found.unwrap().cost == truth.unwrap().cost >= 1
+    assert found.plan.stances[0] == truth.plan.stances[0]
+
+
+def test_limits_of_expansions_and_time_end_it(tracks):
+    lazy, _ = _graphs(tracks, blocked=False)
+    start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[-1]
+    for limits in ({"limit": 1}, {"time_limit": 0.0}):
+        found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)
+        assert found.reason == "limit reached"
+    assert Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05)
+
+
+def test_it_answers_queries_for_steps_alone(tracks, monkeypatch):
+    lazy, full = _graphs(tracks, blocked=False)
+    asked = []
+    monkeypatch.setattr(LevelSearch, "paths", lambda search: asked.append(search.graph) or iter(()))
+    start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[-1]
+    for graph in (lazy, full):
+        for how in ({"cost": "steps"}, {"cost": "base"}, {"cost": "steps", "method": "dijkstra"}):
+            Planner(graph).plan(start, goal, goal_tolerance=0.05, limit=300, **how)
+    assert asked == [lazy]
