@@ -7,7 +7,7 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014). In between, searches from the goal raise the lower bounds by the edges that were
-  checked. The first path is optimal. The fewest steps are found by `level_search` instead.
+  checked. The first path is optimal. Where no table was built, `level_search` finds fewest steps.
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
   while one of them keeps no branch. Several stages follow each other, see `search_stages`; each
@@ -123,7 +123,7 @@ class TableSearch(PathSearch):
             stages = OBSTACLE_STAGES
             if not search.has_given_order:
                 yield from self._bounds_among_obstacles()
-                first = ()
+                stages, first = OBSTACLE_STAGES[2:], ()
         known = self._lower_bounds.cached(goal, starts)
         if search.has_given_order and not lazy_table.label_independent:
             if search.method != "dijkstra":
@@ -149,11 +149,7 @@ class TableSearch(PathSearch):
         if known is not None:
             quick = first == (FIRST_PATH,) and goal.cost.base_weight
             yield known, (QUICK_FIRST_PATH,) if quick else first
-        if (
-            goal.cost.base_weight
-            and not lazy_table.label_independent
-            and self.incumbent_cost == np.inf
-        ):
+        if goal.cost.base_weight and not (lazy_table.label_independent or self.has_path):
             steps = replace(goal, cost=Cost.named("steps"))
             found = self._lower_bounds.cached(steps, starts)
             yield found or self._lower_bounds.compute(steps, starts), first
