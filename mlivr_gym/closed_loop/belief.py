@@ -39,7 +39,7 @@ TIGHT_MARGIN = 0.001
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
 
-MIN_HITS = 3
+MIN_HITS = 2
 """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
 
 APART = 3

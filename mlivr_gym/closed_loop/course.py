@@ -30,13 +30,16 @@ class Course:
         The plan; None if there is none.
     taken
         Number of its steps that were taken.
+    is_new
+        Whether it was found in the last planning. The swings of an older one were checked among
+        the obstacles of then.
     """
 
     def __init__(self, belief: Belief, plan_from: Callable[[State, float], PlanningResult]) -> None:
         """Plan in what is believed, by a function of the state and a factor of the time."""
         self._belief, self._graph, self._plan_from = belief, belief.graph, plan_from
         self.plan: Plan | None = None
-        self.taken = 0
+        self.taken, self.is_new = 0, False
 
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
@@ -52,7 +55,8 @@ class Course:
         if result.plan is None and not is_proved and not self._remains(state):
             result = self._plan_from(state, PATIENCE)
         new = result.plan
-        if new is not None and (self._is_cheaper(new) or not self._remains(state)):
+        self.is_new = new is not None and (self._is_cheaper(new) or not self._remains(state))
+        if self.is_new:
             self.plan, self.taken = new, 0
         elif new is None and not self._remains(state):
             self.plan = None

@@ -301,7 +301,7 @@ class _Loop:
         """Take the next step of a plan; if a crew member is in the way, make way for it."""
         executor, taken = self._executor, self._course.taken
         limb, name = plan.actions[taken]
-        executor.follow(None if taken else plan)
+        executor.follow(plan if self._course.is_new else None)
         moves = self.graph.successors(executor.state)
         row = moves.find(limb, self.graph.grasp_map.index(name))
         wait = partial(self._wait, after=moves.after(executor.state, row))
