@@ -39,7 +39,7 @@ Patch = tuple[Any, str, Any]
 
 STAGES, AMONG = table_search.STAGES, table_search.OBSTACLE_STAGES
 EXACT = table_search.EXACT_STAGES
-NO_TABLE: list[Patch] = [(searches, "node_table", lambda graph: None)]
+NO_TABLE: list[Patch] = [(searches, "find_table", lambda graph: None)]
 
 
 def stages(free: Sequence[Any], among: Sequence[Any]) -> list[Patch]:

@@ -27,8 +27,8 @@ from mlivr_gym.planners.path_search import PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -73,11 +73,11 @@ class GraphSearcher:
         """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)
         if graph.table is None and not complete_by_deadline(
-            ("nodes", key), lambda: node_table(graph), search.deadline
+            ("nodes", key), lambda: find_table(graph), search.deadline
         ):
             return False
         is_needless = not (self.build_sets and graph.searches_sets)
-        if is_needless or graph.table is not None or node_table(graph) is not None:
+        if is_needless or graph.table is not None or find_table(graph) is not None:
             return True
         return complete_by_deadline(("sets", key), graph.sets, search.deadline)
 

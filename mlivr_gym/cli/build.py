@@ -11,7 +11,7 @@ from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.table_build import build_table, is_built, name_of, write_built
+from mlivr_gym.stances.table_build import build_table, files_of, find_table, write_built
 
 
 def add_command(add: Add) -> None:
@@ -33,13 +33,13 @@ def run(args: argparse.Namespace) -> int:
     """Compute the table and store it."""
     check_outputs(args.out, inputs=input_files(args))
     graph, folder = chosen_graph(args), cache_folder()
-    name = name_of(graph)
+    name = files_of(graph).name(graph)
     if folder is None and args.out is None:
         raise SettingError(
             f"{CACHE_VARIABLE} is empty, so the table would not be stored; name a file with --out"
         )
     with Progress("looking for the table", quiet=args.quiet):
-        was_built = is_built(graph)
+        was_built = find_table(graph) is not None
     if not was_built and folder is not None and args.out is None:
         check_outputs(folder / f".{name}", folder=folder)
     with Progress("computing the table [%]", PER_CENT, quiet=args.quiet) as progress:

@@ -30,8 +30,8 @@ from mlivr_gym.planners.additions import one_more_limb, points_to_add
 from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
     expanded = "states expanded"
     if isinstance(graph, ImplicitGraph):
         with Progress("loading the node table", quiet=args.quiet):
-            table = node_table(graph)
+            table = find_table(graph)
         if table is None:
             expanded += ", without a node table (see mlivr-gym build)"
         if table is None and graph.searches_sets:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
-from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
@@ -22,7 +22,7 @@ class CurrentMoves:
         self._moves: Moves | None = None
         self._version = graph.version
         if isinstance(graph, ImplicitGraph):
-            node_table(graph)
+            find_table(graph)
 
     def current(self) -> Moves:
         """Return the moves of the present world, from exact tables if all steps are known."""

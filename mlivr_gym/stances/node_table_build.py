@@ -95,11 +95,6 @@ def sets_of(graph: ImplicitGraph) -> StanceSets:
     return sets
 
 
-def parts_of_nodes(graph: ImplicitGraph) -> Parts:
-    """Return the finished parts of the table of a graph."""
-    return Parts.of(graph, __file__)
-
-
 Block = tuple[int, Any]
 """A number, and sets of points or the support set at which the block ends."""
 

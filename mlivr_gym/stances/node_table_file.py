@@ -1,4 +1,4 @@
-"""Files of the tables of nodes of three and four limbs, and the tables used last.
+"""Files of the tables of nodes of three and four limbs.
 
 In a compressed file all that can be derived is omitted, and different values are listed once: few
 base positions and branch sets differ between nodes. To put a table together from it takes
@@ -8,7 +8,6 @@ seconds, so the cache folder has it unpacked, and its arrays are mapped into mem
 from __future__ import annotations
 
 import zipfile
-from collections import OrderedDict
 from typing import Any
 
 import numpy as np
@@ -16,39 +15,11 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import EdgeSet, edges_of, with_edges
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_files import Arrays, TableFiles, key_of
+from mlivr_gym.stances.table_files import Arrays, TableFiles
 from mlivr_gym.stances.two_limb_table_file import MOST_BASE_POSES
-
-CACHED_TABLES = 2
-"""Number of tables that stay in memory."""
-
-_cached: OrderedDict[str, NodeTable] = OrderedDict()
-"""Tables of the graphs used last, by the keys of the graphs."""
-
-
-def node_table(graph: ImplicitGraph) -> NodeTable | None:
-    """Return the table that ships or was built for a graph; None if there is none.
-
-    The graph uses it from then on. A file that cannot be used is skipped with a warning.
-    """
-    table = _cached.get(key_of(graph))
-    if table is None:
-        found = NODE_TABLES.find(graph)
-        table = found and found[1]
-    if table is not None:
-        set_table(table, graph)
-    return table
-
-
-def set_table(table: NodeTable, graph: ImplicitGraph) -> None:
-    """Give a graph its table, and keep it in memory for other graphs of the same kind."""
-    _cached[key_of(graph)] = graph.table = table
-    if len(_cached) > CACHED_TABLES:
-        _cached.popitem(last=False)
 
 
 def encode(graph: StanceGraph, table: NodeTable) -> Arrays:
@@ -131,6 +102,6 @@ def table_of_arrays(arrays: Arrays) -> NodeTable:
 
 
 NODE_TABLES = TableFiles(
-    "nodes", zipfile.ZIP_LZMA, encode, decode, mapped=(NodeTable._asdict, table_of_arrays)
+    "nodes", zipfile.ZIP_LZMA, encode, decode, (NodeTable._asdict, table_of_arrays), is_shared=True
 )
 """Files of tables of nodes."""

@@ -9,7 +9,6 @@ tables are built from them. The sets of a map and robot are computed once and st
 from __future__ import annotations
 
 import zipfile
-from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,9 +30,6 @@ LARGEST_SET = 4
 MOST_SETS = 40_000_000
 """Largest number of sets of points close enough to be checked; four limbs on the JEM have 11
 million."""
-
-CACHED_GRAPHS = 2
-"""Number of graphs whose sets stay in memory."""
 
 
 @dataclass(frozen=True)
@@ -85,29 +81,13 @@ class StanceSets:
         """
         if not 3 <= graph.limbs <= LARGEST_SET:
             return None
-        key = SET_TABLES.name(graph)
-        if key not in _cached:
-            found = SET_TABLES.find(graph)
-            sets = found and found[1]
-            if sets is None:
-                if not build:
-                    return None
-                sets = _computed(graph, progress)
-                if sets is not None:
-                    SET_TABLES.cache(graph, sets)
-            _store(key, sets)
-        return _cached[key]
-
-
-_cached: OrderedDict[str, StanceSets | None] = OrderedDict()
-"""Sets of the graphs used last."""
-
-
-def _store(key: str, sets: StanceSets | None) -> None:
-    """Store the sets of a graph in memory, and remove those that were stored first."""
-    _cached[key] = sets
-    if len(_cached) > CACHED_GRAPHS:
-        _cached.popitem(last=False)
+        found = SET_TABLES.find(graph)
+        if found is not None:
+            return found[1]
+        sets = _computed(graph, progress) if build else None
+        if sets is not None:
+            SET_TABLES.remember(graph, SET_TABLES.cache(graph, sets), sets)
+        return sets
 
 
 def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
@@ -200,6 +180,6 @@ def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
 
 
 SET_TABLES = TableFiles(
-    "sets", zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__)
+    "sets", zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__), is_shared=True
 )
 """Files of stance sets."""

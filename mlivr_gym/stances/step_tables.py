@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.table_steps import steps_of_state
-from mlivr_gym.stances.two_limb_build import build_two_limb_table, fill_rows
+from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_steps import gather_steps
 from mlivr_gym.stances.workers import Progress
@@ -74,7 +75,7 @@ _on_all_points: WeakKeyDictionary[TwoLimbGraph, StepTables] = WeakKeyDictionary(
 def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
-    Steps that are not known are checked, and stored in the cache folder, see `two_limb_build`.
+    Steps that are not known are checked, and stored in the cache folder, see `table_build`.
     Raises a `SettingError` if the robot has more than two limbs.
     """
     if not isinstance(graph, TwoLimbGraph):
@@ -89,7 +90,7 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     if graph.obstacles or graph.occupied:
         fill_rows(graph, progress)
     elif not graph.is_complete:
-        build_two_limb_table(graph, progress)
+        build_table(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
     gather_steps(graph.steps, False, start, none, nothing)

@@ -1,22 +1,54 @@
-"""Build the table of any stance graph, and store it where graphs find it."""
+"""Find or build the table of any stance graph, and store it where graphs find it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from inspect import getfile
 from pathlib import Path
+from typing import Any
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.node_table_build import build, parts_of_nodes
-from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table, set_table
-from mlivr_gym.stances.two_limb_build import build_two_limb_table, built_two_limb_table
+from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.node_table_file import NODE_TABLES
+from mlivr_gym.stances.parts import Parts
+from mlivr_gym.stances.table_files import TableFiles
+from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 from mlivr_gym.stances.workers import Progress
 
+TableGraph = TwoLimbGraph | ImplicitGraph
+"""A stance graph that may have a table."""
 
-def build_table(
-    graph: TwoLimbGraph | ImplicitGraph, progress: Progress | None = None
-) -> Path | None:
+
+def files_of(graph: TableGraph) -> TableFiles[Any]:
+    """Return the files of tables of graphs with as many limbs."""
+    return TWO_LIMB_TABLES if isinstance(graph, TwoLimbGraph) else NODE_TABLES
+
+
+def find_table(graph: TableGraph) -> tuple[Path | None, Any] | None:
+    """Return the table that ships or was built for a graph and its file; None if there is none.
+
+    The graph uses it from then on, also if it was made before the table was stored. A file that
+    cannot be used is skipped with a warning, of two limbs when the graph is made.
+    """
+    found = files_of(graph).find(graph, warn=isinstance(graph, ImplicitGraph))
+    if found is not None:
+        _use(graph, found[1])
+    return found
+
+
+def _use(graph: TableGraph, table: Any) -> None:
+    """Give a graph its table."""
+    if isinstance(graph, ImplicitGraph):
+        graph.table = table
+    elif not (graph.is_complete or graph.obstacles or graph.occupied):
+        graph.steps.edges[...], graph.steps.releases[...] = table.edges, table.releases
+        graph.is_complete = True
+
+
+def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | None:
     """Build the table of a stance graph once, and store it where graphs find it.
 
     For two limbs the table is complete, with all steps; for three and four limbs it has all nodes
@@ -52,26 +84,20 @@ def build_table(
     """
     if graph.obstacles or graph.occupied:
         raise SettingError("tables are built without obstacles and occupied points; clear them")
-    if isinstance(graph, TwoLimbGraph):
-        return build_two_limb_table(graph, progress)
-    path, table = NODE_TABLES.cached(graph), node_table(graph)
-    if table is None:
-        parts = parts_of_nodes(graph)
-        table = build(graph, progress, parts)
-        set_table(table, graph)
-        path = NODE_TABLES.cache(graph, table)
-        if path is not None:
+    found = find_table(graph)
+    if found is None:
+        work: Callable[..., Any] = fill_rows if isinstance(graph, TwoLimbGraph) else build
+        parts = Parts.of(graph, getfile(work))
+        table = work(graph, progress, parts)
+        _use(graph, table)
+        files = files_of(graph)
+        found = files.remember(graph, files.cache(graph, table), table)
+        if found[0] is not None:
             parts.remove()
-    return path
+    return found[0]
 
 
-def is_built(graph: TwoLimbGraph | ImplicitGraph) -> bool:
-    """Return whether the table of a graph ships or was built."""
-    built = built_two_limb_table(graph) if isinstance(graph, TwoLimbGraph) else node_table(graph)
-    return built is not None
-
-
-def write_built(graph: TwoLimbGraph | ImplicitGraph, path: Path) -> None:
+def write_built(graph: TableGraph, path: Path) -> None:
     """Write the table of a graph, which has been built, to a file that can be passed on.
 
     Raises
@@ -79,13 +105,5 @@ def write_built(graph: TwoLimbGraph | ImplicitGraph, path: Path) -> None:
     FileError
         If the file cannot be written.
     """
-    if isinstance(graph, TwoLimbGraph):
-        TWO_LIMB_TABLES.write(graph, graph.file_contents(), path)
-    else:
-        assert graph.table is not None
-        NODE_TABLES.write(graph, graph.table, path)
-
-
-def name_of(graph: TwoLimbGraph | ImplicitGraph) -> str:
-    """Return the name under which a cache folder must have the file of `write_built`."""
-    return (TWO_LIMB_TABLES if isinstance(graph, TwoLimbGraph) else NODE_TABLES).name(graph)
+    table = graph.file_contents() if isinstance(graph, TwoLimbGraph) else graph.table
+    files_of(graph).write(graph, table, path)

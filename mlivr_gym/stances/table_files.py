@@ -15,6 +15,7 @@ import lzma
 import struct
 import zipfile
 import zlib
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from hashlib import sha256
@@ -59,6 +60,12 @@ DAMAGE = (
 Arrays = Mapping[str, NDArray[Any]]
 Table = TypeVar("Table")
 
+MOST_IN_MEMORY = 4
+"""Number of tables that stay in memory."""
+
+_memory: OrderedDict[str, tuple[Path | None, Any]] = OrderedDict()
+"""Tables used last and their files, if they are stored, by the names of the files."""
+
 
 class TableError(MlivrError):
     """A table of a stance graph cannot be built, or a file holds none of the graph."""
@@ -80,6 +87,8 @@ class TableFiles(Generic[Table]):
     """The same for mapped arrays, if tables of this kind are mapped to be used."""
     source: Path | None = None
     """Source file that computes the tables, if its digest is part of the names."""
+    is_shared: bool = False
+    """Whether tables stay in memory, for all graphs of the same kind."""
 
     def name(self, graph: StanceGraph) -> str:
         """Return the name of the compressed file of a graph."""
@@ -93,13 +102,16 @@ class TableFiles(Generic[Table]):
             return None
         return folder / (name.replace(".npz", "-unpacked.npz") if self.mapped else name)
 
-    def find(self, graph: StanceGraph, *, warn: bool = True) -> tuple[Path, Table] | None:
+    def find(self, graph: StanceGraph, *, warn: bool = True) -> tuple[Path | None, Table] | None:
         """Return the table of a graph and its file, which ships or lies in the cache folder.
 
         A table that is mapped to be used is unpacked into the cache folder first, and is not found
-        without one. A file that cannot be used is skipped with a warning.
+        without one. A file that cannot be used is skipped with a warning. A table that could not be
+        stored has no file.
         """
         name, cached = self.name(graph), self.cached(graph)
+        if name in _memory:
+            return _memory[name]
         files = [asset_path(name)]
         if cached is not None:
             files.append(cached.with_name(name))
@@ -115,9 +127,19 @@ class TableFiles(Generic[Table]):
             if path == cached:
                 mark_used(path)
             elif self.mapped:
-                self.cache(graph, table)
-            return path, table
+                path = self.cache(graph, table) or path
+            return self.remember(graph, path, table)
         return None
+
+    def remember(
+        self, graph: StanceGraph, path: Path | None, table: Table
+    ) -> tuple[Path | None, Table]:
+        """Keep a table in memory, if tables of this kind stay there, and return it and its file."""
+        if self.is_shared:
+            _memory[self.name(graph)] = path, table
+            if len(_memory) > MOST_IN_MEMORY:
+                _memory.popitem(last=False)
+        return path, table
 
     def read(self, graph: StanceGraph, path: Path) -> Table:
         """Return the table in a file.
@@ -138,10 +160,6 @@ class TableFiles(Generic[Table]):
                 f"table file {str(path)!r} is damaged, or not of format {FORMAT}"
             ) from None
 
-    def content(self, graph: StanceGraph, table: Table) -> bytes:
-        """Return the content of a compressed file."""
-        return pack_arrays(graph, self.encode(graph, table), self.compression)
-
     def write(self, graph: StanceGraph, table: Table, path: Path) -> None:
         """Write a compressed file.
 
@@ -150,7 +168,7 @@ class TableFiles(Generic[Table]):
         FileError
             If the file cannot be written.
         """
-        write_whole(path, self.content(graph, table))
+        write_whole(path, pack_arrays(graph, self.encode(graph, table), self.compression))
 
     def cache(self, graph: StanceGraph, table: Table) -> Path | None:
         """Write a table into the cache folder and return its file; None, with a warning, if not."""

@@ -1,6 +1,7 @@
 """The command `build`."""
 
 import json
+from collections import OrderedDict
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from small_tables import small_map as few_points
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli import build
-from mlivr_gym.stances import node_table_file
-from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table
+from mlivr_gym.stances import table_files
+from mlivr_gym.stances.node_table_file import NODE_TABLES
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
@@ -26,14 +28,14 @@ def part(tmp_path):
 def cache(monkeypatch, tmp_path):
     """An empty cache folder, and no table in memory."""
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "new"))
-    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
 
 
 def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     code, out, _ = run("build", "--robot", "mlivr3", "--map", part)
     graph = stance_graph(part, "mlivr3")
-    node_table_file._cached.clear()
-    found = node_table(graph)
+    table_files._memory.clear()
+    _, found = find_table(graph)
     assert code == 0
     (last,) = out.splitlines()
     assert str(NODE_TABLES.cached(graph)) in last

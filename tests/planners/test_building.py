@@ -44,7 +44,7 @@ def test_its_error_is_raised_where_it_is_waited_for():
 def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
     """And the next one finds what was worked out meanwhile."""
     monkeypatch.setenv(CACHE_VARIABLE, "")
-    monkeypatch.setattr("mlivr_gym.stances.stance_sets._cached", OrderedDict())
+    monkeypatch.setattr("mlivr_gym.stances.table_files._memory", OrderedDict())
     graph = stance_graph(small_map(), "mlivr3")
     start = random_state(graph, np.random.default_rng(0))
     goal = graph.posture_of(start).base_position[0] + (0.3, 0.0, 0.0)
@@ -57,7 +57,7 @@ def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
         return slow(cls, *args, **options)
 
     monkeypatch.setattr(StanceSets, "of", classmethod(slowly))
-    monkeypatch.setattr("mlivr_gym.planners.searches.node_table", lambda graph: None)
+    monkeypatch.setattr("mlivr_gym.planners.searches.find_table", lambda graph: None)
     planner = Planner(graph)
     goal = np.clip(goal, *graph.grasp_map.cabin)
     began = time.perf_counter()

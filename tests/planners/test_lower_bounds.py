@@ -11,9 +11,9 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
-from mlivr_gym.stances import node_table_file
+from mlivr_gym.stances import table_files
+from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.stances.two_limb_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
@@ -150,7 +150,7 @@ def taking(graph, held):
 def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
-    monkeypatch.setattr(node_table_file, "_cached", {key_of(known[0]): table})
+    monkeypatch.setitem(table_files._memory, NODE_TABLES.name(known[0]), (None, table))
     monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
@@ -174,7 +174,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
 @pytest.mark.parametrize("cost", COSTS)
 def test_what_is_told_of_each_plan_is_a_bound(known, cost, monkeypatch):
     table = known[1]
-    monkeypatch.setattr(node_table_file, "_cached", {key_of(known[0]): table})
+    monkeypatch.setitem(table_files._memory, NODE_TABLES.name(known[0]), (None, table))
     graph, rng, plans = fresh(known), np.random.default_rng(7), 0
     planner = Planner(graph)
     for _ in range(16):

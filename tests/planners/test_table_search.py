@@ -17,14 +17,14 @@ from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.postures.relabelling import relabelled
-from mlivr_gym.stances import node_table_file
+from mlivr_gym.stances import table_files
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import (
     edge_ends,
 )
 from mlivr_gym.stances.node_steps import candidate_steps
+from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_files import key_of
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
@@ -298,7 +298,7 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
     first, table = known
     if table.limbs == 2:
         pytest.skip("its graph needs no table that was built before")
-    monkeypatch.setattr(node_table_file, "_cached", {key_of(first): table})
+    monkeypatch.setitem(table_files._memory, NODE_TABLES.name(first), (None, table))
     monkeypatch.setattr(
         ImplicitGraph, "successors", None
     )  # no search from state to state is needed

@@ -23,8 +23,8 @@ from mlivr_gym.stances.node_edges import (
     with_edges,
 )
 from mlivr_gym.stances.node_table import ROUNDED
-from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
@@ -248,7 +248,7 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     """Of some nodes all that is told, and that all their steps are among the bits."""
     graph, with_table = (stance_graph(robot=robot) for _ in range(2))
     limbs, rng = graph.limbs, np.random.default_rng(4)
-    table = node_table(with_table)
+    table = find_table(with_table)[1]
     rows = rng.choice(len(table.points), 300, replace=False)
     stances = table.points[rows].astype(np.int64)
     postures = graph.nodes(stances)

@@ -1,5 +1,6 @@
 """Tables of nodes: stopped and gone on with, and what is told beforehand."""
 
+from collections import OrderedDict
 from functools import wraps
 
 import numpy as np
@@ -9,9 +10,9 @@ from small_tables import small_map, small_table
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
-from mlivr_gym.stances import node_table_build, node_table_file
+from mlivr_gym.stances import node_table_build, table_files
 from mlivr_gym.stances.node_table_file import NODE_TABLES
-from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.table_build import build_table, find_table
 
 KERNELS = kernel_root()
 
@@ -23,7 +24,7 @@ def cache(monkeypatch, tmp_path):
     folder.mkdir()
     (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
-    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
     return folder
 
 
@@ -76,7 +77,7 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     assert_same(again.table, truth)
     assert not list(cache.glob("parts-*"))
     together = dict(done)
-    node_table_file._cached.clear()
+    table_files._memory.clear()
     NODE_TABLES.cached(again).unlink()
     build_table(stance_graph(small_map(), "mlivr3"))
     assert {name: done[name] - together[name] for name in done} == together  # each part once
@@ -107,5 +108,5 @@ def test_an_unpacked_table_of_another_graph_is_passed_over(caplog):
     path, (_, table) = NODE_TABLES.cached(graph), small_table(3)
     other = stance_graph(small_map(), "mlivr4")
     NODE_TABLES.cache(other, table).rename(path)
-    assert node_table_file.node_table(graph) is None
+    assert find_table(graph) is None
     assert "is for another robot; the file is not used" in caplog.text

@@ -1,5 +1,6 @@
 """Files of node tables: read as written, mapped into memory, and refused where damaged."""
 
+from collections import OrderedDict
 from functools import partial
 from zipfile import ZIP_STORED
 
@@ -11,10 +12,11 @@ from hypothesis import strategies as st
 from small_tables import small_table
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.stances import node_table_file, table_files
+from mlivr_gym.stances import table_files
 from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.node_table_build import build
-from mlivr_gym.stances.node_table_file import NODE_TABLES, node_table
+from mlivr_gym.stances.node_table_file import NODE_TABLES
+from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
 
 
@@ -37,7 +39,7 @@ def table(known):
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder without tables, and none in memory."""
     monkeypatch.setattr(table_files, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(node_table_file, "_cached", type(node_table_file._cached)())
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
     return tmp_path
 
 
@@ -55,22 +57,22 @@ def test_a_table_is_read_as_it_was_written(graph, table, tmp_path):
 
 
 def test_a_mapped_table_is_found_again(graph, table, empty_cache, caplog):
-    assert node_table(graph) is None
+    assert find_table(graph) is None
     in_columns = table._replace(points=np.asfortranarray(table.points))
     path = NODE_TABLES.cache(graph, in_columns)
     assert path == NODE_TABLES.cached(graph)
-    found = node_table(graph)
+    found = find_table(graph)[1]
     for one, other in zip(found, table, strict=True):
         np.testing.assert_array_equal(one, other)
         assert one.dtype == other.dtype
         assert one.ctypes.data % table_files.ALIGNED == 0
-    assert node_table(graph) is found
+    assert find_table(graph)[1] is found
     found.points[:] = 0  # in memory alone
-    node_table_file._cached.clear()
-    np.testing.assert_array_equal(node_table(graph).points, table.points)
-    node_table_file._cached.clear()
+    table_files._memory.clear()
+    np.testing.assert_array_equal(find_table(graph)[1].points, table.points)
+    table_files._memory.clear()
     path.write_bytes(path.read_bytes()[:200])
-    assert node_table(graph) is None
+    assert find_table(graph) is None
     assert "is damaged, or not of format" in caplog.text
 
 
@@ -86,12 +88,12 @@ def test_a_mapped_array_of_another_shape_is_refused(graph, table, empty_cache):
 def test_a_compressed_file_is_unpacked_once(graph, table, empty_cache, caplog):
     compressed, mapped = empty_cache / NODE_TABLES.name(graph), NODE_TABLES.cached(graph)
     NODE_TABLES.write(graph, table, compressed)
-    np.testing.assert_array_equal(node_table(graph).joined, table.joined)
+    np.testing.assert_array_equal(find_table(graph)[1].joined, table.joined)
     assert mapped.is_file()
-    node_table_file._cached.clear()
+    table_files._memory.clear()
     mapped.unlink()
     compressed.write_bytes(b"")
-    assert node_table(graph) is None
+    assert find_table(graph) is None
     assert "is damaged, or not of format" in caplog.text
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances.node_table_file import node_table
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_build import find_table
 
 WALKS, STEPS = 4, 3
 
@@ -67,7 +67,7 @@ def test_steps_do_not_depend_on_what_was_asked_before(robot):
     Planner(planned).plan(states[0], goal, "steps", goal_tolerance=0.05)
     assert digest(planned, states) == expected
     tabled = stance_graph(robot=robot)
-    assert node_table(tabled) is not None
+    assert find_table(tabled) is not None
     assert digest(tabled, states) == expected
     assert digest_elsewhere(robot, 3) == expected
 

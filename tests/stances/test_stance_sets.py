@@ -1,5 +1,6 @@
 """Sets of points that limbs may hold at once, against all sets and all stances."""
 
+from collections import OrderedDict
 from dataclasses import replace
 from itertools import combinations, permutations
 from zipfile import ZIP_STORED
@@ -11,7 +12,7 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.stances import stance_sets
+from mlivr_gym.stances import stance_sets, table_files
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import StanceSets, count_sets, sets_from
@@ -29,7 +30,7 @@ def graph(request):
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder of its own, and nothing in memory."""
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(stance_sets, "_cached", stance_sets.OrderedDict())
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
     return tmp_path / "cache"
 
 
@@ -85,18 +86,18 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     assert told[-1] == 1.0
     (file,) = empty_cache.glob("sets-*.npz")
     again = told.copy()
-    stance_sets._cached.clear()
+    table_files._memory.clear()
     read = StanceSets.of(graph, told.append, build=False)
     assert told == again
     np.testing.assert_array_equal(read.points, first.points)
     np.testing.assert_array_equal(read.support_sets, first.support_sets)
     for content in (b"nothing", file.read_bytes()[:200]):
-        stance_sets._cached.clear()
+        table_files._memory.clear()
         file.write_bytes(content)
         assert StanceSets.of(graph, build=False) is None
         assert "is damaged, or not of format" in caplog.text
         np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
-    stance_sets._cached.clear()
+    table_files._memory.clear()
     arrays = dict(read_arrays(graph, file))
     for wrong in (
         {"points": first.points + np.uint16(len(graph.grasp_map))},
@@ -105,7 +106,7 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
     ):
         file.write_bytes(pack_arrays(graph, arrays | wrong, ZIP_STORED))
         assert StanceSets.of(graph, build=False) is None
-        stance_sets._cached.clear()
+        table_files._memory.clear()
 
 
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
@@ -121,7 +122,7 @@ def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cach
 def test_a_plan_of_four_limbs_waits_for_no_sets(graph, empty_cache, monkeypatch):
     """With a new robot on a new map; they are worth their time with three limbs alone."""
     made = []
-    monkeypatch.setattr("mlivr_gym.planners.searches.node_table", lambda graph: None)
+    monkeypatch.setattr("mlivr_gym.planners.searches.find_table", lambda graph: None)
     monkeypatch.setattr(stance_sets, "_computed", lambda *given: made.append(given))
     fresh = stance_graph(graph.grasp_map, graph.robot, graph.settings)
     start = random_state(fresh, np.random.default_rng(0))

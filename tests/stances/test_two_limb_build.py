@@ -16,10 +16,8 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
-from mlivr_gym.stances.two_limb_build import (
-    build_two_limb_table,
-    fill_rows,
-)
+from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
@@ -81,33 +79,33 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, chec
     graph = stance_graph(fewer)
     every = int((graph.degree * (graph.degree - 1) // 2).sum())
     with pytest.raises(KeyboardInterrupt):
-        build_two_limb_table(graph, stop_at(0.6))
+        build_table(graph, stop_at(0.6))
     first = checked[0]
     assert 0.3 * every < first < every
     assert not TWO_LIMB_TABLES.cached(graph).exists()
     assert len(list(cache.glob("parts-*/*.npz"))) > 10
     checked[0] = first
     again = stance_graph(fewer)
-    assert build_two_limb_table(again) == TWO_LIMB_TABLES.cached(again)
+    assert build_table(again) == TWO_LIMB_TABLES.cached(again)
     assert checked[0] == every  # each once
     assert_same(again, whole)
     assert_same(stance_graph(fewer), whole)
     assert [path.name for path in cache.iterdir()] == [TWO_LIMB_TABLES.cached(again).name]
-    build_two_limb_table(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
+    build_table(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
     assert checked[0] == every
 
 
 def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache):
     """Nothing, something else, or one byte that differs is left of each."""
     with pytest.raises(KeyboardInterrupt):
-        build_two_limb_table(stance_graph(fewer), stop_at(0.6))
+        build_table(stance_graph(fewer), stop_at(0.6))
     for k, path in enumerate(sorted(cache.glob("parts-*/rows-*"))):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
         path.write_bytes((b"", b"no archive", content)[k % 3])
     assert k > 5
     graph = stance_graph(fewer)
-    build_two_limb_table(graph)
+    build_table(graph)
     assert_same(graph, whole)
 
 
@@ -150,7 +148,7 @@ def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
         monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
-        assert build_two_limb_table(graph) is None
+        assert build_table(graph) is None
     assert_same(graph, whole)
     lines = [record.getMessage() for record in caplog.records]
     assert len(lines) == 2  # not one for each part
@@ -159,16 +157,16 @@ def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
 
 def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):
     with pytest.raises(KeyboardInterrupt):
-        build_two_limb_table(stance_graph(fewer), stop_at(0.6))
+        build_table(stance_graph(fewer), stop_at(0.6))
     graph = stance_graph(fewer)
     checked[0] = 0
     monkeypatch.setattr(parts, "source_digest", lambda _: "0" * 16)
-    build_two_limb_table(graph)
+    build_table(graph)
     assert checked[0] == int((graph.degree * (graph.degree - 1) // 2).sum())
 
 
 def test_a_table_that_is_read_counts_as_used(fewer, whole):
-    path = build_two_limb_table(stance_graph(fewer))
+    path = build_table(stance_graph(fewer))
     os.utime(path, (100, 100))
     (one,) = cached_files()
     assert one.used == 100
@@ -180,8 +178,8 @@ def test_a_table_that_is_read_counts_as_used(fewer, whole):
 
 def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
     early, late = (stance_graph(fewer) for _ in range(2))
-    build_two_limb_table(late)
-    build_two_limb_table(early)
+    build_table(late)
+    build_table(early)
     assert_same(early, whole)
 
 
@@ -192,6 +190,6 @@ def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
-        assert build_two_limb_table(graph) is None
+        assert build_table(graph) is None
     assert_same(graph, whole)
     assert "the table is not stored" in caplog.text
