@@ -12,16 +12,12 @@ stretch restores the limits.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics
-
-TINY = 1e-12
-"""Numbers below this count as zero."""
+from mlivr_gym.simulation.squared_rates import RATIOS, TINY, SquaredLoads, reduce_squares
 
 TIME_SAMPLES = 400
 """Number of times at which a time scaling is sampled."""
@@ -42,93 +38,23 @@ def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     return PPoly(scaling.c / factor**powers, scaling.x * factor)
 
 
-class _SquaredLoads(NamedTuple):
-    """Squared loads at K nodes in units of the limits, as quadratic forms in sigma'' and b.
-
-    A torque or wrench `u sigma'' + v b` is within its limit if its square
-    `uu sigma''^2 + 2 uv sigma'' b + vv b^2` is at most 1. All arrays have the shape (K, G) for G
-    torques and wrenches.
-    """
-
-    uu: Array
-    uv: Array
-    vv: Array
-
-    @classmethod
-    def of(cls, dynamics: SegmentDynamics) -> _SquaredLoads:
-        """Return the squared loads of a segment."""
-        u, v = (
-            np.concatenate(
-                [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
-            )
-            for k in (0, 1)
+def _squared_loads(dynamics: SegmentDynamics) -> SquaredLoads:
+    """Return the squared loads of a segment."""
+    u, v = (
+        np.concatenate(
+            [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
         )
-        return cls((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
+        for k in (0, 1)
+    )
+    return SquaredLoads((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
 
 
 def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
     """Return the largest b = sigma'^2 at each node of a segment, zero at both ends, shape (K,)."""
-    spacing, loads = np.diff(dynamics.sigmas), _SquaredLoads.of(dynamics)
-    speed_bound: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
-    squares: Array = np.minimum(speed_bound, _maximum_velocity_curve(loads))
+    squares: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
     squares[0] = squares[-1] = 0.0
-    last = len(squares) - 1
-    for k in range(last - 1, 0, -1):
-        # sigma'' = (b[k + 1] - b[k]) / (2 spacing) at node k
-        ahead = squares[k + 1]
-        while True:
-            high = _largest_feasible(
-                loads, k, (ahead / (2.0 * spacing[k]), -1.0 / (2.0 * spacing[k])), (0.0, 1.0)
-            )
-            if high >= 0.0 or ahead < TINY:
-                break
-            ahead *= 0.9
-        squares[k] = min(squares[k], max(high, 0.0))
-    for k in range(last):
-        here = squares[k]
-        high = _largest_feasible(
-            loads, k, (-here / (2.0 * spacing[k]), 1.0 / (2.0 * spacing[k])), (here, 0.0)
-        )
-        squares[k + 1] = min(squares[k + 1], max(high, 0.0))
+    reduce_squares(_squared_loads(dynamics), RATIOS, dynamics.sigmas, squares)
     return squares
-
-
-def _maximum_velocity_curve(loads: _SquaredLoads) -> Array:
-    """Return the largest b at each node for which some sigma'' is feasible, shape (K,).
-
-    This is the maximum velocity curve of Bobrow et al. (1985), over a grid of ratios sigma'' / b.
-    """
-    ratios = np.concatenate([-np.geomspace(1e3, 1e-2, 60), [0.0], np.geomspace(1e-2, 1e3, 60)])
-    r = ratios[:, None, None]
-    largest = (r * r * loads.uu + 2.0 * r * loads.uv + loads.vv).max(axis=2)
-    minimum: Array = np.sqrt(np.maximum(largest.min(axis=0), TINY**2))
-    return 1.0 / minimum
-
-
-def _largest_feasible(
-    loads: _SquaredLoads, k: int, change: tuple[float, float], square: tuple[float, float]
-) -> float:
-    """Return the largest x at which all loads of node `k` are within their limits.
-
-    Here `sigma'' = change[0] + change[1] x` and `b = square[0] + square[1] x`. The result is -1 if
-    no x from 0 on is feasible.
-    """
-    uu, uv, vv = loads.uu[k], loads.uv[k], loads.vv[k]
-    (p, dp), (q, dq) = change, square
-    # a x^2 + 2 b x + c <= 0
-    a = dp * dp * uu + 2.0 * dp * dq * uv + dq * dq * vv
-    b = p * dp * uu + (p * dq + q * dp) * uv + q * dq * vv
-    c = p * p * uu + 2.0 * p * q * uv + q * q * vv - 1.0
-    moving = a > TINY**2
-    if (c[~moving] > 1e-9).any():
-        return -1.0
-    a, b, c = a[moving], b[moving], c[moving]
-    root = b * b - a * c
-    if (root < 0.0).any():
-        return -1.0
-    root = np.sqrt(root)
-    low, high = ((-b - root) / a).max(initial=0.0), ((root - b) / a).min(initial=np.inf)
-    return float(high) if high >= low - 1e-9 else -1.0
 
 
 def _sampled(sigmas: Array, squares: Array) -> tuple[Array, Array]:
