@@ -14,7 +14,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.closed_loop.path_check import PathCheck
 from mlivr_gym.schema import Tuples, Validator
 from mlivr_gym.simulation.parameter_set import ParameterSet
 from mlivr_gym.values import MAX_LENGTH, Triple
@@ -27,12 +26,6 @@ ALLOWANCE = 0.1
 
 In the time between two of them, `path_check.CHECK_PERIOD`, a crew member moves at most so far.
 """
-
-HORIZON = 120.0
-"""Time for which the motion of crew members is predicted [s]."""
-
-WAITS = np.arange(0.0, HORIZON + 1.0)
-"""Times that the robot may wait before a step [s]."""
 
 KEPT = LEAST_DISTANCE + ALLOWANCE
 """Distance that the robot is to keep by prediction [m]."""
@@ -160,32 +153,3 @@ def segment_distances(first: Array, second: Array) -> Array:
     gap = p + s[..., None] * u - q - t[..., None] * v
     distances: Array = np.linalg.norm(gap, axis=-1)
     return distances
-
-
-def waiting_time(
-    path: PathCheck, crew: Sequence[CrewMember], now: float, kept: float = KEPT
-) -> float | None:
-    """Return the shortest time in `WAITS` to wait before a step; None if the robot must not stay.
-
-    While the robot waits and moves, it keeps a distance from all.
-
-    Parameters
-    ----------
-    path
-        The trajectory of the step.
-    crew
-        The crew members.
-    now
-        The present time [s].
-    kept
-        The distance [m].
-    """
-    radii, period = path.radii, path.times[1]
-    waiting = np.arange(0.0, WAITS[-1] + period, period)
-    still = np.repeat(path.axes[:1], len(waiting), axis=0)
-    is_close = distance_from_crew(still, radii, crew, now + waiting) < kept
-    longest = waiting[np.argmax(is_close)] if is_close.any() else np.inf
-    for wait in WAITS[longest > WAITS]:
-        if distance_from_crew(path.axes, radii, crew, now + wait + path.times).min() >= kept:
-            return float(wait)
-    return None

@@ -1,173 +1,256 @@
 """Ways out of the lanes of crew members: a search over stances and time.
 
-The motion of crew members is known, so each stance has intervals of time in which its resting
-posture keeps a distance from all of them. The search is safe-interval path planning (Phillips and
-Likhachev 2011): a node is a stance in one of its intervals, with the earliest arrival in it. A step
-takes `STEP_TIME`, in which the posture after it keeps the distance; the posture before it keeps it
-until the step begins. This estimate chooses steps; the trajectory of a step is compared with the
-crew before it is taken.
+The motion of crew members is known, so each resting posture has intervals of time in which it keeps
+a distance from all of them. The search is safe-interval path planning (Phillips and Likhachev
+2011): a node is a posture in one of its intervals, with the earliest arrival in it. Steps are lazy
+edges: each first counts with the least time that any step takes, and its trajectory is made, and
+compared with the crew, when its turn has come.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import count
 from typing import NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.closed_loop.crew import KEPT, LEAST_DISTANCE, CrewMember, distance_from_crew
-from mlivr_gym.closed_loop.path_check import robot_axes, robot_radii
+from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.simulation.recording import Recording
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.simulation.recording import Failure, Recording
+from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
 from mlivr_gym.transitions.state import State
 
 PERIOD = 0.2
-"""Time between two compared postures [s]."""
+"""Time between two compared resting postures [s]."""
 
-STEP_TIME = 8.0
-"""Time of a step in the search, which steps at the default pace rarely exceed [s]."""
+WAIT = 1.0
+"""Difference of the times for which the robot may wait before a step [s]."""
 
 LEAST_STEP_TIME = 2.5
 """Time that no step at the default pace stays below [s]."""
 
-MOST_EXPANDED = 300
-"""Maximum number of stances that a search expands."""
+MOST_TRIED = 150
+"""Maximum number of steps with a trajectory in one search."""
 
 EACH = slice(None, None, 2)
 """Samples of a recording at which the distance from crew members is measured."""
 
-MOST_TRIED = 60
-"""Number of first steps of ways out whose trajectories are compared with the crew."""
+DELAY = 2.0
+"""Time by which steps rarely last longer than their trajectories [s]."""
 
-TRIED_IN_TURN = (KEPT, False), (KEPT, True), (LEAST_DISTANCE, True), (0.0, True)
-"""Distance that a way out keeps [m], and whether its search is optimistic."""
+TRIED_IN_TURN = (KEPT, DELAY), (KEPT, 0.0), (LEAST_DISTANCE, 0.0), (0.0, 0.0)
+"""Distance that a way out keeps by prediction [m], and the delay of its steps [s]."""
 
-PROOF = LEAST_DISTANCE, True
-"""If none of these ways out is left at the start, crew members count as unavoidable."""
+PROOF = LEAST_DISTANCE, 0.0
+"""If no such way out is left at the start, crew members count as unavoidable."""
+
+
+class Rest(NamedTuple):
+    """A robot at rest in a stance."""
+
+    state: State
+    """The state, with one branch for each limb."""
+    joints: Array
+    """Joint angles, shape (N, 6) [rad]."""
+
+
+class EvasiveStep(NamedTuple):
+    """A step of a way out."""
+
+    prepared: PreparedStep
+    """The step."""
+    wait: float
+    """Time to wait before it [s]."""
 
 
 class EscapePath(NamedTuple):
-    """The result of a search."""
+    """A way to a stance in which the robot can stay for ever."""
 
-    states: tuple[State, ...]
-    """The present state and those after each step; in the last one the robot can stay for ever.
-    Empty if no way was found."""
-    is_exhausted: bool
+    steps: tuple[EvasiveStep, ...] | None
+    """The steps; None if no way was found."""
+    is_exhausted: bool = False
     """Whether the search tried every sequence of steps that the graph has."""
+
+
+class _Arrival(NamedTuple):
+    """A node: the robot at rest from its arrival until a crew member comes."""
+
+    rest: Rest
+    begin: float
+    """Time of the arrival [s]."""
+    until: float
+    """Time until which it can stay [s]."""
+    steps: tuple[EvasiveStep, ...]
+    """The steps that lead here."""
+
+
+class _Edge(NamedTuple):
+    """A step from a node whose trajectory was not made yet."""
+
+    arrival: _Arrival
+    after: State
+    limb: int
+    point: int
+
+
+_Item = tuple[bool, float, int, _Arrival | _Edge]
+"""Element of the queue: priority, number in the order of insertion, and node or edge."""
 
 
 class Evasion:
     """Ways out of the lanes of crew members."""
 
-    def __init__(self, graph: StanceGraph, shapes: LimbShapes, crew: Sequence[CrewMember]) -> None:
-        """Prepare the search among crew members for the robot of a graph."""
-        self._graph, self._shapes, self._crew = graph, shapes, crew
-        end = max((member.arrival for member in crew), default=0.0)
-        self._times = np.arange(int(np.ceil(end / PERIOD)) + 2).astype(np.float64) * PERIOD
-        self._distances = dict[State, Array]()
-
-    def distances(self, state: State) -> Array:
-        """Return the distance from the crew at rest at each time of the search, shape (k,) [m].
-
-        The last one holds for all later times, when the crew has arrived.
-        """
-        if state not in self._distances:
-            axes = robot_axes(self._graph.robot, self._shapes, self._graph.configuration(state))
-            still = np.broadcast_to(axes, (len(self._times), *axes.shape))
-            radii = robot_radii(self._shapes)
-            self._distances[state] = distance_from_crew(still, radii, self._crew, self._times)
-        return self._distances[state]
+    def __init__(
+        self, executor: StepExecutor, shapes: LimbShapes, crew: Sequence[CrewMember]
+    ) -> None:
+        """Prepare the search among crew members for the robot that an executor moves."""
+        self._executor, self._graph, self._shapes = executor, executor.graph, shapes
+        self._crew, self._radii = crew, robot_radii(shapes)
+        self.end = max((member.arrival for member in crew), default=0.0)
+        self._distances = dict[tuple[State, bytes], Array]()
+        self._checks = dict[tuple[object, ...], tuple[PreparedStep, PathCheck] | None]()
+        self._version = self._graph.version
 
     def distance_during(self, recording: Recording) -> float:
         """Return the smallest distance from crew members in a recording [m]."""
         kept, robot = recording.part(EACH), self._graph.robot
         each = zip(kept.base_positions, kept.base_quaternions, kept.joint_positions, strict=True)
         axes = np.array([robot_axes(robot, self._shapes, configuration) for configuration in each])
-        gaps = distance_from_crew(axes, robot_radii(self._shapes), self._crew, kept.times)
-        return float(gaps.min())
+        return float(distance_from_crew(axes, self._radii, self._crew, kept.times).min())
+
+    def waiting_time(self, rest: Rest, prepared: PreparedStep, now: float) -> float | None:
+        """Return the shortest time to wait before a step after which there is a way out [s].
+
+        All the time the robot is to keep the distance `KEPT`; None is returned if it cannot.
+        """
+        path = PathCheck(self._graph, self._shapes, prepared.trajectory)
+        here = _Arrival(rest, now, self._safe_until(rest, now, KEPT), ())
+        for arrival in self._arrivals(here, prepared, path, (KEPT, DELAY)):
+            if self.escape(arrival.rest, arrival.begin, (KEPT, DELAY)).steps is not None:
+                return arrival.steps[0].wait
+        return None
 
     def escape(
-        self,
-        state: State,
-        now: float,
-        kept: float,
-        refused: frozenset[tuple[int, ...]] = frozenset(),
-        is_optimistic: bool = False,
+        self, rest: Rest, now: float, margins: tuple[float, float], most: int | None = None
     ) -> EscapePath:
         """Search for a way to a stance in which the robot can stay.
 
         Parameters
         ----------
-        state
-            The present state.
+        rest
+            Where the robot is.
         now
             The present time [s].
-        kept
-            Distance to be kept [m].
-        refused
-            Stances to which the first step must not lead.
-        is_optimistic
-            Whether steps take only `LEAST_STEP_TIME`, and the posture after a step need not keep
-            the distance before its end. If no such way is found, longer steps have none either.
+        margins
+            Distance to be kept [m], and time by which each step may last longer than its
+            trajectory [s].
+        most
+            Maximum number of steps with a trajectory, by default `MOST_TRIED`.
         """
-        last, number = len(self._times) - 1, count()
-        begin = min(int(now / PERIOD), last)
-        until = self._safe_until(state, begin, kept)
-        if until <= begin:
-            return EscapePath((), True)
-        if until > last:
-            return EscapePath((state,), False)
-        queue: list[tuple[int, int, int, tuple[State, ...]]] = [
-            (begin, next(number), until, (state,))
-        ]
-        seen = {(state, until)}
-        for _ in range(MOST_EXPANDED):
-            if not queue:
-                return EscapePath((), True)
-            arrival, _, until, path = heapq.heappop(queue)
-            moves = self._graph.successors(path[-1])
-            for row in self._farthest_first(moves.base_position, arrival):
-                after = moves.after(path[-1], row)
-                if len(path) == 1 and after.stance in refused:
-                    continue
-                for reached in self._arrivals(after, (arrival, until), kept, is_optimistic):
-                    free = self._safe_until(after, reached, kept)
-                    if free > last:
-                        return EscapePath((*path, after), False)
-                    if (after, free) not in seen:
-                        seen.add((after, free))
-                        heapq.heappush(queue, (reached, next(number), free, (*path, after)))
-        return EscapePath((), not queue)
+        (kept, _), most = margins, MOST_TRIED if most is None else most
+        until, number, tried = self._safe_until(rest, now, kept), count(), 0
+        if until <= now:
+            return EscapePath(None, is_exhausted=True)
+        queue: list[_Item] = [(False, now, next(number), _Arrival(rest, now, until, ()))]
+        earliest = {(_key(rest), until): now}
+        while queue:
+            *_, node = heapq.heappop(queue)
+            if isinstance(node, _Edge):
+                if tried == most:
+                    return EscapePath(None)
+                tried += 1
+                for found in self._tried(node, margins):
+                    key = _key(found.rest), found.until
+                    if found.begin < earliest.get(key, np.inf):
+                        earliest[key] = found.begin
+                        is_passing = found.until < np.inf
+                        heapq.heappush(queue, (is_passing, found.begin, next(number), found))
+            elif node.until == np.inf:
+                return EscapePath(node.steps)
+            else:
+                for is_passing, edge in self._edges(node, kept):
+                    time = node.begin + LEAST_STEP_TIME
+                    heapq.heappush(queue, (is_passing, time, next(number), edge))
+        return EscapePath(None, is_exhausted=True)
 
-    def _farthest_first(self, positions: Array, begin: int) -> list[int]:
-        """Return the rows of base positions in the order in which they are tried."""
-        middles = np.concatenate([m.middles(self._times[begin:]) for m in self._crew])
-        away = np.linalg.norm(positions[:, None] - middles, axis=2).min(axis=1)
-        order: IntArray = np.argsort(-away, kind="stable")
-        return list(order.tolist())
+    def _edges(self, node: _Arrival, kept: float) -> list[tuple[bool, _Edge]]:
+        """Return the steps from a node, the farthest from the crew first.
 
-    def _safe_until(self, state: State, begin: int, kept: float) -> int:
-        """Return the first time at which a stance is not safe, beyond the last one if none."""
-        unsafe = self.distances(state)[begin:] < kept
-        return begin + int(np.argmax(unsafe)) if unsafe.any() else len(self._times)
+        With each is told whether crew members seem to come where it leads.
+        """
+        state = node.rest.state
+        moves, earliest = self._graph.successors(state), node.begin + LEAST_STEP_TIME
+        afterwards = np.arange(earliest, max(self.end, earliest) + 2.0 * PERIOD, PERIOD)
+        middles = np.concatenate([member.middles(afterwards) for member in self._crew])
+        away = np.linalg.norm(moves.base_position[:, None] - middles, axis=2).min(axis=1)
+        edges = []
+        for k in np.argsort(-away, kind="stable").tolist():
+            after = moves.after(state, k)
+            there = Rest(after, self._graph.configuration(after)[2])
+            is_passing = self._safe_until(there, earliest, kept) < np.inf
+            edges.append((is_passing, _Edge(node, after, int(moves.limb[k]), int(moves.point[k]))))
+        return edges
+
+    def _tried(self, edge: _Edge, margins: tuple[float, float]) -> Iterator[_Arrival]:
+        """Make the trajectory of a step; yield the nodes to which it leads."""
+        if self._version != self._graph.version:
+            self._checks.clear()
+            self._version = self._graph.version
+        rest, key = edge.arrival.rest, (*_key(edge.arrival.rest), edge.after)
+        if key not in self._checks:
+            prepared = self._executor.prepared(edge.limb, edge.point, edge.after.branch_sets, rest)
+            self._checks[key] = None if isinstance(prepared, Failure) else (
+                prepared, PathCheck(self._graph, self._shapes, prepared.trajectory)
+            )  # fmt: skip
+        if (checked := self._checks[key]) is not None:
+            yield from self._arrivals(edge.arrival, *checked, margins)
 
     def _arrivals(
-        self, after: State, interval: tuple[int, int], kept: float, is_optimistic: bool
-    ) -> list[int]:
-        """Return the earliest end, in each interval of `after`, of steps that begin in another."""
-        first, until = interval
-        steps = round((LEAST_STEP_TIME if is_optimistic else STEP_TIME) / PERIOD)
-        last = len(self._times) - 1
-        ends = np.arange(first, until + (steps if until > last else 0)) + steps
-        safe = self.distances(after)[np.minimum(np.arange(first, ends[-1] + 1), last)] >= kept
-        if is_optimistic:
-            able = safe[steps:]
-        else:  # it keeps the distance during the whole step
-            until_now = np.cumsum(np.append(0, safe))
-            able = until_now[steps + 1 :] - until_now[: -steps - 1] == steps + 1
-        is_first = able & ~np.append(False, able[:-1])
-        return list(np.minimum(ends[is_first], last).tolist())
+        self, here: _Arrival, prepared: PreparedStep, path: PathCheck, margins: tuple[float, float]
+    ) -> Iterator[_Arrival]:
+        """Yield the nodes to which a step leads from another one, after different waits.
+
+        The step keeps a distance [m], and may be delayed [s].
+        """
+        (kept, delay), duration, found = margins, float(path.times[-1]), set[float]()
+        latest = min(here.until, max(self.end, here.begin + WAIT))
+        after = Rest(prepared.after, prepared.trajectory.joint_positions[-1])
+        for wait in np.arange(0.0, latest - here.begin, WAIT).tolist():
+            if self._is_clear(path, here.begin + wait, kept):
+                end = here.begin + wait + duration
+                until = self._safe_until(after, end, kept)
+                if until > end + delay and until not in found:
+                    found.add(until)
+                    steps = (*here.steps, EvasiveStep(prepared, wait))
+                    yield _Arrival(after, end + delay, until, steps)
+
+    def _is_clear(self, path: PathCheck, begin: float, kept: float) -> bool:
+        """Return whether the robot keeps a distance on a path that begins at some time."""
+        gaps = distance_from_crew(path.axes, self._radii, self._crew, begin + path.times)
+        return bool(gaps.min() >= kept)
+
+    def _safe_until(self, rest: Rest, begin: float, kept: float) -> float:
+        """Return the first time at which a resting posture is not safe; infinite if it stays so.
+
+        It is `begin` if it is not safe then.
+        """
+        key = _key(rest)
+        if key not in self._distances:
+            position, quaternion, _ = self._graph.configuration(rest.state)
+            axes = robot_axes(self._graph.robot, self._shapes, (position, quaternion, rest.joints))
+            times = PERIOD * np.arange(int(np.ceil(self.end / PERIOD)) + 2, dtype=np.float64)
+            still = np.broadcast_to(axes, (len(times), *axes.shape))
+            self._distances[key] = distance_from_crew(still, self._radii, self._crew, times)
+        distances = self._distances[key]
+        first = min(int(begin / PERIOD), len(distances) - 1)
+        unsafe: BoolArray = distances[first:] < kept
+        return max(begin, PERIOD * (first + int(np.argmax(unsafe)))) if unsafe.any() else np.inf
+
+
+def _key(rest: Rest) -> tuple[State, bytes]:
+    """Return what tells a resting posture from others."""
+    return rest.state, np.round(rest.joints, 6).tobytes()

@@ -23,12 +23,11 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
-from mlivr_gym.arrays import IntArray
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.course import Course
-from mlivr_gym.closed_loop.crew import KEPT, CrewMember, waiting_time
+from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
-from mlivr_gym.closed_loop.evasion import MOST_TRIED, PROOF, TRIED_IN_TURN, Evasion
+from mlivr_gym.closed_loop.evasion import PROOF, TRIED_IN_TURN, Evasion, Rest
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.errors import SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
@@ -40,9 +39,9 @@ from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
-from mlivr_gym.simulation.step_executor import StepExecutor
+from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State, moving_limb
+from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import STANCE
@@ -55,9 +54,6 @@ In each of them the controller may approach several times, see `ControllerParame
 
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""
-
-NOT_BEGUN = "no clear time", "no swing"
-"""Failures of steps that were not begun."""
 
 INFLATION = 2.0
 """Suboptimality bound of the plans of more than two limbs, with a time limit."""
@@ -198,7 +194,7 @@ class _Loop:
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
         self._attempts, self._course = dict[int, int](), Course(self._belief, plan_from)
-        self._evasion = Evasion(self.graph, self._belief.shapes, self._crew)
+        self._evasion = Evasion(executor, self._belief.shapes, self._crew)
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
@@ -246,8 +242,8 @@ class _Loop:
         if belief.add_hits(hits, model, data):
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
-    def _watch(self, wait: Callable[[Trajectory], float | None]) -> PathWatch:
-        """Return what looks ahead: the cameras, and what says when a step may begin."""
+    def _watch(self) -> PathWatch:
+        """Return what looks ahead during a step: the cameras."""
         camera, fields = self._camera, cycle(FIELDS)
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
@@ -256,7 +252,7 @@ class _Loop:
             self._sense(camera, next(fields))
             return self._belief.is_blocked(trajectory, sample)
 
-        return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked, wait)
+        return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
 
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
@@ -272,75 +268,45 @@ class _Loop:
         self._note("planned", steps=remaining, computing_time=computing_time)
         return plan
 
-    def _wait(
-        self,
-        trajectory: Trajectory,
-        *,
-        after: State,
-        kept: float = KEPT,
-        is_optimistic: bool = False,
-    ) -> float | None:
-        """Return how long to wait for crew members to pass before a step; None if it may not begin.
-
-        After it, there must be a way to a stance in which the robot can stay.
-        """
-        if not self._crew:
-            return 0.0
-        path, now = self._belief.path(trajectory), self._executor.simulation.time
-        duration = waiting_time(path, self._crew, now, kept)
-        if duration is not None:
-            arrival = now + duration + float(path.times[-1])
-            search = partial(self._evasion.escape, is_optimistic=is_optimistic)
-            if not search(after, arrival, kept).states:
-                return None
-        if duration:
-            self._note("waits", duration=duration)
-        return duration
-
     def _step(self, plan: Plan) -> None:
         """Take the next step of a plan; if a crew member is in the way, make way for it."""
         executor, taken = self._executor, self._course.taken
         limb, name = plan.actions[taken]
         executor.follow(plan if self._course.is_new else None)
-        moves = self.graph.successors(executor.state)
-        row = moves.find(limb, self.graph.grasp_map.index(name))
-        wait = partial(self._wait, after=moves.after(executor.state, row))
-        failure = self._move(limb, name, moves.branch_sets[row], wait)
-        if failure is None:
+        moves, point = self.graph.successors(executor.state), self.graph.grasp_map.index(name)
+        branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
+        prepared = executor.prepared(limb, point, branch_sets)
+        if isinstance(prepared, Failure):
+            self._end(STOPPED, prepared.message)
+            return
+        wait: float | None = 0.0
+        if self._crew:
+            rest = Rest(executor.state, executor.joints)
+            wait = self._evasion.waiting_time(rest, prepared, executor.simulation.time)
+        if wait is None:
+            self._evade(prepared)
+        elif self._move(prepared, wait):
             self._course.taken += 1
             self.record.add_step(plan, taken)
-        elif failure.kind == "no clear time":
-            self._evade()
-        elif failure.kind == "no swing":
-            self._end(STOPPED, failure.message)
 
-    def _evade(self) -> None:
-        """Take the first step out of the lanes of crew members; hold if it is best to stay.
+    def _evade(self, prepared: PreparedStep) -> None:
+        """Take the first step out of the lanes of crew members in place of a step.
 
-        If no way keeps the distance, one is taken that keeps less, see `TRIED_IN_TURN`.
+        The robot holds if it is best to stay, or if no way out keeps any distance.
         """
         executor = self._executor
-        for kept, is_optimistic in TRIED_IN_TURN:
-            refused = frozenset[tuple[int, ...]]()
-            for _ in range(MOST_TRIED):
-                now = executor.simulation.time
-                path = self._evasion.escape(executor.state, now, kept, refused, is_optimistic)
-                if len(path.states) < 2:
-                    is_proved = (kept, is_optimistic) == PROOF and path.is_exhausted
-                    self.record.is_crew_unavoidable |= is_proved and now == 0.0
-                    break
-                before, after = path.states[:2]
-                limb = moving_limb(before.stance, after.stance)
-                name = self.graph.grasp_map.ids[after.stance[limb]]
-                wait = partial(self._wait, after=after, kept=kept, is_optimistic=is_optimistic)
-                failure = self._move(limb, name, np.array(after.branch_sets), wait)
-                if failure is None or failure.kind not in NOT_BEGUN:
-                    return
-                refused |= {after.stance}
-            if len(path.states) == 1:
+        rest, now = Rest(executor.state, executor.joints), executor.simulation.time
+        for margins in TRIED_IN_TURN:
+            way = self._evasion.escape(rest, now, margins)
+            if margins == PROOF and way.steps is None:
+                self.record.is_crew_unavoidable |= way.is_exhausted and now == 0.0
+            if way.steps is not None:
                 break
-        self._note("holds", duration=HOLDING_TIME)
-        self._measure(executor.hold(HOLDING_TIME))
+        if way.steps:
+            self._move(*way.steps[0])
+        else:
+            self._note("holds", duration=HOLDING_TIME)
+            self._measure(executor.hold(HOLDING_TIME, prepared))
 
     def _measure(self, executed: SimulatedInterval) -> None:
         """Record the largest force, and the smallest distance from crew members."""
@@ -350,18 +316,15 @@ class _Loop:
             before = np.inf if record.crew_distance is None else record.crew_distance
             record.crew_distance = min(before, self._evasion.distance_during(executed.recording))
 
-    def _move(
-        self,
-        limb: int,
-        name: str,
-        branch_sets: IntArray,
-        wait: Callable[[Trajectory], float | None],
-    ) -> Failure | None:
-        """Move a limb to a point, and back if it cannot be grasped; return the failure, if any."""
-        executor, point = self._executor, self.graph.grasp_map.index(name)
-        _, executed = executor.step(limb, point, tuple(branch_sets.tolist()), self._watch(wait))
-        if isinstance(executed, Failure):
-            return executed
+    def _move(self, prepared: PreparedStep, wait: float) -> bool:
+        """Wait, and take a step, or go back if its point cannot be grasped; return if it can."""
+        executor, grasps = self._executor, prepared.trajectory.grasps
+        limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
+        point = int(grasps[-1, limb])
+        name = self.graph.grasp_map.ids[point]
+        if wait:
+            self._note("waits", duration=wait)
+        _, executed = executor.take(prepared, self._watch(), wait)
         self._measure(executed)
         failure = executed.failure
         if failure is None:
@@ -381,7 +344,7 @@ class _Loop:
                 self._belief.refuse(point)
         else:
             self._end(FAILED, f"{failure.kind}: {failure.message}")
-        return failure
+        return failure is None
 
     def _note(self, kind: str, **values: Any) -> None:
         """Record an event."""

@@ -27,14 +27,12 @@ TORQUE_SHARE = 0.9
 
 
 class PathWatch(NamedTuple):
-    """What looks ahead before and during a step."""
+    """What looks ahead during a step."""
 
     period: float
     """Time between two looks [s]."""
     is_blocked: Callable[[Trajectory, int], bool]
     """Returns whether a trajectory is blocked after a sample, given by its index."""
-    waiting_time: Callable[[Trajectory], float | None] = lambda _: 0.0
-    """Returns how long to wait before a trajectory [s], or None if it must not begin."""
 
 
 class Simulation(SimulatedRobot):

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,20 @@ MEASURES = (
 """Keys of `StepExecutor.measures` in addition to `failure` and `attempts`."""
 
 
+class PreparedStep(NamedTuple):
+    """A step with swing and trajectory, which can be executed where it begins."""
+
+    trajectory: Trajectory
+    """The trajectory."""
+    after: State
+    """The state after it, with one branch for each limb."""
+
+    @property
+    def at_rest(self) -> Trajectory:
+        """The trajectory of a robot that stays where the step begins."""
+        return self.trajectory.at(np.zeros(2, dtype=np.int64))
+
+
 class StepExecutor:
     """Executor of single steps of a stance graph in MuJoCo.
 
@@ -57,7 +71,6 @@ class StepExecutor:
     steps_done: int
     measures: dict[str, Any]
     _executed: Trajectory
-    _at_rest: Trajectory
 
     def __init__(
         self, graph: StanceGraph, setup: Setup, obstacles: Sequence[Box] | None = None
@@ -111,37 +124,63 @@ class StepExecutor:
         return self.simulation.configuration
 
     def step(
+        self, limb: int, point: int, branch_sets: tuple[int, ...]
+    ) -> tuple[State, SimulatedInterval | Failure]:
+        """Move a limb to a point, given by its index, and to branches of all limbs after the step.
+
+        Returned are the state after the step, or before it if the step failed, and the executed
+        step, or a `Failure` alone if the step has no swing or no trajectory.
+        """
+        prepared = self.prepared(limb, point, branch_sets)
+        if isinstance(prepared, Failure):
+            measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": prepared.time}
+            self.measures = {"failure": prepared.to_dict(), "attempts": 0} | measures
+            return self.state, prepared
+        return self.take(prepared)
+
+    def prepared(
         self,
         limb: int,
         point: int,
         branch_sets: tuple[int, ...],
-        watch: PathWatch | None = None,
-    ) -> tuple[State, SimulatedInterval | Failure]:
-        """Move a limb to a point, given by its index, and to branches of all limbs after the step.
+        before: tuple[State, Array] | None = None,
+    ) -> PreparedStep | Failure:
+        """Return a step from the present state that can be taken, or the failure `"no swing"`.
 
-        `watch` looks ahead during the step. Returned are the state after the step, or before it if
-        the step failed, and the executed step, or a `Failure` alone if the step has no swing or no
-        trajectory.
+        Parameters
+        ----------
+        limb, point, branch_sets
+            Those of `step`.
+        before
+            State with one branch for each limb, and joint angles (N, 6) [rad], from which the step
+            begins in place of the present ones. The plan that is followed is then left aside.
         """
-        after = self.state.stance_after(limb, point)
-        result = self._planned(after) or self._committed(State(after, branch_sets))
+        state, joints = before or (self.state, self.joints)
+        after = state.stance_after(limb, point)
+        result = self._planned(after) if before is None else None
+        result = result or self._committed(state, joints, State(after, branch_sets))
         if result is None:
-            return self._not_begun(limb, point, "no swing", "no swing was found")
+            return self._not_begun(limb, point, "no swing was found")
         regrasp, reached = result
         try:
             path = RegraspPath(self.graph, regrasp)
             timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
         except (PlanError, TimingError) as error:
-            return self._not_begun(limb, point, "no swing", str(error))
-        wait = 0.0 if watch is None else watch.waiting_time(timed)
-        if wait is None:
-            self._at_rest = timed.at(np.zeros(2, dtype=np.int64))
-            return self._not_begun(limb, point, "no clear time", "a crew member is in the way")
-        begin, self._executed = self.simulation.time, timed
-        waited = self.hold(wait, timed.at(np.zeros(2, dtype=np.int64))) if wait else None
+            return self._not_begun(limb, point, str(error))
+        return PreparedStep(timed, reached)
+
+    def take(
+        self, prepared: PreparedStep, watch: PathWatch | None = None, wait: float = 0.0
+    ) -> tuple[State, SimulatedInterval]:
+        """Wait for some time [s], and take a step that was prepared for the present state.
+
+        `watch` looks ahead during the step. Returned is the same as by `step`.
+        """
+        begin, self._executed = self.simulation.time, prepared.trajectory
+        waited = self.hold(wait, prepared) if wait else None
         if waited is not None and waited.failure is not None:
             return self.state, waited
-        executed = self.simulation.execute(timed, self.steps_done, watch)
+        executed = self.simulation.execute(prepared.trajectory, self.steps_done, watch)
         if waited is not None:
             executed = executed._replace(
                 recording=Recording.join([waited.recording, executed.recording]),
@@ -149,7 +188,7 @@ class StepExecutor:
             )
         if executed.failure is None:
             self.steps_done += 1
-            self.state, self.joints = reached, timed.joint_positions[-1]
+            self.state, self.joints = prepared.after, prepared.trajectory.joint_positions[-1]
         self.measures = _measures(executed, begin, self.simulation.time)
         return self.state, executed
 
@@ -169,21 +208,15 @@ class StepExecutor:
         self._plan = None
         return self.simulation.retreat(self._executed, self.steps_done)
 
-    def hold(self, duration: float, at_rest: Trajectory | None = None) -> SimulatedInterval:
-        """Hold all points for some time [s], at the end of a trajectory.
+    def hold(self, duration: float, prepared: PreparedStep) -> SimulatedInterval:
+        """Hold all points for some time [s], where a step begins."""
+        return self.simulation.stand_still(prepared.at_rest, duration, self.steps_done)
 
-        By default this is where the last step that was not begun would have begun.
-        """
-        return self.simulation.stand_still(at_rest or self._at_rest, duration, self.steps_done)
-
-    def _not_begun(self, limb: int, point: int, kind: str, why: str) -> tuple[State, Failure]:
-        """Return the unchanged state, and the failure of a step that could not start."""
+    def _not_begun(self, limb: int, point: int, why: str) -> Failure:
+        """Return the failure of a step that could not start."""
         message = f"limb {limb} to {self.graph.grasp_map.ids[point]!r}: {why}"
         time, step = self.simulation.time, self.steps_done
-        failure = Failure(kind, time, step, "departure", limb, message, {})
-        measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": time}
-        self.measures = {"failure": failure.to_dict(), "attempts": 0} | measures
-        return self.state, failure
+        return Failure("no swing", time, step, "departure", limb, message, {})
 
     def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:
         """Return the next step of the plan and its state, if it leads to the stance `after`."""
@@ -204,13 +237,15 @@ class StepExecutor:
         )
         return regrasp, State(after, branch_sets)
 
-    def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
+    def _committed(
+        self, state: State, joints: Array, reached: State
+    ) -> tuple[Regrasp, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
         Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
-        regrasp, edge = self._regrasp(reached.stance)
+        regrasp, edge = self._regrasp(state, joints, reached.stance)
         for option in self._options(reached, regrasp.limb):
             branches = (*regrasp.branches[:-1], _branch(option.branch_sets[regrasp.limb]))
             grasp_joints = graph.configuration(option)[2][regrasp.limb]
@@ -220,9 +255,9 @@ class StepExecutor:
                 return committed.regrasp, option
         return None
 
-    def _regrasp(self, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
+    def _regrasp(self, state: State, joints: Array, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
         """Return the step to a stance without grasp branch and swing, and its edge."""
-        graph, state = self.graph, self.state
+        graph = self.graph
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
         limb, branches = (
@@ -232,7 +267,7 @@ class StepExecutor:
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
             edge.path_kind, graph.pivot(state.stance, after), (*branches, branches[limb]),
-            self.joints, self.joints[limb], UNCHECKED_KNOTS,
+            joints, joints[limb], UNCHECKED_KNOTS,
         )  # fmt: skip
         return regrasp, edge
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import MlivrError, stance_graph
+from mlivr_gym.closed_loop import evasion
 from mlivr_gym.closed_loop.crew import (
     LEAST_DISTANCE,
     CrewMember,
@@ -78,8 +79,9 @@ def test_it_makes_way_for_who_comes_towards_it(graph):
     assert not set(steps) <= set(actions)  # it took a step that is none of its plans
 
 
-def test_it_holds_if_it_cannot_make_way(graph):
+def test_it_holds_if_it_cannot_make_way(graph, monkeypatch):
     """Someone who is as large as the cabin."""
+    monkeypatch.setattr(evasion, "MOST_TRIED", 5)
     giant = CrewMember((9.0, 0.0, 0.0), (-2.0, 0.0, 0.0), radius=0.9, speed=1.0)
     record = run_closed_loop(graph, START, GOAL, crew=[giant])
     assert {"holds", "step"} <= {event.kind for event in record.events}

@@ -10,7 +10,6 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.regrasp import RegraspPath
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.transitions.state import State
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,7 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
         left = graph.successors(executor.state)
         for k in rng.choice(len(left.limb), 15):
             after = left.after(executor.state, int(k))
-            found = executor._committed(State(after.stance, after.branch_sets))
+            found = executor._committed(executor.state, executor.joints, after)
             assert found is not None
             path = RegraspPath(graph, found[0])
             parts = [path.departure(shares), path.approach(shares), path._knots[:, 1:]]
@@ -82,6 +81,6 @@ def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, e
         assert executed.capture.step == step
         assert set(executed.recording.step.tolist()) == {step}
         assert executor.steps_done == step + 1
-    assert executor._not_begun(0, 0, "no swing", "no reason")[1].step == 2
+    assert executor._not_begun(0, 0, "no reason").step == 2
     executor.start(state)
     assert executor.steps_done == 0
