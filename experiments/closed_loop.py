@@ -25,8 +25,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
 from mlivr_gym.closed_loop.crew import LEAST_DISTANCE, CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.evasion import PROOF, Evasion, Rest
 from mlivr_gym.closed_loop.loop import run_closed_loop
-from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
+from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import ShapeError, StanceError
 from mlivr_gym.motion.time_scaling import Durations
@@ -37,6 +39,7 @@ from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -72,6 +75,9 @@ SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
 
 CREW, CREW_TASKS = "two limbs, cameras, no errors, a crew member crosses", 24
 """The series in which a crew member crosses the cabin, and its largest number of tasks."""
+
+MOST_STEPS = 20_000
+"""Maximum number of steps in the search for a way out after a crew member came too close."""
 
 ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 """The robots by their number of limbs."""
@@ -190,7 +196,7 @@ def walk(task: int, mode: str) -> dict[str, Any]:
         "failure": record.reason.split(":")[0] if record.outcome == FAILED else "",
         "steps": record.steps, "duration": record.duration,
         "peak_force": record.peak_force, "crew_distance": record.crew_distance,
-        "is_crew_unavoidable": record.is_crew_unavoidable,
+        "is_crew_unavoidable": with_crew and is_unavoidable(graph, given, task, record),
         "replanning_times": record.replanning_times.tolist(),
     }  # fmt: skip
 
@@ -202,6 +208,20 @@ def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
     found = Planner(graph).plan(start, task.goal, "steps", time_limit=limit_of(graph))
     graph.remove_obstacles()
     return found.reason in PROVED_IMPOSSIBLE
+
+
+def is_unavoidable(graph: StanceGraph, task: Task, seed: int, record: ClosedLoopRecord) -> bool:
+    """Return whether a crew member came too close, and no sequence of steps avoids that.
+
+    The search begins at the start of the walk, and takes all unknown things for absent.
+    """
+    if record.crew_distance is None or record.crew_distance >= LEAST_DISTANCE:
+        return False
+    executor, state = StepExecutor(graph, Setup()), graph.state(task.start)
+    executor.start(state, Planner(graph).plan(state, task.goal, "steps").plan)
+    evasion = Evasion(executor, LimbShapes(graph.robot), [crossing(graph, task, seed)])
+    rest = Rest(executor.state, executor.joints)
+    return evasion.escape(rest, 0.0, PROOF, MOST_STEPS).is_exhausted
 
 
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
@@ -330,7 +350,7 @@ takes 50 s a step. Replanning times are those of one walk on each core. *Open lo
 plan, carried out without looking. A robot that stopped holds all its points; its proof is about
 what it has sensed, and true if no plan exists from there in the whole module either. Crew members
 cross the cabin at 0.5 m/s across or along it, and do not evade the robot; *unavoidable* are walks
-in which the search for a way out was exhausted at the start.
+in which no sequence of steps from the start keeps the distance, with waits of whole seconds.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"

@@ -297,13 +297,13 @@ class _Loop:
         executor = self._executor
         rest, now = Rest(executor.state, executor.joints), executor.simulation.time
         for margins in TRIED_IN_TURN:
-            way = self._evasion.escape(rest, now, margins)
-            if margins == PROOF and way.steps is None:
-                self.record.is_crew_unavoidable |= way.is_exhausted and now == 0.0
-            if way.steps is not None:
+            escape = self._evasion.escape(rest, now, margins)
+            if margins == PROOF and escape.steps is None:
+                self.record.is_crew_unavoidable |= escape.is_exhausted and now == 0.0
+            if escape.steps is not None:
                 break
-        if way.steps:
-            self._move(*way.steps[0])
+        if escape.steps:
+            self._move(*escape.steps[0])
         else:
             self._note("holds", duration=HOLDING_TIME)
             self._measure(executor.hold(HOLDING_TIME, prepared))

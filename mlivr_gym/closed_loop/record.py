@@ -71,8 +71,8 @@ class ClosedLoopRecord:
     crew_distance
         Smallest distance from a crew member [m]; None if there is none.
     is_crew_unavoidable
-        Whether the search for a way out of the lanes of crew members was exhausted at the start,
-        although it took steps for shorter than any measured one; see `evasion`.
+        Whether the search for a way out of the lanes of crew members was exhausted at the start:
+        no sequence of steps, with waits of whole seconds, keeps the distance; see `evasion`.
     """
 
     outcome: str = FAILED
