@@ -1,11 +1,11 @@
 """Fewest steps of two limbs over steps that are checked on demand.
 
 As in LazySP (Dellin and Srinivasa 2016) a path of fewest steps is found as if every unchecked step
-were possible, unchecked steps are checked, and so on until a path has none: it is optimal. Every
-path of fewest steps, and among these of fewest unchecked ones, crosses as many cuts as it has
-unchecked steps, see `level_graph`. The steps of the smallest cuts are checked: if all steps of a
-cut fail, every plan has more steps, or more of them are unchecked. So steps are checked where the
-module is hard to pass, and along one path elsewhere. `docs/mathematics.md` has the proof.
+were possible, its unchecked steps are checked, and so on until a path has none: it is optimal.
+Where steps of a path fail, some others of the smallest cut are checked as well, a cut being the
+steps after which as many remain. If all of them fail, every plan has more steps. So steps are
+checked where the module is hard to pass, and along few paths elsewhere. `docs/mathematics.md` has
+the proof.
 """
 
 from __future__ import annotations
@@ -14,27 +14,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.level_graph import (
-    LARGEST_CUT,
-    Cuts,
-    Levels,
-    Origins,
-    compute_remaining,
-    find_cuts,
-    find_path,
-    unchecked_from_origins,
-)
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.planners.level_graph import ARRIVAL, Levels, Origins, compute_remaining
+from mlivr_gym.planners.level_paths import LARGEST_CUT, Cuts, find_cuts, find_path
 from mlivr_gym.planners.path_search import PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
+from mlivr_gym.stances.two_limb_steps import TwoLimbTable, edge_indices
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State
 
-CUT_RATIO, SMALL_CUT = 4, 128
-"""Cuts are checked together that have at most this many times the steps of the smallest one, or
-this many steps."""
+ALTERNATIVES = 48
+"""Maximum number of steps of a cut that are checked at once."""
 
 
 class LevelSearch(PathSearch):
@@ -46,9 +38,10 @@ class LevelSearch(PathSearch):
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
         is_goal = self.goal.reached(graph.base_position, graph.points)
-        self._goals, self._levels = np.flatnonzero(is_goal), Levels.allocate(is_goal)
+        self._goals, self._levels = np.flatnonzero(is_goal), Levels.allocate(is_goal, graph.steps)
+        if graph.steps.releases["known"].any():
+            self._levels.is_checked[...] = _with_known_steps(graph.steps)
         self._explored: list[IntArray] = []
-        self._path_failed = False
         self._set_origins()
 
     @staticmethod
@@ -71,7 +64,7 @@ class LevelSearch(PathSearch):
             self._first_steps = 1
         nodes = np.array([self.graph.find(state.stance) for state in states], dtype=np.int64)
         sets = np.array([state.branch_sets for state in states], dtype=np.int64).reshape(-1, 2)
-        self._states, self._origins = states, Origins(nodes, sets)
+        self._states, self._nodes, self._branch_sets = states, nodes, sets
         at_goal = nodes[np.isin(nodes, self._goals)]
         self._origin_at_goal = int(at_goal[0]) if len(at_goal) else -1
 
@@ -83,54 +76,59 @@ class LevelSearch(PathSearch):
             self.lower_bound = np.inf if steps < 0 else step_weight * (steps + self._first_steps)
             if steps < 0:
                 return
-            unchecked, path = self._path(steps)
-            releases = self.graph.steps.releases["known"]
-            if unchecked == 0 and releases[path[:, 1:]].all():
+            path: IntArray = np.zeros((steps, 4), dtype=np.int64)
+            unchecked = find_path(*self._graph(), path) if steps else 0
+            if unchecked == 0 and self.graph.steps.releases["known"][path[:, 1:3]].all():
                 self.incumbent_cost = self.lower_bound
-                yield self._state_path(path)
+                yield self._state_path(path[:, :3])
                 return
-            chosen = self._smallest_cuts(steps, unchecked) if unchecked else path
-            chosen = chosen if len(chosen) else path
-            self._explored.append(chosen)
-            kept = self.graph.kept_branches(*chosen.T.copy())
-            self._path_failed = chosen is path and not kept.all()
+            self.expanded += steps
+            failed = self._check(path[:, :3]) & path[:, 3] == 0
+            if failed.any():
+                self._check(self._alternatives(failed[::-1]))
+
+    def _graph(self) -> tuple[TwoLimbTable, Origins, Levels]:
+        """Return what is known of steps, where paths start, and what was reached."""
+        table = self.graph.steps
+        held, others = self._branch_sets, self._branch_sets[:, ::-1]
+        able = np.where(table.releases["known"], table.releases["branches"], table.branch_sets)
+        can_move = others & able[self._nodes, ::-1] != 0
+        return table, Origins(self._nodes, np.where(can_move, held, 0)), self._levels
+
+    def _check(self, steps: IntArray) -> IntArray:
+        """Check steps, shape (k, 3); return the branches that their support limbs keep."""
+        support, before, after = steps.T.copy()
+        self._explored.append(steps)
+        for s in (before, after):
+            self._levels.is_checked[s, support] = True
+        return self.graph.kept_branches(support, before, after)
 
     def _fewest_steps(self) -> int:
         """Return the fewest steps from an origin to the goal, -1 if none lead there."""
         if self._origin_at_goal >= 0:
             return 0
-        self._levels.reset()
-        found = compute_remaining(self._goals, self.graph.steps, self._origins, self._levels)
-        self.backward_expanded += int((self._levels.arrivals > 0).any(axis=1).sum())
+        found = compute_remaining(self._goals, *self._graph())
+        self.backward_expanded += int((self._levels.reached[ARRIVAL] > 0).any(axis=1).sum())
         return int(found)
 
-    def _path(self, steps: int) -> tuple[int, IntArray]:
-        """Return the unchecked steps of a path of fewest steps, and its steps, shape (D, 3)."""
-        path = np.zeros((steps, 3), dtype=np.int64)
-        if steps == 0:
-            return 0, path
-        table, origins, levels = self.graph.steps, self._origins, self._levels
-        unchecked = unchecked_from_origins(steps, table, origins, levels)
-        find_path(unchecked, table, origins, levels, path)
-        return int(unchecked), path
+    def _alternatives(self, failed: BoolArray) -> IntArray:
+        """Return some of the smallest cut of those in which steps of a path failed, shape (k, 3).
 
-    def _smallest_cuts(self, steps: int, unchecked: int) -> IntArray:
-        """Return the steps of the smallest cuts, none if all are large, shape (k, 3)."""
-        cuts = Cuts.allocate(unchecked)
-        table, origins, levels = self.graph.steps, self._origins, self._levels
-        self.expanded += int(find_cuts(steps, table, origins, levels, cuts))
-        self.generated += int(cuts.sizes.sum())
-        largest = min(max(SMALL_CUT, CUT_RATIO * int(cuts.sizes.min())), LARGEST_CUT)
-        some = np.flatnonzero(cuts.sizes <= largest)
-        if not len(some) and self._path_failed:
-            return np.asarray(cuts.steps[cuts.sizes.argmin()])
-        listed = [cuts.steps[k, : cuts.sizes[k]] for k in some]
-        return np.concatenate([np.zeros((0, 3), dtype=np.int64), *listed])
+        Which failed is given by the steps that remain after them, shape (D,). Steps on paths with
+        few unchecked steps come first, and of those the short ones.
+        """
+        cuts, position = Cuts.allocate(np.append(False, failed)), self.graph.base_position
+        self.expanded += int(find_cuts(*self._graph(), cuts))
+        self.generated += int(cuts.size.sum())
+        smallest = np.where(cuts.size, cuts.size, LARGEST_CUT + 1).argmin()
+        steps = cuts.steps[smallest, : cuts.size[smallest]]
+        moved = np.linalg.norm(position[steps[:, 1]] - position[steps[:, 2]], axis=1)
+        return np.asarray(steps[np.lexsort((moved, steps[:, 3]))[:ALTERNATIVES], :3])
 
     def _state_path(self, path: IntArray) -> StatePath:
         """Return the states of a path whose steps and releases are known."""
         graph, first = self.graph, path[0, 1] if len(path) else self._origin_at_goal
-        k = int(np.flatnonzero(self._origins.nodes == first)[0])
+        k = int(np.flatnonzero(self._nodes == first)[0])
         states = [self._states[k]]
         for support, before, after in path.tolist():
             sets = [0, 0]
@@ -150,9 +148,19 @@ class LevelSearch(PathSearch):
         if self.start.pose is not None:
             return bool(len(self._goals))
         _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
-        return bool(np.isin(part[self._origins.nodes], part[self._goals]).any())
+        return bool(np.isin(part[self._nodes], part[self._goals]).any())
 
     def tree(self) -> Array:
         """Return base positions at both ends of the steps that were checked, (e, 2, 3) [m]."""
         checked = np.concatenate([np.zeros((0, 3), dtype=np.int64), *self._explored])
         return np.asarray(self.graph.base_position[checked[:, 1:]])
+
+
+def _with_known_steps(table: TwoLimbTable) -> BoolArray:
+    """Return of which stances steps of each support limb are known, shape (n, 2)."""
+    found = np.zeros(table.points.shape, dtype=np.bool_)
+    for support, rows in enumerate(table.rows):
+        first = edge_indices(support, rows, rows, table) - table.local[support, rows]
+        end = first[-1] + table.degree[support, table.points[rows[-1], support]]
+        found[rows, support] = np.logical_or.reduceat(table.edges["known"][:end], first)
+    return found
