@@ -13,9 +13,9 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
+from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import StanceSets
-from mlivr_gym.stances.workers import Progress
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors

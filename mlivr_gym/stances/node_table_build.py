@@ -1,9 +1,7 @@
-"""Build the table of nodes of three or four limbs, in processes."""
+"""Build the table of nodes of three or four limbs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from itertools import permutations
 from typing import Any
 
@@ -31,23 +29,19 @@ from mlivr_gym.stances.node_edges import (
     with_edges,
 )
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
-from mlivr_gym.stances.parts import PartArrays, Parts
+from mlivr_gym.stances.parts import Block, PartArrays, Parts, Progress
 from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_files import TableError
-from mlivr_gym.stances.workers import Progress, Workers, report_share
 from mlivr_gym.world.grasp_map import GraspMap
 
 FEW_SETS = 1000
-"""Number of sets of points up to which no processes are started."""
+"""Number of sets of points up to which no threads are started."""
 
 STANCES_AT_ONCE = 4000
 """Number of stances that are computed at once; what a graph stores of them takes memory."""
 
 PAIRS_AT_ONCE = 100_000
 """Number of bits whose pairs are checked at once, unless a single support set has more."""
-
-STAGES = 2
-"""Nodes, and the steps between them."""
 
 World = tuple[GraspMap, RobotSpec, Settings]
 """Map, robot and settings, from which a graph is made."""
@@ -65,15 +59,17 @@ def build(
     world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
     each, parts = STANCES_AT_ONCE // len(_orders(graph.robot)), parts or Parts(None)
     sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
-    with Workers(workers(len(sets), FEW_SETS), STAGES, progress) as processes:
-        found = _in_blocks(processes, nodes_of_sets, sets_of_blocks, parts, (world,))
-        none = np.zeros((0, limbs), dtype=np.int64)
-        *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
-        order = np.argsort(codes(columns[0]))
-        nodes = Nodes(*(one[order] for one in columns))
-        table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
-        shared = world, nodes, rotation[order], table
-        steps = _in_blocks(processes, _joined, _support_set_blocks(table), parts, shared)
+    threads = workers(len(sets), FEW_SETS)
+    half = progress and (lambda share: progress(share / 2.0))
+    found = parts.of_blocks(nodes_of_sets, sets_of_blocks, (world,), threads, half)
+    none = np.zeros((0, limbs), dtype=np.int64)
+    *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
+    order = np.argsort(codes(columns[0]))
+    nodes = Nodes(*(one[order] for one in columns))
+    table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
+    shared, blocks = (world, nodes, rotation[order], table), _support_set_blocks(table)
+    half = progress and (lambda share: progress(0.5 + share / 2.0))
+    steps = parts.of_blocks(joined, blocks, shared, threads, half)
     nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
     return with_edges(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
 
@@ -93,41 +89,6 @@ def sets_of(graph: ImplicitGraph) -> StanceSets:
             f"of points"
         )
     return sets
-
-
-Block = tuple[int, Any]
-"""A number, and sets of points or the support set at which the block ends."""
-
-
-def _in_blocks(
-    processes: Workers,
-    work: Callable[..., PartArrays],
-    blocks: list[Block],
-    parts: Parts,
-    shared: tuple[Any, ...],
-) -> list[PartArrays]:
-    """Return the results of `work` for each block; blocks are dealt out to the processes."""
-    count = processes.count
-    given = [(work, blocks[k::count], parts, shared) for k in range(count)]
-    found = processes.run(_each, given)
-    return [found[k % count][k // count] for k in range(len(blocks))]
-
-
-def _each(
-    worker: int,
-    work: Callable[..., PartArrays],
-    blocks: list[Block],
-    parts: Parts,
-    shared: tuple[Any, ...],
-) -> list[PartArrays]:
-    """Compute the blocks of one process, each of which is a part."""
-    found = []
-    report_share(worker, float(not blocks))  # without blocks, all is done
-    for k, block in enumerate(blocks, 1):
-        name = f"{work.__name__.strip('_')}-{block[0]}"
-        found.append(parts.get(name, partial(work, *block, *shared)))
-        report_share(worker, k / len(blocks))
-    return found
 
 
 def _orders(robot: RobotSpec) -> IntArray:
@@ -169,7 +130,7 @@ def _support_set_blocks(table: NodeTable) -> list[Block]:
     return blocks
 
 
-def _joined(
+def joined(
     first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
 ) -> PartArrays:
     """Compute the branches that steps keep at most for the pairs of some support sets."""

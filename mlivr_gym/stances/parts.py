@@ -1,4 +1,4 @@
-"""Finished parts of a table that is being built, stored until all are finished.
+"""Parts of a table that is being built, by threads, stored until all are finished.
 
 A build that was stopped continues from there. Each part is a file that is written whole. Two builds
 of one table write equal parts, so either uses those of the other.
@@ -11,6 +11,8 @@ import logging
 import shutil
 import zipfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,12 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import key_of
 
 PartArrays = Sequence[NDArray[Any]]
+
+Block = tuple[int, Any]
+"""A number, and what a part is computed from."""
+
+Progress = Callable[[float], None]
+"""Called with the finished share of the work."""
 
 
 class Parts:
@@ -48,6 +56,27 @@ class Parts:
             found = work()
             self._write(name, found)
         return found
+
+    def of_blocks(
+        self,
+        work: Callable[..., PartArrays],
+        blocks: Sequence[Block],
+        shared: tuple[Any, ...],
+        threads: int,
+        progress: Progress | None,
+    ) -> list[PartArrays]:
+        """Return the arrays that `work` computes from each block and what all blocks share."""
+
+        def found(block: Block) -> PartArrays:
+            return self.get(f"{work.__name__}-{block[0]}", partial(work, *block, *shared))
+
+        parts = []
+        with ThreadPoolExecutor(threads) as pool:
+            for part in pool.map(found, blocks) if threads > 1 else map(found, blocks):
+                parts.append(part)
+                if progress is not None:
+                    progress(len(parts) / len(blocks))
+        return parts
 
     def remove(self) -> None:
         """Remove all parts; another build that writes at the same time removes its own."""

@@ -20,9 +20,9 @@ from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.postures import in_reach
 from mlivr_gym.stances.node_table import codes
+from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles
-from mlivr_gym.stances.workers import Progress
 
 LARGEST_SET = 4
 """Largest number of points of a set, whose indices fit into 64 bits."""

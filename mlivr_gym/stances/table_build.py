@@ -11,12 +11,11 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.node_table_file import NODE_TABLES
-from mlivr_gym.stances.parts import Parts
+from mlivr_gym.stances.parts import Parts, Progress
 from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
-from mlivr_gym.stances.workers import Progress
 
 TableGraph = TwoLimbGraph | ImplicitGraph
 """A stance graph that may have a table."""

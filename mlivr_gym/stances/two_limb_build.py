@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.stances.parts import Parts
+from mlivr_gym.stances.parts import Parts, Progress
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TwoLimbStances
-from mlivr_gym.stances.workers import Progress
 
 
 def fill_rows(
@@ -26,15 +24,10 @@ def fill_rows(
         return graph.file_contents()
     m, known, parts = len(graph.grasp_map), graph.steps, parts or Parts(None)
     known.releases[...] = parts.get("released", partial(_releases, graph))[0]
-    first = np.append(known.offset.ravel(), len(known.edges))
     chunk = max(1, m // 16)
-    for support, begin in product(range(2), range(0, m, chunk)):
-        end = min(begin + chunk, m)
-        edges = known.edges[first[support * m + begin] : first[support * m + end]]
-        check = partial(_check_rows, graph, support, range(begin, end), edges)
-        edges[...] = parts.get(f"rows-{support}-{begin}", check)[0]
-        if progress is not None:
-            progress((support * m + end) / (2 * m))
+    blocks = [(at, min(at + chunk, 2 * m)) for at in range(0, 2 * m, chunk)]
+    found = parts.of_blocks(rows, blocks, (graph,), 1, progress)
+    known.edges[...] = np.concatenate([edges for (edges,) in found])
     graph.is_complete = True
     return graph.file_contents()
 
@@ -45,10 +38,11 @@ def _releases(graph: TwoLimbGraph) -> list[NDArray[Any]]:
     return [graph.steps.releases]
 
 
-def _check_rows(
-    graph: TwoLimbGraph, support: int, points: range, edges: NDArray[Any]
-) -> list[NDArray[Any]]:
-    """Check the steps of some rows, whose records are `edges`."""
-    before, after = np.concatenate([graph.edges_of_row(support, p) for p in points], axis=1)
-    graph.check_steps(np.full(len(before), support, dtype=np.int64), before, after)
-    return [edges]
+def rows(begin: int, end: int, graph: TwoLimbGraph) -> list[NDArray[Any]]:
+    """Check the steps of some rows, those of limb 0 before those of limb 1, and return them."""
+    steps, m = graph.steps, len(graph.grasp_map)
+    found = [graph.edges_of_row(*divmod(row, m)) for row in range(begin, end)]
+    support = np.repeat(np.arange(begin, end) // m, [one.shape[1] for one in found])
+    graph.check_steps(support, *np.concatenate(found, axis=1))
+    first = np.append(steps.offset.ravel(), len(steps.edges))
+    return [steps.edges[first[begin] : first[end]]]

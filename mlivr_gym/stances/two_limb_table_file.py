@@ -25,10 +25,6 @@ from mlivr_gym.transitions.records import ReleaseRecord
 COUNTS = ("considered", "reachable", "no_departure", "self", "cabin", "handrail")
 """Names of the counts of pairs of points, see `TwoLimbGraph`."""
 
-
-NAMES_IN_FILE = {"line_branches": "pair"}
-"""Names of the fields of `TwoLimbEdge` in files, where they are others."""
-
 MOST_BASE_POSES = 1 << 12
 """More than the candidate base poses of any stance."""
 
@@ -63,27 +59,8 @@ def encode(graph: StanceGraph, stances: TwoLimbStances) -> Arrays:
         "manipulability_index": index.reshape(-1).astype(np.int32),
     }
     if stances.edges is not None:
-        arrays |= {"edges": _bare(stances.edges), "released": _bare(stances.releases)}
+        arrays |= {"edges": stances.edges, "released": stances.releases}
     return arrays
-
-
-def _bare(rows: Any) -> Any:
-    """Return records with zeros between their fields, so that equal tables are equal files."""
-    bare = np.zeros(rows.shape, dtype=rows.dtype)
-    for name in rows.dtype.names:
-        bare[name] = rows[name]
-    return bare.view(_type_in_file(rows.dtype))
-
-
-def _type_in_file(kind: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type of records with the names that their fields have in files."""
-    fields: Any = kind.fields
-    names = [NAMES_IN_FILE.get(name, name) for name in fields]
-    formats, offsets = zip(*fields.values(), strict=True)
-    layout: Any = {"names": names, "formats": formats, "offsets": offsets}
-    layout["itemsize"] = kind.itemsize
-    in_file: np.dtype[Any] = np.dtype(layout)
-    return in_file
 
 
 def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
@@ -103,11 +80,8 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
     ]  # fmt: skip
     edges, releases = arrays.get("edges"), arrays.get("released")
     if edges is not None and releases is not None:
-        types = TwoLimbEdge.rows(0).dtype, ReleaseRecord.rows(0).dtype
-        if (edges.dtype, releases.dtype) != tuple(map(_type_in_file, types)):
-            raise ValueError
-        # NumPy writes these types without their alignment, which makes another type of them.
-        edges, releases = edges.view(types[0]), releases.view(types[1])
+        # NumPy writes these types without their alignment, and some files have another field name.
+        edges, releases = edges.view(TwoLimbEdge.dtype), releases.view(ReleaseRecord.dtype)
         shapes += [(edges, (len(edges),)), (releases, (n, 2))]
         ranges += [
             (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),

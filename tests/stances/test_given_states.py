@@ -146,7 +146,7 @@ def graph_and_tables(small_map, tmp_path_factory):
 @pytest.mark.parametrize(
     ("array", "field", "value"),
     [
-        ("edges", "fold_on_line", 3), ("edges", "fold_on_arc", -2), ("edges", "pair", 64),
+        ("edges", "fold_on_line", 3), ("edges", "fold_on_arc", -2), ("edges", "line_branches", 64),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
         ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),
         ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13), ("points", None, 60_000),

@@ -9,20 +9,16 @@ from small_tables import small_map, small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
-from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances import node_table_build, table_files
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import build_table, find_table
-
-KERNELS = kernel_root()
 
 
 @pytest.fixture(autouse=True)
 def cache(monkeypatch, tmp_path):
     """A cache folder without tables, and nothing in memory."""
     folder = tmp_path / "cache"
-    folder.mkdir()
-    (folder / "kernels").symlink_to(KERNELS)  # each process would compile for half a minute
     monkeypatch.setenv(CACHE_VARIABLE, str(folder))
     monkeypatch.setattr(table_files, "_memory", OrderedDict())
     return folder
@@ -62,7 +58,7 @@ def counted(done, name):
 @pytest.mark.usefixtures("small_blocks")
 @pytest.mark.parametrize("share", [0.3, 0.8])
 def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share):
-    (_, truth), done = small_table(3), {"nodes_of_sets": 0, "_joined": 0}
+    (_, truth), done = small_table(3), {"nodes_of_sets": 0, "joined": 0}
     for name in done:
         monkeypatch.setattr(node_table_build, name, counted(done, name))
     graph = stance_graph(small_map(), "mlivr3")
@@ -83,8 +79,7 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(monkeypatch, cache, share
     assert {name: done[name] - together[name] for name in done} == together  # each part once
 
 
-def test_processes_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatch, cache):
-    """That processes stop when they are not wanted: `test_workers`."""
+def test_threads_go_on_where_one_was_stopped_and_find_what_it_would(monkeypatch, cache):
     monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 300)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(small_map(), "mlivr3"), stop_at(1e-9))
