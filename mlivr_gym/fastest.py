@@ -9,19 +9,22 @@ and compared. The first one is the best of these candidates; no bound on other p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from math import inf
 from typing import NamedTuple
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.commitment import Committed, commitments
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
+from mlivr_gym.planners.refinement import varied
 from mlivr_gym.schema import Choice, OrNone
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import Reaction, reaction_of
@@ -99,10 +102,12 @@ def _timed_paths(
 def with_least_reaction(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
 ) -> Plan:
-    """Return a plan with those clear swings whose total impulse on the station is the smallest.
+    """Return a plan on the same footholds with little total impulse on the station.
 
-    Stances, base poses and branches stay, so that the choice is independent for each step. Swings
-    are the given one and those of `motion.swings` that are clear, without `"changed"` ones.
+    Base poses, and with them the base paths, are varied at random with a fixed seed, which finds no
+    proven minimum. Then each step takes the clear swing of least total impulse: the given one or
+    one of those of `motion.swings`, without `"changed"` ones. A plan whose base poses stay is
+    returned if it is no worse.
 
     Parameters
     ----------
@@ -116,18 +121,36 @@ def with_least_reaction(
     Raises
     ------
     TimingError
-        If durations violate a limit.
+        If durations violate a limit with the given plan.
+    PlanError
+        If the plan belongs to another map or robot, or is not possible in the present world.
+    """
+    step_durations(graph, plan, timing)  # refuses durations that violate a limit
+
+    def impulse(regrasp: Regrasp) -> float:
+        try:
+            return reaction_of(timed_path(RegraspPath(graph, regrasp), timing)).impulse
+        except TimingError:
+            return inf
+
+    def total(plan: Plan) -> float:
+        return sum(impulse(planned_regrasp(graph, plan, k)) for k in range(len(plan.steps)))
+
+    both = plan, varied(graph, plan, impulse)
+    return min((_with_best_swings(graph, one, impulse) for one in both), key=total)
+
+
+def _with_best_swings(graph: StanceGraph, plan: Plan, impulse: Callable[[Regrasp], float]) -> Plan:
+    """Return a plan with the swing of least total impulse for each step, see above.
+
+    Stances, base poses and branches stay, so that the choice is independent for each step.
     """
     steps = list(plan.steps)
     for index, step in enumerate(steps):
         regrasp = planned_regrasp(graph, plan, index)
         edge = Edge(regrasp.path_kind, fold=-1, line_branches=-1, kept={})
         swings = [Committed(regrasp, step.swing), *commitments(graph, regrasp, edge)]
-
-        def impulse(one: Committed) -> float:
-            return reaction_of(timed_path(RegraspPath(graph, one.regrasp), timing)).impulse
-
-        best = min(swings, key=impulse)
+        best = min(swings, key=lambda one: impulse(one.regrasp))
         steps[index] = replace(
             step, swing=best.swing, knots=tuple(map(tuple, best.regrasp.knots.tolist())),
             rounded=tuple(map(tuple, best.regrasp.rounded.tolist())),
@@ -165,7 +188,7 @@ def ranked_plans(
         Limits of the steps; by default `Limits()`.
     best
         Which candidate is best: `"time"`, the fastest, or `"reaction"`, that with the least total
-        impulse on the station, with the swings of `with_least_reaction`.
+        impulse on the station, with the base poses and swings of `with_least_reaction`.
     goal_tolerance
         Radius of the goal region [m].
     goal_face

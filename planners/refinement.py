@@ -1,4 +1,4 @@
-"""Plans refined: other base poses on the same footholds, with less base translation.
+"""Plans refined: other base poses on the same footholds, with less base translation or reaction.
 
 The stance graph gives each stance one base pose, that of the largest margin over the thresholds.
 With the footholds fixed any pose that meets the thresholds will do, as long as each step is an edge
@@ -6,24 +6,30 @@ by the same checks. The path of minimum base translation is sought first among a
 of each stance, then among seeded samples around the poses of the best path. Each round is an exact
 A* over a layered graph, one layer of poses for each stance, with the translation to the last layer,
 steps not checked, as its heuristic; a step is checked when the search is about to use it.
+
+Other costs of a step, such as its reaction, are known only once the robot is committed to it, and
+take much longer to compute than its check. For these `varied` is a local search: one pose at a time
+is moved and turned at random, and the change is kept if the sum of the costs falls (an evolution
+strategy with one parent and one child: Rechenberg, Evolutionsstrategie, 1973).
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
-from mlivr_gym.motion.commitment import committed_motion
+from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_parts import World
+from mlivr_gym.motion.plan_parts import Motion, World
+from mlivr_gym.motion.regrasp import Regrasp, regrasp_of
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -42,6 +48,16 @@ SAMPLES = 60
 STEP_BATCH = 8
 """Number of steps that are checked in one batch."""
 
+VARIATIONS = 16
+"""Number of times that `varied` tries to change each base pose."""
+
+FIRST_VARIATION, GROWTH, DECAY = 0.5, 1.3, 0.8
+"""Size of the first changes, as a fraction of `SPREAD`, and the factors by which the size for a
+stance changes after a change that is kept and after one that is not."""
+
+IMPOSSIBLE = "a step of the plan is not possible on this graph as the world is now"
+"""Message if the search finds no path through the given base poses."""
+
 
 def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     """Return a plan with the same footholds and no more base translation.
@@ -51,24 +67,16 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
     plan itself is returned. Raises a `PlanError` if the plan belongs to another map or robot, or is
     not possible in the present world.
     """
-    plan.check_map(graph.grasp_map)
-    if plan.world.robot != graph.robot:
-        raise PlanError(
-            f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
-            f"{graph.robot.name!r} of this graph"
-        )
     footholds = _Footholds(graph, plan)
     rng = np.random.default_rng(seed)
     layers = footholds.layers(footholds.candidate_poses())
     best, chosen = plan, footholds.search(layers)
     if chosen is None:
-        raise PlanError("a step of the plan is not possible on this graph as the world is now")
+        raise PlanError(IMPOSSIBLE)
     for done in range(ROUNDS + 1):
         motion = committed_motion(graph, chosen.states, chosen.postures).motion
         if motion is not None:
-            cost = plan.query.cost_of(motion.base_positions)
-            new = Plan(plan.query, World.of(graph), motion, replace(plan.statistics, cost=cost))
-            best = min(best, new, key=lambda p: p.base_translation)
+            best = min(best, footholds.plan_of(motion), key=lambda p: p.base_translation)
         if done == ROUNDS:
             break
         layers = footholds.layers(
@@ -76,6 +84,49 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
         )
         chosen = footholds.search(layers) or chosen
     return best
+
+
+def varied(
+    graph: StanceGraph, plan: Plan, step_cost: Callable[[Regrasp], float], seed: int = 0
+) -> Plan:
+    """Return a plan with the same footholds and no larger sum of the costs of its steps.
+
+    What stays, and the errors, are those of `refined`; the base translation may grow. The search
+    uses the preferred swing of each step.
+    """
+    footholds, cache = _Footholds(graph, plan), CommittedSteps(graph)
+    known: dict[tuple[Any, ...], float] = {}
+
+    def cost_of(motion: Motion) -> float:
+        total = 0.0
+        for k, step in enumerate(motion.steps):
+            key = k, step, motion.joint_positions[k : k + 2].tobytes()
+            if key not in known:
+                known[key] = step_cost(regrasp_of(graph, motion, k))
+            total += known[key]
+        return total
+
+    postures = footholds.given_postures()
+    states = footholds.states_along(postures, (footholds.start,), 0)
+    if states is None:
+        raise PlanError(IMPOSSIBLE)
+    best, least = plan.motion, cost_of(plan.motion)
+    rng, sizes = np.random.default_rng(seed), np.full(len(states), FIRST_VARIATION)
+    for _ in range(VARIATIONS):
+        layers = footholds.layers(footholds.variations(postures, rng, sizes), postures)
+        for k, layer in enumerate(layers):
+            for row in range(1, len(layer.w_b)):
+                new = layer.take(slice(row, row + 1))
+                tried = join(postures.take(slice(k)), new, postures.take(slice(k + 1, None)))
+                along = footholds.states_along(tried, states, k - 1)
+                motion = along and committed_motion(graph, along, tried, cache).motion
+                if along and motion and cost_of(motion) < least:
+                    postures, states, best, least = tried, along, motion, cost_of(motion)
+                    sizes[k] *= GROWTH
+                    break
+            else:
+                sizes[k] *= DECAY
+    return footholds.plan_of(best)
 
 
 class _PosedPath(NamedTuple):
@@ -114,6 +165,12 @@ class _Footholds:
     """The stances of a plan, with the poses and branches that are fixed."""
 
     def __init__(self, graph: StanceGraph, plan: Plan) -> None:
+        plan.check_map(graph.grasp_map)
+        if plan.world.robot != graph.robot:
+            raise PlanError(
+                f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
+                f"{graph.robot.name!r} of this graph"
+            )
         self.graph, self.plan, self.query = graph, plan, plan.query
         self.stances = [graph.indices(stance) for stance in plan.stances]
         motion = plan.motion
@@ -137,15 +194,57 @@ class _Footholds:
 
         Their spread is a fraction of `SPREAD`, for half of the samples three tenths of it.
         """
-        out, (spread, turned) = [], (fraction * SPREAD[0], fraction * SPREAD[1])
-        for position, rotation in zip(postures.base_position, postures.base_rotation, strict=True):
-            size = np.where(np.arange(SAMPLES) % 2, 1.0, 0.3)[:, None]
-            moved = position + spread * size * rng.normal(size=(SAMPLES, 3))
-            turns = scipy.spatial.transform.Rotation.from_rotvec(
-                turned * size * rng.normal(size=(SAMPLES, 3))
-            )
-            out.append((moved, turns.as_matrix() @ rotation))
-        return out
+        size = fraction * np.where(np.arange(SAMPLES) % 2, 1.0, 0.3)[:, None]
+        return [
+            _moved(postures, k, size * rng.normal(size=(2, SAMPLES, 3)))
+            for k in range(len(self.stances))
+        ]
+
+    def variations(self, postures: Postures, rng: np.random.Generator, sizes: Array) -> Poses:
+        """Return two base poses for each stance, moved and turned by opposite random amounts.
+
+        The amounts are fractions of `SPREAD`, with the standard deviations `sizes`, shape (K,).
+        """
+        amounts = [size * rng.normal(size=(2, 1, 3)) for size in sizes.tolist()]
+        return [
+            _moved(postures, k, np.concatenate([one, -one], axis=1))
+            for k, one in enumerate(amounts)
+        ]
+
+    def given_postures(self) -> Postures:
+        """Return the postures of the plan."""
+        graph, branch_sets = self.graph, self.start.branch_sets
+        states = zip(self.stances, self.given, strict=True)
+        return graph.postures_of([State(stance, branch_sets, pose) for stance, pose in states])
+
+    def states_along(
+        self, postures: Postures, known: tuple[State, ...], first: int
+    ) -> tuple[State, ...] | None:
+        """Return the states of the plan in given postures; None if a step is no edge.
+
+        States are known up to stance `first`, and all of them if only the posture of the next one
+        is new.
+        """
+        states = known
+        for k in range(first, len(self.stances) - 1):
+            both = postures.take(slice(k, k + 2))
+            after = self.graph.state_after(states[k], self.stances[k + 1], both)
+            if after is None:
+                return None
+            if k > first and states[k + 1 : k + 2] == (after,):
+                break
+            states = (*states[: k + 1], after, *states[k + 2 :])
+        return states
+
+    def plan_of(self, motion: Motion) -> Plan:
+        """Return the plan with a motion on its footholds, and the cost of that."""
+        plan, spent = self.plan, self.plan.statistics
+        cost = plan.query.cost_of(motion.base_positions)
+        bound = spent.bound
+        if bound is not None and cost > spent.cost:
+            bound = bound * cost / spent.cost if spent.cost > 0.0 else None
+        statistics = replace(spent, cost=cost, bound=bound)
+        return Plan(plan.query, World.of(self.graph), motion, statistics)
 
     def layers(self, poses: Poses, known: Postures | None = None) -> list[Postures]:
         """Return the postures from which each stance may take one, the present posture first."""
@@ -233,6 +332,16 @@ class _Footholds:
         after = (State(self.stances[node.layer], node.branch_sets) for node in nodes[1:])
         postures = postures.take(np.array([node.row for node in nodes]))
         return _PosedPath((self.start, *after), postures)
+
+
+def _moved(postures: Postures, k: int, amounts: Array) -> tuple[Array, Array]:
+    """Return base poses near that of stance `k`, positions (n, 3) [m] and rotations (n, 3, 3).
+
+    They are moved in the world, and then turned, by `amounts` of `SPREAD`, shape (2, n, 3).
+    """
+    moves, turns = (spread * some for spread, some in zip(SPREAD, amounts, strict=True))
+    turned = scipy.spatial.transform.Rotation.from_rotvec(turns).as_matrix()
+    return postures.base_position[k] + moves, turned @ postures.base_rotation[k]
 
 
 def _costs_to_go(layers: list[Postures]) -> Array:

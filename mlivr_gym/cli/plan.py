@@ -62,6 +62,10 @@ def run(args: argparse.Namespace) -> None:
     """Plan, describe the plan, and write the requested files."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(args.out, *pictures, inputs=input_files(args))
+    if args.cost == "reaction":
+        refuse_without_effect(
+            args, "with --cost reaction, which has base poses of its own", "refined"
+        )
     graph: StanceGraph
     if args.corridor:
         graph, result = find_plan_in_corridor(args)
@@ -245,8 +249,9 @@ def print_plan(
     """
     plan = result.unwrap()
     print(
-        f"from {' '.join(start)} to {goal}: {result.message}, "
-        f"minimum w_m {plan.w_m_min:.3f}, minimum w_b {plan.w_b_min:.5f}"
+        f"from {' '.join(start)} to {goal}: {len(plan.steps)} steps, "
+        f"{plan.base_translation:.3f} m, minimum w_m {plan.w_m_min:.3f}, "
+        f"minimum w_b {plan.w_b_min:.5f}"
     )
     for k, step in enumerate(plan.steps, 1):
         print(

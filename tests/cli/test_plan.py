@@ -160,9 +160,10 @@ def test_a_plan_in_a_corridor_is_that_of_the_library(run, tmp_path, jem):
         ("--corridor", "--corridor needs --start and --goal"),
         ("--start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --refined", "--refined has no effect"),
         ("--start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --cost time", "leave out --corridor"),
+        ("--cost reaction --refined", "--refined has no effect with --cost reaction"),
     ],
 )
-def test_what_a_corridor_cannot_do_is_refused(run, words, message):
+def test_what_has_no_effect_in_a_corridor_or_beside_a_cost_is_refused(run, words, message):
     code, _, error = run(f"plan {words}")
     assert code == 2
     assert message in error

@@ -11,7 +11,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner, refinement
-from mlivr_gym.planners.refinement import _Footholds
+from mlivr_gym.planners.refinement import _Footholds, varied
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.checked_steps import join
 
@@ -20,6 +20,7 @@ from mlivr_gym.stances.checked_steps import join
 def few_rounds(monkeypatch):
     """What holds after each round holds after a few as after all."""
     monkeypatch.setattr(refinement, "ROUNDS", 2)
+    monkeypatch.setattr(refinement, "VARIATIONS", 8)
 
 
 def plans(graph, number, cost="steps", seed=0):
@@ -33,11 +34,20 @@ def plans(graph, number, cost="steps", seed=0):
     return found
 
 
+def with_short_steps(graph, plan):
+    """The plan with its base poses varied for less base translation."""
+    return varied(graph, plan, lambda step: np.linalg.norm(np.diff(step.positions, axis=0)))
+
+
+@pytest.mark.parametrize("refine", [lambda *of: Planner(of[0]).refined(of[1]), with_short_steps])
 @pytest.mark.parametrize("cost", ["steps", "base"])
-def test_footholds_start_and_goal_region_stay_and_thresholds_hold(small_checked_graph, cost):
+def test_footholds_start_and_goal_region_stay_and_thresholds_hold(
+    small_checked_graph, cost, refine
+):
     graph, shorter = small_checked_graph, 0
     for plan in plans(graph, 3, cost):
-        new = Planner(graph).refined(plan)
+        new = refine(graph, plan)
+        assert Plan.from_dict(new.to_dict(), graph.grasp_map).stances == new.stances
         assert new.stances == plan.stances
         np.testing.assert_array_equal(new.motion.base_positions[0], plan.motion.base_positions[0])
         np.testing.assert_allclose(
@@ -63,6 +73,19 @@ def test_the_last_pose_moves_in_the_goal_region_and_stays_where_there_is_none(sm
         new = Planner(graph).refined(astray)
         np.testing.assert_allclose(new.motion.base_positions[-1], last, atol=1e-12)
     assert moved > 0.01
+
+
+def test_a_plan_that_costs_more_is_proved_to_be_optimal_up_to_a_larger_factor(
+    small_checked_graph,
+):
+    """The steps cost the less the longer they are; a file states the new cost, and is checked."""
+    graph, longer = small_checked_graph, 0
+    for plan in plans(graph, 3, "base"):
+        new = varied(graph, plan, lambda step: -np.linalg.norm(np.diff(step.positions, axis=0)))
+        assert new.statistics.bound == pytest.approx(new.base_translation / plan.cost)
+        assert Plan.from_dict(new.to_dict(), graph.grasp_map).cost == new.base_translation
+        longer += new.statistics.bound > 1.01
+    assert longer
 
 
 def test_a_refined_plan_is_carried_out(small_checked_graph):
@@ -117,6 +140,8 @@ def test_a_round_finds_the_least_translation(small_checked_graph, monkeypatch, s
 def test_the_same_seed_gives_the_same_plan(small_checked_graph):
     (plan,) = plans(small_checked_graph, 1)
     first, second = (Planner(small_checked_graph).refined(plan, seed=3) for _ in range(2))
+    np.testing.assert_array_equal(first.motion.base_positions, second.motion.base_positions)
+    first, second = (with_short_steps(small_checked_graph, plan) for _ in range(2))
     np.testing.assert_array_equal(first.motion.base_positions, second.motion.base_positions)
 
 

@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pinocchio
 import pytest
+from plans import first_steps
 
-from mlivr_gym.errors import PlanError
+from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.fastest import step_reactions, with_least_reaction
 from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import reaction_of
@@ -58,15 +60,39 @@ def test_the_peak_is_that_of_pinocchios_momentum(checked_graph, walk, tmp_path):
     assert reaction.impulse == pytest.approx(np.trapezoid(forces, way.times), rel=0.01)
 
 
-def test_no_other_clear_swing_has_less_reaction(checked_graph, walk, chosen):
-    before, after = (step_reactions(checked_graph, plan) for plan in (walk, chosen))
-    assert sum(one.impulse for one in after) < sum(one.impulse for one in before)
+def least_impulses(graph, plan):
+    """The least total impulse of each step of a plan with its base poses, over all clear swings."""
+    least = []
+    for k in range(len(plan.steps)):
+        regrasp = planned_regrasp(graph, plan, k)
+        swings = commitments(graph, regrasp, Edge(regrasp.path_kind, -1, -1, {}))
+        paths = [timed_path(RegraspPath(graph, one.regrasp)) for one in swings]
+        least.append(min(reaction_of(path).impulse for path in paths))
+    return np.array(least)
+
+
+def test_no_other_clear_swing_has_less_reaction_and_no_swing_at_the_given_base_poses(
+    checked_graph, walk, chosen
+):
+    impulses = np.array([one.impulse for one in step_reactions(checked_graph, chosen)])
+    np.testing.assert_allclose(impulses, least_impulses(checked_graph, chosen), rtol=1e-9)
+    assert impulses.sum() < 0.99 * least_impulses(checked_graph, walk).sum()
     assert chosen.stances == walk.stances
-    for k in range(len(walk.steps)):
-        regrasp = planned_regrasp(checked_graph, walk, k)
-        for other in commitments(checked_graph, regrasp, Edge(regrasp.path_kind, -1, -1, {})):
-            reaction = reaction_of(timed_path(RegraspPath(checked_graph, other.regrasp)))
-            assert after[k].impulse <= reaction.impulse + 1e-9
+
+
+def test_durations_that_the_plan_can_keep_stay_possible(checked_graph, walk):
+    """They are hardly longer than it needs, so that many other base poses are too slow."""
+    graph, plan, shortest = checked_graph, first_steps(walk, 2), []
+    for k in range(2):
+        with pytest.raises(TimingError) as refused:
+            step_trajectory(graph, plan, k, Durations.of_step(1.0))
+        shortest.append(refused.value.shortest)
+    with pytest.raises(TimingError):
+        with_least_reaction(graph, plan, Durations.of_step(0.99 * max(shortest)))
+    pace = Durations.of_step(1.01 * max(shortest))
+    new = with_least_reaction(graph, plan, pace)
+    after, before = (step_reactions(graph, one, pace) for one in (new, plan))
+    assert sum(one.impulse for one in after) < sum(one.impulse for one in before)
 
 
 def test_a_file_keeps_the_chosen_swings_and_no_others(checked_graph, jem, chosen):
