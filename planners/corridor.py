@@ -15,6 +15,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
@@ -80,8 +81,9 @@ def plan_in_corridor(
     Returns
     -------
     CorridorPlan
-        The result in the first corridor that has a plan, otherwise that of the whole map. Its plan
-        is one of the whole map, of which it has the fingerprint.
+        The result in the first corridor that has a plan, or in which the time limit was reached,
+        otherwise that of the whole map. Its plan is one of the whole map, of which it has the
+        fingerprint.
 
     Raises
     ------
@@ -121,6 +123,8 @@ def plan_in_corridor(
                 result.plan.world, map_fingerprint=world.fingerprint, occupied=tuple(taken)
             )
             result = replace(result, plan=replace(result.plan, world=made))
+        is_late = result.reason == LIMIT_REACHED and options.get("time_limit") is not None
+        if result.plan is not None or is_late:
             return CorridorPlan(result, graph, False)
     whole = stance_graph(world, robot, settings)
     whole.add_obstacles(obstacles)

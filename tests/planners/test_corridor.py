@@ -110,6 +110,13 @@ def test_only_the_whole_map_proves_that_there_is_no_plan(jem):
     assert len(found.graph.grasp_map) == len(apart)
 
 
+def test_the_time_limit_is_that_of_all_corridors(jem):
+    """In a wider one the search would only take longer."""
+    found = plan_in_corridor("jem", START, GOAL, time_limit=0.0)
+    assert found.result.reason == "limit reached"
+    assert len(found.graph.grasp_map) < len(jem)
+
+
 @pytest.mark.parametrize(
     ("start", "goal", "error"),
     [
