@@ -5,6 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from remembered import StepsAskedOnce
 from small_tables import COSTS, every_pair, goal_at, searching, small_table
 
 from mlivr_gym import Box, stance_graph
@@ -34,7 +35,7 @@ def known(request):
 
 def optimum(graph, goal, start):
     """The plain search, every step checked, without bounds, table or dominance."""
-    found = algorithm1(graph, start, goal, "zero")
+    found = algorithm1(StepsAskedOnce(graph), start, goal, "zero")
     return found.costs[-1] if found.status == GOAL_REACHED else np.inf
 
 
@@ -205,7 +206,7 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
     monkeypatch.setattr(
         TableSearch, "_bounds_among_obstacles", lambda self: itertools.islice(bounds(self), 1)
     )
-    found = cut_off(first, table, np.random.default_rng(3), 60, 0)
+    found = cut_off(first, table, np.random.default_rng(3), 36, 0)
     assert sum(search.lower_bound == np.inf and search.expanded > 1 for search in found) > 5
 
 

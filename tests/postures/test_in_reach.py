@@ -32,12 +32,14 @@ def closed_w_m(q, limb, scale):
     return np.abs(det) / scale**3
 
 
-def least_w_m(graph, stance):
-    """Return the best `w_m` of the worst limb at each candidate base pose of a stance."""
-    positions, rotations = graph.solver.candidate_poses(stance)
+def least_w_m(graph, stances):
+    """Return the best `w_m` of the worst limb at each candidate base pose of some stances."""
+    candidates = [graph.solver.candidate_poses(stance) for stance in stances]
+    positions, rotations = (np.concatenate(part) for part in zip(*candidates, strict=True))
     bases = Pose.rows(len(positions))
     bases["position"], bases["rotation"] = positions, rotations
-    geometry = graph.solver.grasps[np.tile(stance, (len(positions), 1))]
+    counts = [len(places) for places, _ in candidates]
+    geometry = graph.solver.grasps[np.repeat(np.array(stances), counts, axis=0)]
     best, out = np.zeros(geometry.shape), Angles.rows(*geometry.shape)
     for branch in range(8):
         held_angles(graph.solver.shapes.rows, bases, geometry, np.full(geometry.shape, branch), out)
@@ -55,9 +57,8 @@ def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     nearby = graph.solver.in_reach(sets, target, 1.0)
     some = 0
     for points, anywhere, there in zip(sets, found, nearby, strict=True):
-        pose_number = [least_w_m(graph, order) for order in permutations(points)]
-        w_m = np.concatenate([one[0] for one in pose_number])
-        away = np.linalg.norm(np.concatenate([one[1] for one in pose_number]) - target, axis=1)
+        w_m, places = least_w_m(graph, [*permutations(points)])
+        away = np.linalg.norm(places - target, axis=1)
         inside = np.where(away <= 1.0, w_m, 0.0)
         for least, said in ((w_m.max(), anywhere), (inside.max(), there)):
             if abs(least - asked) > 1e-5:
@@ -84,8 +85,7 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
     ).all()
     asked, inside = graph.limb_threshold, 0
     for points in sets:
-        pose_number = [least_w_m(graph, order) for order in permutations(points)]
-        w_m, base = (np.concatenate([one[k] for one in pose_number]) for k in (0, 1))
+        w_m, base = least_w_m(graph, [*permutations(points)])
         best = int(w_m.argmax())
         if abs(w_m[best] - asked) > 1e-5:
             found = graph.solver.in_reach(np.array([points]), base[best], 1e-3)[0]

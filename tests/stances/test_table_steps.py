@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.stances.step_tables import StepTables
-from mlivr_gym.stances.table_steps import (
-    LookaheadGoals,
-    any_step,
-    find_step,
-    steps_of_state,
-    valid_actions,
-    valid_positions,
-    write_action_lookahead,
-)
+from mlivr_gym.stances.table_steps import LookaheadGoals, write_action_lookahead
 
 POINTS = 6
 
@@ -54,45 +46,6 @@ def plain_steps(tables, s, branch_sets):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_steps_that_leave_a_state(seed):
-    rng = np.random.default_rng(seed)
-    tables = random_tables(rng)
-    for s in range(len(tables.points)):
-        branch_sets = tuple(rng.integers(0, 8, 2).tolist())
-        truth = plain_steps(tables, s, branch_sets)
-        steps, kept = np.zeros(40, dtype=np.int64), np.zeros(40, dtype=np.int64)
-        first, count = steps_of_state(s, branch_sets, tables, steps, kept)
-        assert first == sum(moving == 0 for moving, *_ in truth)
-        assert steps[:count].tolist() == [e for _, e, _, _ in truth]
-        assert kept[:count].tolist() == [branch_set for *_, branch_set in truth]
-        assert any_step(s, branch_sets, tables) == bool(truth)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_actions_and_where_they_lead(seed):
-    rng = np.random.default_rng(seed)
-    tables, k = random_tables(rng), 30
-    stances, branch_sets = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
-    actions = np.zeros((k, 2, POINTS), dtype=np.int8)
-    valid_actions(stances, branch_sets, tables, actions)
-    valid, again = np.zeros((2, k, 2, POINTS), dtype=np.int8)
-    position = np.zeros((k, 2, POINTS, 3))
-    valid_positions(stances, branch_sets, tables, valid, position, again)
-    expected = np.zeros((2, k, 2, POINTS), dtype=np.int8)
-    places = np.zeros_like(position)
-    for i in range(k):
-        for moving, _, s2, kept in plain_steps(tables, stances[i], branch_sets[i]):
-            point = tables.points[s2, moving]
-            expected[0, i, moving, point] = 1
-            expected[1, i, moving, point] = bool(kept & tables.releasable[s2, 1 - moving])
-            places[i, moving, point] = tables.base_position[s2]
-    np.testing.assert_array_equal(actions, expected[0])
-    np.testing.assert_array_equal(valid, expected[0])
-    np.testing.assert_array_equal(again, expected[1])
-    np.testing.assert_array_equal(position, places)
-
-
-@pytest.mark.parametrize("seed", range(5))
 def test_where_the_steps_after_an_action_lead(seed):
     rng = np.random.default_rng(seed)
     tables, k, depth = random_tables(rng), 12, 2
@@ -118,14 +71,3 @@ def test_where_the_steps_after_an_action_lead(seed):
                     out[: depth + 1] = np.minimum(out[: depth + 1], [away, *ahead[:depth]])
                     out[depth + 1 :] += [away <= 1.5, *ahead[depth:]]
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_step_is_found_by_where_it_leads(seed):
-    tables = random_tables(np.random.default_rng(seed))
-    for s in range(len(tables.points)):
-        for moving in range(2):
-            here = range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1])
-            for point in range(POINTS):
-                truth = next((e for e in here if tables.to_point[e] == point), -1)
-                assert find_step(s, moving, point, tables) == truth

@@ -28,6 +28,27 @@ def remembered(graph, *names):
             delattr(graph, name)
 
 
+STEPS = {}
+"""Steps that leave a state, by robot, world and state."""
+
+
+class StepsAskedOnce:
+    """A graph for searches of different costs, which meet the same states in the same worlds."""
+
+    def __init__(self, graph):
+        boxes, taken = tuple(graph.obstacles), frozenset(graph.occupied)
+        self.graph, self.world = graph, (graph.grasp_map.fingerprint, graph.robot, boxes, taken)
+
+    def __getattr__(self, name):
+        return getattr(self.graph, name)
+
+    def successors(self, state):
+        key = self.world, self.graph.settings, state
+        if key not in STEPS:
+            STEPS[key] = self.graph.successors(state)
+        return STEPS[key]
+
+
 @contextmanager
 def stances_solved_once():
     """Graphs of one map, robot and settings are each made anew, with postures solved for the first.
