@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,22 +55,20 @@ def build(
     steps are not checked, or there are obstacles or occupied points.
     """
     sets = sets_of(graph)
-    world, limbs = (graph.grasp_map, graph.robot, graph.settings), graph.limbs
+    world = graph.grasp_map, graph.robot, graph.settings
     each, parts = STANCES_AT_ONCE // len(_orders(graph.robot)), parts or Parts(None)
-    sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets), each)]
+    sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
     threads = workers(len(sets), FEW_SETS)
     half = progress and (lambda share: progress(share / 2.0))
     found = parts.of_blocks(nodes_of_sets, sets_of_blocks, (world,), threads, half)
-    none = np.zeros((0, limbs), dtype=np.int64)
-    *columns, rotation = map(np.concatenate, zip(_empty_columns(none), *found, strict=True))
+    *columns, rotation = map(np.concatenate, zip(*found, strict=True))
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
     table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
     shared, blocks = (world, nodes, rotation[order], table), _support_set_blocks(table)
     half = progress and (lambda share: progress(0.5 + share / 2.0))
     steps = parts.of_blocks(joined, blocks, shared, threads, half)
-    nothing = EdgeSet.of(*np.zeros((2, 0), dtype=np.uint64))
-    return with_edges(table, EdgeSet.joint([nothing, *(EdgeSet(*one) for one in steps)]))
+    return with_edges(table, EdgeSet.joint([EdgeSet(*one) for one in steps]))
 
 
 def sets_of(graph: ImplicitGraph) -> StanceSets:
@@ -98,11 +95,6 @@ def _orders(robot: RobotSpec) -> IntArray:
     return np.array([one for one in every if not (alike and one[0])])
 
 
-def _empty_columns(none: IntArray) -> tuple[NDArray[Any], ...]:
-    """Return the results of `nodes_of_sets` for no sets of points, shape (0, N)."""
-    return none, np.zeros((0, 3)), none, none, none, none[:, 0], np.zeros((0, 3, 3))
-
-
 def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
     limbs = sets.shape[1]
@@ -122,7 +114,7 @@ def _support_set_blocks(table: NodeTable) -> list[Block]:
     """Return the blocks of support sets whose pairs are checked at once, by first and last."""
     blocks: list[Block] = []
     at, last = 0, len(table.offset) - 1
-    while at < last:
+    while at < last or not blocks:
         end = int(np.searchsorted(table.offset, table.offset[at] + PAIRS_AT_ONCE, "right")) - 1
         end = min(max(end, at + 1), last)
         blocks.append((at, end))

@@ -92,11 +92,10 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     elif not graph.is_complete:
         build_table(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
-    none, nothing = np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.uint16)
-    gather_steps(graph.steps, False, start, none, nothing)
-    np.cumsum(start, out=start)
-    after, kept = np.empty(start[-1], dtype=np.int32), np.empty(start[-1], dtype=np.uint16)
-    gather_steps(graph.steps, True, start, after, kept)
+    most = int((graph.degree**2).sum())
+    after, kept = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.uint16)
+    gather_steps(graph.steps, start, after, kept)
+    after, kept = after[: start[-1]].copy(), kept[: start[-1]].copy()
     able = graph.releasable if graph.settings.transitions else graph.branch_sets
     branch_sets, releasable = (one.astype(np.int32) for one in (graph.branch_sets, able))
     points = graph.points.astype(np.int32)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.compiled.limb_branch_sets import WORD, has_bit, set_before, set_bit
+from mlivr_gym.compiled.limb_branch_sets import set_bit
 from mlivr_gym.stances.node_table import Nodes, NodeTable, table_of
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, branches_kept, edge_index
 from mlivr_gym.transitions.rule import kept_on_edge
@@ -27,18 +27,21 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
         is_symmetric=False,
     )
     joined, loses_branches = (np.zeros_like(table.joined) for _ in range(2))
-    table = table._replace(joined=joined, loses_branches=loses_branches)
-    mark_steps(table, pairs)
+    lost = np.empty(int(table.offset[-1]), dtype=np.uint64)
+    table = table._replace(joined=joined, loses_branches=loses_branches, lost=lost)
+    count = write_edges(table, pairs)
     counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
-    table = table._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
-    fill_lost(table, pairs)
-    return table
+    return table._replace(ranks=ranks, lost=lost[:count].copy())
 
 
 @entry
-def mark_steps(table: NodeTable, pairs: TwoLimbTable) -> None:
-    """Set the bits of the edges, and of those that lose branches."""
+def write_edges(table: NodeTable, pairs: TwoLimbTable) -> int:
+    """Set the bits of the edges, and of those that lose branches, which are written into `lost`.
+
+    Returns the number of edges that lose branches.
+    """
+    count = 0
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
@@ -49,20 +52,9 @@ def mark_steps(table: NodeTable, pairs: TwoLimbTable) -> None:
                     set_bit(table.joined, bit)
                     if kept != shared:
                         set_bit(table.loses_branches, bit)
-
-
-@entry
-def fill_lost(table: NodeTable, pairs: TwoLimbTable) -> None:
-    """Write the branches that edges lose."""
-    for support_set in range(len(table.start) - 1):
-        first, last = int(table.start[support_set]), int(table.start[support_set + 1])
-        for i in range(first, last):
-            for j in range(first, last):
-                bit = int(table.offset[support_set]) + (i - first) * (last - first) + j - first
-                if has_bit(table.loses_branches, bit):
-                    shared, kept = _shared_and_kept(table.members[i], table.members[j], pairs)
-                    rank = table.ranks[bit // WORD] + set_before(table.loses_branches, bit)
-                    table.lost[rank] = np.uint64(shared & ~kept)
+                        table.lost[count] = np.uint64(shared & ~kept)
+                        count += 1
+    return count
 
 
 @kernel

@@ -111,21 +111,18 @@ def longest_step(
 
 @entry
 def gather_steps(
-    table: TwoLimbTable,
-    fill: bool,
-    start: IntArray,
-    after: NDArray[np.int32],
-    kept: NDArray[np.uint16],
+    table: TwoLimbTable, start: IntArray, after: NDArray[np.int32], kept: NDArray[np.uint16]
 ) -> None:
-    """Count the steps that leave each stance, or with `fill` write them from `start` on.
+    """Write the steps that leave each stance, and where those of each limb start.
 
-    Counts are written into `start`, shape (2 n + 1,), one place further on; the stances after the
-    steps and the branches kept into `after` and `kept`, shape (e,).
+    `start` has zeros, shape (2 n + 1,); `after` and `kept`, long enough for all edges, receive the
+    stances after the steps and the branches kept.
     """
     branch_set, row_start, rows = table.branch_sets, table.row_start, table.rows
+    count = 0
     for s in range(len(table.points)):
         for moving in range(2):
-            support, count = 1 - moving, 0
+            support = 1 - moving
             point = table.points[s, support]
             for k in range(row_start[support, point], row_start[support, point + 1]):
                 s2 = rows[support, k]
@@ -136,9 +133,6 @@ def gather_steps(
                     edge = table.edges[edge_index(support, s, s2, table)]
                     branches = kept_on_edge(branches, branches_kept(edge))
                 if branches:
-                    if fill:
-                        after[start[2 * s + moving] + count] = s2
-                        kept[start[2 * s + moving] + count] = branches
+                    after[count], kept[count] = s2, branches
                     count += 1
-            if not fill:
-                start[2 * s + moving + 1] = count
+            start[2 * s + moving + 1] = count

@@ -29,7 +29,7 @@ ENTRIES = (
     label_search._search, label_search.requeue_checked, backward_search._search,
     fewest_steps._expand_level, checked_edges._put, table_values.compute_costs,
     node_table.find_rows,
-    two_limb_nodes.mark_steps, two_limb_nodes.fill_lost,
+    two_limb_nodes.write_edges,
     limb_branch_sets.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
 
