@@ -66,17 +66,19 @@ class Levels(NamedTuple):
     """Whether each stance is at the goal, shape (n,)."""
     is_checked: BoolArray
     """Whether steps of a support limb from or to a stance may have been checked, shape (n, 2)."""
+    releasable: NDArray[np.int32]
+    """Branches on which limbs can be released, those of the stance if unknown, shape (n, 2)."""
     log: Log
     """What was reached on each level."""
-    reached: IntArray
+    reached: NDArray[np.int32]
     """Branches of the supports and arrivals that were reached, shape (2, n, 2)."""
-    fresh: IntArray
+    fresh: NDArray[np.int32]
     """Branches reached on the last level and on this one, by its parity, shape (2, n, 2)."""
-    unchecked: IntArray
+    unchecked: NDArray[np.int32]
     """Unchecked steps on some path between these and the end of the search, shape (2, n, 2)."""
-    on_level: IntArray
+    on_level: NDArray[np.int32]
     """Branches of the supports and arrivals of one level, shape (2, n, 2)."""
-    ahead: IntArray
+    ahead: NDArray[np.int32]
     """Unchecked steps on some path from each of these to the goal, shape (2, n, 2)."""
     frontier: NDArray[np.int32]
     """Stances that have some of these branches, shape (2, n)."""
@@ -97,7 +99,7 @@ class Levels(NamedTuple):
     def allocate(cls, is_goal: BoolArray, table: TwoLimbTable) -> Levels:
         """Allocate arrays for the stances of a goal."""
         n, m = len(is_goal), table.degree.shape[1]
-        reached, fresh, unchecked, on_level, ahead = np.zeros((5, 2, n, 2), dtype=np.int64)
+        reached, fresh, unchecked, on_level, ahead = np.zeros((5, 2, n, 2), dtype=np.int32)
         frontier, waiting = np.zeros((2, 2, n), dtype=np.int32)
         size, waiting_size = np.zeros(2, dtype=np.int64), np.zeros((2, m), dtype=np.int64)
         active, group = np.zeros((2 * m, 2), dtype=np.int32), np.zeros(n, dtype=np.int32)
@@ -106,15 +108,7 @@ class Levels(NamedTuple):
         log = Log.allocate(n + int(np.bitwise_count(table.branch_sets).sum()))
         frontiers = reached, fresh, unchecked, on_level, ahead, frontier, size
         rows = waiting, waiting_size, active, is_active, group
-        return cls(is_goal, is_checked, log, *frontiers, *rows)
-
-
-@kernel
-def releasable(s: int, limb: int, table: TwoLimbTable) -> int:
-    """Return the branches on which a limb can be released, those of the stance if unknown."""
-    release = table.releases[s, limb]
-    branches: int = table.branch_sets[s, limb]
-    return release.branches if release.known else branches
+        return cls(is_goal, is_checked, np.zeros((n, 2), dtype=np.int32), log, *frontiers, *rows)
 
 
 @kernel
@@ -201,7 +195,7 @@ def compute_remaining(
     log.start[0] = 0
     for s in goals:
         for support in range(2):
-            if releasable(s, 1 - support, table):
+            if levels.releasable[s, 1 - support]:
                 enter(s, support, table.branch_sets[s, support], 0, 0, levels)
     for f in range(levels.size[0]):
         _log_goal(levels.frontier[0, f], f, levels)
@@ -236,7 +230,7 @@ def _reset(table: TwoLimbTable, levels: Levels) -> None:
             first, count = table.row_start[support, point], 0
             for k in range(first, table.row_start[support, point + 1]):
                 s = table.rows[support, k]
-                if releasable(s, 1 - support, table) and not levels.is_goal[s]:
+                if levels.releasable[s, 1 - support] and not levels.is_goal[s]:
                     levels.waiting[support, first + count] = s
                     count += 1
             levels.waiting_size[support, point] = count
@@ -301,8 +295,8 @@ def _reach_arrivals(s: int, parity: int, entry: int, table: TwoLimbTable, levels
         levels.reached[SUPPORT, s, limb] |= fresh[limb]
     for limb in range(2):
         new, least = int(log.branches[entry, SUPPORT, limb]), log.unchecked[entry, SUPPORT, limb]
-        if log.branches[entry, SUPPORT, 1 - limb] & releasable(s, 1 - limb, table):
-            new |= releasable(s, limb, table)
+        if log.branches[entry, SUPPORT, 1 - limb] & levels.releasable[s, 1 - limb]:
+            new |= levels.releasable[s, limb]
             least = min(least, log.unchecked[entry, SUPPORT, 1 - limb])
         new &= ~levels.reached[ARRIVAL, s, limb]
         log.branches[entry, ARRIVAL, limb], log.unchecked[entry, ARRIVAL, limb] = new, least

@@ -19,7 +19,6 @@ from mlivr_gym.planners.level_graph import (
     clear_frontier,
     enter,
     kept_at_most,
-    releasable,
     take_group,
 )
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable
@@ -89,8 +88,8 @@ def find_path(table: TwoLimbTable, origins: Origins, levels: Levels, path: IntAr
         total += _write_step(s, support, branches, table, levels, row)
         s, branches = row[2], row[3]
         same, other = branches & levels.on_level[SUPPORT, s, support], EMPTY
-        if can_release(branches, releasable(s, support, table)):
-            other = levels.on_level[SUPPORT, s, moving] & releasable(s, moving, table)
+        if can_release(branches, levels.releasable[s, support]):
+            other = levels.on_level[SUPPORT, s, moving] & levels.releasable[s, moving]
         unchecked = levels.ahead[SUPPORT, s]
         if other and (same == 0 or unchecked[moving] < unchecked[support]):
             support, branches = moving, other
@@ -204,6 +203,6 @@ def _follow(
                 cuts.size[remaining] += 1
         if got:
             _enter_on_level(after, support, got, least, 1 - now, levels)
-            if can_release(got, releasable(after, support, table)):
-                held = releasable(after, moving, table)
+            if can_release(got, levels.releasable[after, support]):
+                held = levels.releasable[after, moving]
                 _enter_on_level(after, moving, held, least, 1 - now, levels)

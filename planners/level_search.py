@@ -64,7 +64,8 @@ class LevelSearch(PathSearch):
             self._first_steps = 1
         nodes = np.array([self.graph.find(state.stance) for state in states], dtype=np.int64)
         sets = np.array([state.branch_sets for state in states], dtype=np.int64).reshape(-1, 2)
-        self._states, self._nodes, self._branch_sets = states, nodes, sets
+        self._states, self._branch_sets = states, sets
+        self._origins = Origins(nodes, np.zeros_like(sets))
         at_goal = nodes[np.isin(nodes, self._goals)]
         self._origin_at_goal = int(at_goal[0]) if len(at_goal) else -1
 
@@ -77,7 +78,9 @@ class LevelSearch(PathSearch):
             if steps < 0:
                 return
             path: IntArray = np.zeros((steps, 4), dtype=np.int64)
-            unchecked = find_path(*self._graph(), path) if steps else 0
+            unchecked = (
+                find_path(self.graph.steps, self._origins, self._levels, path) if steps else 0
+            )
             if unchecked == 0 and self.graph.steps.releases["known"][path[:, 1:3]].all():
                 self.incumbent_cost = self.lower_bound
                 yield self._state_path(path[:, :3])
@@ -87,13 +90,13 @@ class LevelSearch(PathSearch):
             if failed.any():
                 self._check(self._alternatives(failed[::-1]))
 
-    def _graph(self) -> tuple[TwoLimbTable, Origins, Levels]:
-        """Return what is known of steps, where paths start, and what was reached."""
-        table = self.graph.steps
-        held, others = self._branch_sets, self._branch_sets[:, ::-1]
-        able = np.where(table.releases["known"], table.releases["branches"], table.branch_sets)
-        can_move = others & able[self._nodes, ::-1] != 0
-        return table, Origins(self._nodes, np.where(can_move, held, 0)), self._levels
+    def _update(self) -> None:
+        """Update what is known of releases, and where paths start."""
+        table, nodes, releasable = self.graph.steps, self._origins.nodes, self._levels.releasable
+        known, branches = table.releases["known"], table.releases["branches"]
+        releasable[...] = np.where(known, branches, table.branch_sets)
+        can_move = self._branch_sets & releasable[nodes] != 0
+        self._origins.supports[...] = np.where(can_move[:, ::-1], self._branch_sets, 0)
 
     def _check(self, steps: IntArray) -> IntArray:
         """Check steps, shape (k, 3); return the branches that their support limbs keep."""
@@ -107,7 +110,8 @@ class LevelSearch(PathSearch):
         """Return the fewest steps from an origin to the goal, -1 if none lead there."""
         if self._origin_at_goal >= 0:
             return 0
-        found = compute_remaining(self._goals, *self._graph())
+        self._update()
+        found = compute_remaining(self._goals, self.graph.steps, self._origins, self._levels)
         self.backward_expanded += int((self._levels.reached[ARRIVAL] > 0).any(axis=1).sum())
         return int(found)
 
@@ -118,7 +122,7 @@ class LevelSearch(PathSearch):
         few unchecked steps come first, and of those the short ones.
         """
         cuts, position = Cuts.allocate(np.append(False, failed)), self.graph.base_position
-        self.expanded += int(find_cuts(*self._graph(), cuts))
+        self.expanded += int(find_cuts(self.graph.steps, self._origins, self._levels, cuts))
         self.generated += int(cuts.size.sum())
         smallest = np.where(cuts.size, cuts.size, LARGEST_CUT + 1).argmin()
         steps = cuts.steps[smallest, : cuts.size[smallest]]
@@ -128,7 +132,7 @@ class LevelSearch(PathSearch):
     def _state_path(self, path: IntArray) -> StatePath:
         """Return the states of a path whose steps and releases are known."""
         graph, first = self.graph, path[0, 1] if len(path) else self._origin_at_goal
-        k = int(np.flatnonzero(self._nodes == first)[0])
+        k = int(np.flatnonzero(self._origins.nodes == first)[0])
         states = [self._states[k]]
         for support, before, after in path.tolist():
             sets = [0, 0]
@@ -148,7 +152,7 @@ class LevelSearch(PathSearch):
         if self.start.pose is not None:
             return bool(len(self._goals))
         _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
-        return bool(np.isin(part[self._nodes], part[self._goals]).any())
+        return bool(np.isin(part[self._origins.nodes], part[self._goals]).any())
 
     def tree(self) -> Array:
         """Return base positions at both ends of the steps that were checked, (e, 2, 3) [m]."""
