@@ -47,11 +47,6 @@ class EdgeSet(NamedTuple):
         lost = shared[joined] & ~kept[joined]
         return cls(joined, lost != NO_BRANCHES, lost[lost != NO_BRANCHES])
 
-    @classmethod
-    def joint(cls, parts: list[EdgeSet]) -> EdgeSet:
-        """Return several sets of edges, one after the other."""
-        return cls(*map(np.concatenate, zip(*parts, strict=True)))
-
 
 class NodePair(Record):
     """Two members of a support set, in any order, from which `next_node_pair` continues."""

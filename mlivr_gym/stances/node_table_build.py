@@ -33,9 +33,6 @@ from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.world.grasp_map import GraspMap
 
-FEW_SETS = 1000
-"""Number of sets of points up to which no threads are started."""
-
 STANCES_AT_ONCE = 4000
 """Number of stances that are computed at once; what a graph stores of them takes memory."""
 
@@ -58,7 +55,7 @@ def build(
     world = graph.grasp_map, graph.robot, graph.settings
     each, parts = STANCES_AT_ONCE // len(_orders(graph.robot)), parts or Parts(None)
     sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
-    threads = workers(len(sets), FEW_SETS)
+    threads = workers(len(sets_of_blocks), 2)
     half = progress and (lambda share: progress(share / 2.0))
     found = parts.of_blocks(nodes_of_sets, sets_of_blocks, (world,), threads, half)
     *columns, rotation = map(np.concatenate, zip(*found, strict=True))
@@ -68,7 +65,7 @@ def build(
     shared, blocks = (world, nodes, rotation[order], table), _support_set_blocks(table)
     half = progress and (lambda share: progress(0.5 + share / 2.0))
     steps = parts.of_blocks(joined, blocks, shared, threads, half)
-    return with_edges(table, EdgeSet.joint([EdgeSet(*one) for one in steps]))
+    return with_edges(table, EdgeSet(*map(np.concatenate, zip(*steps, strict=True))))
 
 
 def sets_of(graph: ImplicitGraph) -> StanceSets:
