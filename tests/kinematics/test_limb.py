@@ -3,17 +3,14 @@
 import numpy as np
 import pytest
 from branches import solutions
-from compiled import called
-from held_paths import MOUNT, ORIGIN, mounted, random_ends
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from held_paths import mounted, random_ends
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import ARC, base_path, base_poses
 from mlivr_gym.kinematics.families import forward_kinematics
-from mlivr_gym.kinematics.limb import Angles, all_angles_at, flange_seen, wrap
+from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 
@@ -30,23 +27,6 @@ def flange_in_world(base, spec, i, q):
         place + axes @ (origin + mount @ frame[:3, 3]),
         axes @ mount @ frame[:3, :3],
     )
-
-
-@given(st.floats(-1e3, 1e3))
-@settings(deadline=None)
-def test_a_wrapped_angle_is_the_same_one_within_half_a_turn(angle):
-    found = called(wrap)(angle)
-    assert abs(found) <= np.pi + 1e-9
-    assert np.exp(1j * found) == pytest.approx(np.exp(1j * angle), abs=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_a_flange_is_seen_as_matrices_say(seed):
-    place, axes, flange_place, flange_axes = random_ends(seed)
-    (p, z), x = called(flange_seen)(mounted(), pose(place, axes), pose(flange_place, flange_axes))
-    turn = axes @ MOUNT
-    np.testing.assert_allclose(p, turn.T @ (flange_place - place - axes @ ORIGIN), atol=1e-12)
-    np.testing.assert_allclose(np.stack([x, z], 1), turn.T @ flange_axes[:, [0, 2]], atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -199,10 +199,10 @@ def branch_sets_by_definition(graph, s):
         (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
     ]
 
-    def close(labels):
-        """Limbs of pairs that are too close; None stands for body, mounts and boxes."""
+    def close(labels, around):
+        """Limbs of pairs that are too close; None stands for body, mounts and what is around."""
         joints = np.array([limb[b][1] for limb, b in zip(found, labels, strict=True)])
-        pairs = contacts(robot, boxes, (base, quaternion, joints), clearance, grasps)
+        pairs = contacts(robot, around, (base, quaternion, joints), clearance, grasps)
         fixed = "body", "box", *(f"limb{i}/base" for i in range(len(found)))
         names = [(contact.first, contact.second) for contact in pairs]
         return {
@@ -217,7 +217,7 @@ def branch_sets_by_definition(graph, s):
             robot.characteristic_length,
         )
         both = frozenset(range(len(found)))
-        return w_b >= graph.base_threshold and both not in close(labels)
+        return w_b >= graph.base_threshold and both not in close(labels, ())
 
     first = graph.posture(tuple(stance.tolist())).branch[0].tolist()
     branch_sets, allowed = [], []
@@ -227,7 +227,7 @@ def branch_sets_by_definition(graph, s):
         free = [b for b in able if branch_sets[i] & 0x101 << b]
         labels = [[*first[:i], b, *first[i + 1 :]] for b in free]
         mine = ({i}, {i, None})
-        alone = [not close(one) & set(map(frozenset, mine)) for one in labels]
+        alone = [not close(one, boxes) & set(map(frozenset, mine)) for one in labels]
         allowed.append([b for b, ok in zip(free, alone, strict=True) if ok])
     kept = [{b} for b in first]
     for i in range(len(found)):
