@@ -14,7 +14,7 @@ import os
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 

@@ -12,9 +12,8 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.table_build import build_table, fill_rows
 from mlivr_gym.stances.table_steps import steps_of_state
-from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_steps import gather_steps
 from mlivr_gym.transitions.rule import kept_on_edge

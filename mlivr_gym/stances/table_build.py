@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from inspect import getfile
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.node_table_file import NODE_TABLES
-from mlivr_gym.stances.parts import Parts, Progress
+from mlivr_gym.stances.parts import PartArrays, Parts, Progress
 from mlivr_gym.stances.table_files import TableFiles
-from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
+from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES, TwoLimbStances
 
 TableGraph = TwoLimbGraph | ImplicitGraph
 """A stance graph that may have a table."""
@@ -106,3 +108,38 @@ def write_built(graph: TableGraph, path: Path) -> None:
     """
     table = graph.file_contents() if isinstance(graph, TwoLimbGraph) else graph.table
     files_of(graph).write(graph, table, path)
+
+
+def fill_rows(
+    graph: TwoLimbGraph, progress: Progress | None = None, parts: Parts | None = None
+) -> TwoLimbStances:
+    """Check every step of a graph once, and return all that is known without obstacles.
+
+    Finished parts are stored until all are, only without obstacles and occupied points.
+    """
+    if graph.is_complete:
+        return graph.file_contents()
+    m, known, parts = len(graph.grasp_map), graph.steps, parts or Parts(None)
+    known.releases[...] = parts.get("released", partial(_releases, graph))[0]
+    chunk = max(1, m // 16)
+    blocks = [(at, min(at + chunk, 2 * m)) for at in range(0, 2 * m, chunk)]
+    found = parts.of_blocks(rows, blocks, (graph,), 1, progress)
+    known.edges[...] = np.concatenate([edges for (edges,) in found])
+    graph.is_complete = True
+    return graph.file_contents()
+
+
+def _releases(graph: TwoLimbGraph) -> PartArrays:
+    """Compute the branches on which every limb can be released."""
+    graph.check_releases(np.indices((len(graph), 2)).reshape(2, -1).T)
+    return [graph.steps.releases]
+
+
+def rows(begin: int, end: int, graph: TwoLimbGraph) -> PartArrays:
+    """Check the steps of some rows, those of limb 0 before those of limb 1, and return them."""
+    steps, m = graph.steps, len(graph.grasp_map)
+    found = [graph.edges_of_row(*divmod(row, m)) for row in range(begin, end)]
+    support = np.repeat(np.arange(begin, end) // m, [one.shape[1] for one in found])
+    graph.check_steps(support, *np.concatenate(found, axis=1))
+    first = np.append(steps.offset.ravel(), len(steps.edges))
+    return [steps.edges[first[begin] : first[end]]]

@@ -7,7 +7,7 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 

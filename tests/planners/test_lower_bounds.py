@@ -14,7 +14,7 @@ from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 

@@ -7,7 +7,7 @@ from map_data import BRIDGE
 
 from mlivr_gym import GraspMap, Settings, stance_graph
 from mlivr_gym.stances.critical import point_losses, rail_losses
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.transitions.state import State
 
 

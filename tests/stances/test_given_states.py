@@ -14,8 +14,8 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
-from mlivr_gym.stances.two_limb_build import fill_rows
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 NAN, HUGE = float("nan"), 2**70

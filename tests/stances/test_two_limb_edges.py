@@ -7,7 +7,7 @@ from mlivr_gym import State, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.step_tables import step_tables
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.stances.two_limb_steps import longest_step
 
 

@@ -9,7 +9,7 @@ from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.node_table_build import build
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 """Costs by name and price of a regrasp [m]."""

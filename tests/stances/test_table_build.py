@@ -16,8 +16,7 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import parts
-from mlivr_gym.stances.table_build import build_table
-from mlivr_gym.stances.two_limb_build import fill_rows
+from mlivr_gym.stances.table_build import build_table, fill_rows
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
