@@ -33,6 +33,8 @@ def test_table_values_are_the_planners_cost_to_go(env, cost):
             np.testing.assert_allclose(
                 got[actions], table.action_values(env.state, steps), atol=1e-9
             )
+            best = actions[table.best(env.state, steps)]
+            assert got[best] == pytest.approx(got.min(), abs=1e-9)
             assert np.isfinite(got).sum() <= len(actions)
             env.step(int(rng.choice(actions)))
 
