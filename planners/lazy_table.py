@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.labels import NodePath
@@ -141,24 +142,44 @@ class LazyTwoLimbTable(LazyTable):
 
     label_independent = True
 
-    def __init__(self, graph: TwoLimbGraph) -> None:
-        """Start with the nodes and edges that the graph knows."""
+    def __init__(self, graph: TwoLimbGraph, before: LazyTwoLimbTable | None) -> None:
+        """Start with the nodes and edges that the graph knows, and what was blocked `before`.
+
+        An edge that needs a line swing may be possible again among more obstacles: a limb that can
+        no longer fold may be released on another branch.
+        """
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
+        self.lasting = self.table.joined
+        """Edges but for those that are blocked as long as nothing is taken away."""
         if graph.obstacles or graph.occupied or not self.is_complete:
             branch_sets = packed(graph.steps.branch_sets)
             releasable = self.table.releasable & branch_sets
-            joined = self.table.joined.copy()
+            lasts = before is not None and graph.has_all_since(before.version)
+            self.lasting = (before.lasting if before is not None and lasts else self.lasting).copy()
+            joined = self.lasting.copy()
             self.table = self.table._replace(
                 branch_sets=branch_sets, releasable=releasable, joined=joined
             )
             if not self.is_complete and graph.settings.transitions:
-                self._record_releases(np.flatnonzero(graph.steps.releases["known"].all(axis=1)))
+                self._record_nodes(np.flatnonzero(graph.steps.releases["known"].any(axis=1)))
 
-    def _record_releases(self, rows: IntArray) -> None:
+    def _record_nodes(self, rows: IntArray) -> None:
         """Copy the branches of checked nodes, and those on which limbs can be released."""
-        self.table.branch_sets[rows] = packed(self.graph.steps.branch_sets[rows])
-        self.table.releasable[rows] = packed(self.graph.releasable[rows].astype(np.int64))
+        steps, table = self.graph.steps, self.table
+        able = np.where(steps.releases["known"][rows], steps.releases["branches"][rows], ALL)
+        table.branch_sets[rows] = packed(steps.branch_sets[rows])
+        table.releasable[rows] &= packed(able) & table.branch_sets[rows]
+
+    def check_nodes(
+        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
+    ) -> bool:
+        """Check nodes against obstacles, see `LazyTable.check_nodes`."""
+        before = self.table.branch_sets[rows]
+        if not self.is_complete:
+            self.graph.node_postures(rows)
+            self._record_nodes(rows)
+        return bool((self.table.branch_sets[rows] != before).any())
 
     def check_edges(self, edges: IntArray) -> None:
         """Check those edges that were not checked yet, in both directions."""
@@ -171,8 +192,11 @@ class LazyTwoLimbTable(LazyTable):
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
             after, reverse, kept
         )
-        clear_bits(self.table.joined, np.concatenate([unchecked, reverse])[np.tile(kept == 0, 2)])
-        self._record_releases(np.concatenate([before, after]))
+        blocked = kept == 0
+        clear_bits(self.table.joined, np.concatenate([unchecked, reverse])[np.tile(blocked, 2)])
+        blocked &= self.graph.is_folded(support, before, after)
+        clear_bits(self.lasting, np.concatenate([unchecked, reverse])[np.tile(blocked, 2)])
+        self._record_nodes(np.concatenate([before, after]))
 
     def branch_sets_after(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
@@ -362,10 +386,14 @@ def branch_sets_along(
     return found
 
 
-def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
-    """Return the nodes of a graph in the present world, or None if the graph has no table."""
+def make_lazy_table(graph: StanceGraph, before: LazyTable | None = None) -> LazyTable | None:
+    """Return the nodes of a graph in the present world, or None if the graph has no table.
+
+    What was found in the world before still holds if nothing was taken away since.
+    """
     if isinstance(graph, TwoLimbGraph):
-        return LazyTwoLimbTable(graph)
+        assert before is None or isinstance(before, LazyTwoLimbTable)
+        return LazyTwoLimbTable(graph, before)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
         return LazyNodeTable(graph, graph.table)
     return None

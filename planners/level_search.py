@@ -81,7 +81,8 @@ class LevelSearch(PathSearch):
             unchecked = (
                 find_path(self.graph.steps, self._origins, self._levels, path) if steps else 0
             )
-            if unchecked == 0 and self.graph.steps.releases["known"][path[:, 1:3]].all():
+            is_known, moving = self.graph.steps.releases["known"], 1 - path[:, :1]
+            if unchecked == 0 and is_known[path[:, 1:3], moving].all():
                 self.incumbent_cost = self.lower_bound
                 yield self._state_path(path[:, :3])
                 return

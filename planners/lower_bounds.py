@@ -80,7 +80,7 @@ class LowerBounds:
     def lazy_table(self) -> LazyTable:
         """Nodes and edges in the present world, with the results of earlier checks in it."""
         if self._lazy_table is None or self._lazy_table.version != self.graph.version:
-            self._lazy_table = make_lazy_table(self.graph)
+            self._lazy_table = make_lazy_table(self.graph, self._lazy_table)
         assert self._lazy_table is not None
         return self._lazy_table
 
@@ -95,24 +95,27 @@ class LowerBounds:
 
     def compute(self, goal: Goal, starts: IntArray) -> GoalBounds:
         """Compute and cache bounds from some nodes with the points occupied now."""
-        bounds = self._compute(self.table, goal, starts, self._occupied_nodes())
+        goals, occupied = self._goal_nodes(goal), self._occupied_nodes()
+        bounds = self._compute(self.table, goal.cost, goals, starts, occupied)
         self._cached_bounds[goal.key] = bounds
         self._cached_bounds.move_to_end(goal.key)
         if len(self._cached_bounds) > self._cache_size:
             self._cached_bounds.popitem(last=False)
         return bounds
 
-    def among_checked(self, goal: Goal, starts: IntArray) -> GoalBounds:
-        """Compute bounds from some nodes for paths over the nodes that keep branches so far."""
+    def among_checked(self, cost: Cost, goals: BoolArray, starts: IntArray) -> GoalBounds:
+        """Compute bounds of the cost from some nodes to others, of which `goals` tells, (n,).
+
+        They hold for paths over the nodes that keep branches so far and the edges between them.
+        """
         table = self.lazy_table.table
         forbidden = self._occupied_nodes() | (table.branch_sets == 0)
-        return self._compute(table, goal, starts, forbidden)
+        return self._compute(table, cost, goals, starts, forbidden)
 
     def _compute(
-        self, table: NodeTable, goal: Goal, starts: IntArray, forbidden: BoolArray
+        self, table: NodeTable, cost: Cost, goals: BoolArray, starts: IntArray, forbidden: BoolArray
     ) -> GoalBounds:
         """Compute bounds from some nodes for paths that do not enter forbidden nodes."""
-        cost, goals = goal.cost, self._goal_nodes(goal)
         if cost.base_weight:
             extension = self._extension[0], self._extension[1] * cost.step_weight
             start_bounds = self._start_bounds(cost, starts, forbidden)

@@ -8,6 +8,7 @@ any other graph is searched without.
 from __future__ import annotations
 
 import time
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,45 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 
+class FollowedPath(NamedTuple):
+    """A path of minimum cost, and the world in which it was found."""
+
+    states: tuple[State, ...]
+    """Its states."""
+    goal: tuple[Any, ...]
+    """Key of its goal."""
+    version: int
+    """Version of the world, see `ChangingWorld.version`."""
+
+    def remainder(
+        self, graph: StanceGraph, search: SearchQuery, start: State
+    ) -> SearchResult | None:
+        """Return what remains of the path from a state on it, None if it cannot be followed.
+
+        It has minimum cost, as more obstacles leave no cheaper path; that a limb which can no
+        longer fold may be released on another branch instead is left aside.
+        """
+        place = next((k for k, state in enumerate(self.states) if _includes(state, start)), None)
+        is_valid = search.goal.key == self.goal and graph.has_all_since(self.version)
+        if place is None or not is_valid:
+            return None
+        states = [start]
+        for after in self.states[place + 1 :]:
+            state = graph.step_to(states[-1], after.stance)
+            if state is None:
+                return None
+            states.append(state)
+        cost = search.goal.cost.of_path(graph.postures_of(states).base_position)
+        return SearchResult(GOAL_REACHED, tuple(states), cost, 0, 0, np.zeros((0, 2, 3)), bound=1.0)
+
+
+def _includes(state: State, other: State) -> bool:
+    """Return whether a robot in the other state is in a state as well."""
+    branch_sets = zip(state.branch_sets, other.branch_sets, strict=True)
+    same = state.stance == other.stance and state.pose == other.pose
+    return same and all(one & both == both for one, both in branch_sets)
+
+
 class GraphSearcher:
     """The searches of one stance graph; see the module for which."""
 
@@ -41,6 +81,7 @@ class GraphSearcher:
         """Prepare to search a graph; stance sets are built if not cached and `build_sets`."""
         self.graph, self.build_sets = graph, build_sets
         self._lower_bounds: LowerBounds | None = None
+        self._followed: FollowedPath | None = None
 
     def lower_bounds(self) -> LowerBounds | None:
         """Return the lower bounds over the table of the graph, or None if it has no table."""
@@ -65,7 +106,13 @@ class GraphSearcher:
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            return run_search(TableSearch(lower_bounds, search, start))
+            remainder = None
+            if graph.obstacles and search.heuristic == "relaxed" and self._followed is not None:
+                remainder = self._followed.remainder(graph, search, start)
+            found = remainder or run_search(TableSearch(lower_bounds, search, start))
+            if found is not None and found.bound == 1.0:
+                self._followed = FollowedPath(found.states, search.goal.key, graph.version)
+            return found
         assert isinstance(graph, ImplicitGraph)
         return run_search(ImplicitSearch(graph, search, start))
 

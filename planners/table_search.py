@@ -175,7 +175,8 @@ class TableSearch(PathSearch):
             if not len(rows):
                 return
             lazy_table.check_nodes(rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]])
-            bounds, chosen = self._lower_bounds.among_checked(steps, starts), 2 * chosen
+            is_goal, chosen = bounds.h == 0.0, 2 * chosen
+            bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts)
             stage = stage._replace(max_searches=2 * (stage.max_searches or 1))
             yield bounds, (stage,)
 
@@ -184,7 +185,9 @@ class TableSearch(PathSearch):
     ) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
         """Yield lower bounds that rise to the exact cost-to-go as more edges are checked."""
         search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
+        self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h == 0.0))
         while True:
+            goal_bounds = self._bounds_of_rest(goal_bounds)
             parameters = SearchParameters(
                 search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
@@ -192,8 +195,16 @@ class TableSearch(PathSearch):
             if self.is_late or self.lower_bound == np.inf or self.expanded >= search.limit:
                 return
             if self._origin_paths[0].states[0].pose is None:
-                goal_bounds = self._backward_bounds(goal_bounds, expansion_limit)
+                goal_bounds = self._backward_bounds(
+                    self._bounds_of_rest(goal_bounds), expansion_limit
+                )
             expansion_limit *= LIMIT_GROWTH
+
+    def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
+        """Return lower bounds that are no less than those over what is not known to be blocked."""
+        is_goal = goal_bounds.h == 0.0
+        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, self._origins.nodes)
+        return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))
 
     def _backward_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
         """Return lower bounds improved by a backward search from the goal that checks its edges.
@@ -211,6 +222,9 @@ class TableSearch(PathSearch):
         )
         start_bounds = np.maximum(start_bounds, MIN_COST_OUTSIDE_GOAL)
         start_bounds[start] = 0.0
+        if not goal.cost.base_weight:
+            is_start = np.arange(len(base)) == start
+            start_bounds = self._lower_bounds.among_checked(goal.cost, is_start, nodes).h
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
         search_graph = SearchGraph(
             lazy_table.table, lazy_table.checked_edges, cost_weights(goal.cost)
@@ -224,6 +238,7 @@ class TableSearch(PathSearch):
         explored = self._labels.expanded[: found.expanded]
         exact = np.full(len(base), np.inf)
         np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
+        start_bounds[start_bounds == np.inf] = 0.0  # no path of the start leads there
         improved = np.maximum(goal_bounds.h, np.minimum(exact, found.lower_bound - start_bounds))
         improved[nodes] = 0.0
         return goal_bounds._replace(h=improved)

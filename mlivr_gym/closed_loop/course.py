@@ -74,10 +74,9 @@ class Course:
         plan, taken, graph = self.plan, self.taken, self._graph
         if plan is None or plan.stances[taken] != graph.ids(state.stance):
             return False
-        for limb, point in plan.actions[taken:]:
-            successors = graph.successors(state)
-            row = successors.find(limb, graph.grasp_map.index(point))
-            if row < 0:
+        for stance in plan.stances[taken + 1 :]:
+            after = graph.step_to(state, graph.indices(stance))
+            if after is None:
                 return False
-            state = successors.after(state, row)
+            state = after
         return True

@@ -17,7 +17,7 @@ from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import Box
 
 CELL_EDGE = 0.25
-"""Edge of a grid cell [m], doubled where that would make too many cells; affects the speed only."""
+"""Edge of a grid cell [m], doubled where that would make too many cells."""
 
 MOST_CELLS = 1 << 18
 """Maximum number of cells in a grid; the JEM has 5,616."""
@@ -85,8 +85,8 @@ class BoxGrid(NamedTuple):
     """Bounds of what the boxes fill of each cell, records of `BoundingBox`, shape (cells,)."""
 
 
-def box_grid(boxes: Sequence[Box]) -> BoxGrid:
-    """Sort boxes into the cells of a grid."""
+def box_grid(boxes: Sequence[Box], edge: float = CELL_EDGE) -> BoxGrid:
+    """Sort boxes into the cells of a grid, whose edge [m] affects the speed only."""
     rows = GridBox.rows(len(boxes))
     if boxes:
         rows["centre"], rows["half"] = [box.centre for box in boxes], [box.half for box in boxes]
@@ -96,7 +96,7 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
     rows["bounds"]["low"], rows["bounds"]["high"] = low, high
-    frames = _grid_frames(low, high)
+    frames = _grid_frames(low, high, edge)
     frame = frames[0]
     first, last = (
         np.clip(((end - frame["origin"]) / frame["edge"]).astype(np.int64), 0, frame["cells"] - 1)
@@ -116,7 +116,7 @@ def box_grid(boxes: Sequence[Box]) -> BoxGrid:
     return BoxGrid(frames, rows, start, owner[order], _fill_bounds(low, high, cell, owner, frame))
 
 
-def _grid_frames(low: Array, high: Array) -> Any:
+def _grid_frames(low: Array, high: Array, edge: float) -> Any:
     """Return the grid frame of boxes with given corners, a record of shape (1,).
 
     The corners have shape (n, 3) [m]. The edge is doubled until the numbers of cells and of their
@@ -132,7 +132,7 @@ def _grid_frames(low: Array, high: Array) -> Any:
     frame["empty_region"]["low"][:], frame["empty_region"]["high"][:] = _empty_region(
         low, high, hull
     )
-    low, high, edge = low - frame["origin"], high - frame["origin"], CELL_EDGE
+    low, high = low - frame["origin"], high - frame["origin"]
     while True:
         dims = np.maximum(np.ceil(high.max(axis=0, initial=0.0) / edge), 1.0)
         reached = np.minimum(np.floor(high / edge), dims - 1.0) - np.floor(low / edge) + 1.0

@@ -22,6 +22,9 @@ from mlivr_gym.world.grasp_map import GraspMap
 GROUP_EDGE = 0.3
 """Edge of the cubes of space whose obstacles are compared with positions as one box, by reach."""
 
+OBSTACLE_CELL_EDGE = 0.6
+"""Edge of the grid cells of obstacles [m]; affects the speed only."""
+
 CELL_EDGE = 0.1
 """Edge of the cells whose positions are compared with obstacles as one [m]."""
 
@@ -41,6 +44,7 @@ class ChangingWorld(ABC):
         """Indices of the points that may not be grasped at present."""
         self.version = 0
         """Number of changes of obstacles and occupied points."""
+        self._last_removal = 0
         self.checks = StepChecks(solver)
         """The check of releases and steps."""
         self.obstacle_grid: BoxGrid | None = None
@@ -122,12 +126,17 @@ class ChangingWorld(ABC):
     def _set_obstacles(self, boxes: tuple[Box, ...], occupied: frozenset[int]) -> None:
         """Set the obstacles and occupied points, and forget what depended on them."""
         if boxes != self.obstacles:
-            self.obstacle_grid = box_grid(boxes) if boxes else None
+            self.obstacle_grid = box_grid(boxes, OBSTACLE_CELL_EDGE) if boxes else None
         before = len(self.obstacles)
         is_more = boxes[:before] == self.obstacles and self.occupied <= occupied
         self.obstacles, self.occupied = boxes, frozenset(occupied)
         self.version += 1
+        self._last_removal = self._last_removal if is_more else self.version
         self._obstacles_changed(boxes[before:] if is_more else None)
+
+    def has_all_since(self, version: int) -> bool:
+        """Return whether all obstacles and occupied points of a version are still there."""
+        return self._last_removal <= version
 
     @abstractmethod
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:

@@ -9,9 +9,12 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.stances.two_limb_rows import StanceRows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable, edge_indices
+from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.records import StanceArrays
+from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.step_check import StepChecks
 
 
@@ -46,6 +49,9 @@ class TwoLimbEdges:
         self.collisions, self.stances = settings.collisions, stances
         self.close, self.unchecked = np.zeros((2, len(base)), dtype=np.bool_)
         self._world = checks.world(None)
+        self._unknown_edges: Any = None
+        self.stored: list[IntArray] = []
+        """Indices of the edges that were stored among obstacles."""
         count = int((rows.degree**2).sum()) if settings.transitions else 1
         self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)
         if edges is None or len(edges) != count:
@@ -64,6 +70,18 @@ class TwoLimbEdges:
             rows.local,
             edges,
         )
+
+    def unknown_edges(self) -> Any:
+        """Return edges of which none is known, in place of those returned before.
+
+        To allocate them takes longer than to plan.
+        """
+        if self._unknown_edges is None:
+            self._unknown_edges = TwoLimbEdge.rows(len(self.table.edges))
+        for stored in self.stored:
+            self._unknown_edges["known"][stored] = 0
+        self.stored.clear()
+        return self._unknown_edges
 
     def among_obstacles(
         self,
@@ -84,10 +102,19 @@ class TwoLimbEdges:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
         return edge_indices(support, before, after, self.table)
 
-    def step(self, support: int, before: int, after: int) -> Any:
-        """Return the record of a step, a row of `TwoLimbEdge`; check it unless it is known."""
+    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge:
+        """Return the edge of a step for the branches of the support limb; check it if unknown."""
         self.check_steps(*(np.array([one]) for one in (support, before, after)))
-        return self.table.edges[self.index(support, before, after)]
+        entry = self.table.edges[self.index(support, before, after)]
+        on_arc = bool(kept_on_edge(branch_set, int(entry["on_arc"])))
+        kept = {support: int(kept_on_edge(branch_set, int(entry["kept"])))}
+        fold = (
+            -1
+            if entry["line_branches"] >= 0
+            else entry["fold_on_arc" if on_arc else "fold_on_line"]
+        )
+        path_kind = ARC if on_arc else STRAIGHT
+        return Edge(path_kind, int(fold), int(entry["line_branches"]), kept)
 
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
@@ -108,7 +135,12 @@ class TwoLimbEdges:
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
         steps = self._steps(support, before, after)
         self.checks.check(steps, self.stances, self._world)
-        self._store(support, before, after, steps)
+        found = TwoLimbEdge.rows(len(support))
+        found["known"] = 1
+        found["kept"] = steps["kept"][np.arange(len(support)), support]
+        found["on_arc"], found["line_branches"] = steps["on_arc"], steps["line_branches"]
+        found["fold_on_line"], found["fold_on_arc"] = steps["folds"].T
+        self._store(support, before, after, found)
 
     def _unknown(
         self, support: IntArray, before: IntArray, after: IntArray
@@ -137,17 +169,14 @@ class TwoLimbEdges:
         )
         return steps
 
-    def _store(self, support: IntArray, before: IntArray, after: IntArray, steps: Any) -> None:
-        """Store the results of steps in both directions."""
-        found = TwoLimbEdge.rows(len(support))
-        found["known"] = 1
-        found["kept"] = steps["kept"][np.arange(len(support)), support]
-        found["on_arc"], found["line_branches"] = steps["on_arc"], steps["line_branches"]
-        found["fold_on_line"], found["fold_on_arc"] = steps["folds"].T
-        self.table.edges[self.index(support, before, after)] = found
+    def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> None:
+        """Store the results of steps, rows of `TwoLimbEdge`, in both directions."""
+        there, back = self.index(support, before, after), self.index(support, after, before)
+        self.table.edges[there] = found
         first, last = found["line_branches"] // 8, found["line_branches"] % 8
         found["line_branches"] = np.where(found["line_branches"] < 0, -1, 8 * last + first)
-        self.table.edges[self.index(support, after, before)] = found
+        self.table.edges[back] = found
+        self.stored += there, back
 
 
 class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
@@ -166,6 +195,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     ) -> None:
         """Start from the steps without obstacles, see `TwoLimbEdges.among_obstacles`."""
         self.free, self.close, self.unchecked, self._obstacles = free, close, unchecked, obstacles
+        self.stored = free.stored
         self.checks, self.collisions = free.checks, free.collisions
         self._world = self.checks.world(obstacles, obstacles_only=True)
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
@@ -177,7 +207,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases["known"][close & ~gone] = False
         self.stances = free.stances._replace(branch_sets=branch_sets, releases=releases)
         # If no obstacle is close, only the branch sets differ.
-        edges = TwoLimbEdge.rows(len(free.table.edges)) if close.any() else free.table.edges
+        edges = free.unknown_edges() if close.any() else free.table.edges
         self.is_complete = free.is_complete and edges is free.table.edges
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
         no_branch, no_cause = np.full_like(branch_sets, -1), np.zeros(len(close), dtype=np.int64)
@@ -200,7 +230,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
         todo = todo[~self.stances.releases["known"][todo[:, 0], todo[:, 1]]]
         if len(todo):
-            self._check_releases(np.unique(todo, axis=0))
+            self._check_releases(np.stack(np.divmod(np.unique(2 * todo[:, 0] + todo[:, 1]), 2), 1))
 
     def _check_releases(self, todo: IntArray) -> None:
         """Compute releases that are not known, each once."""
@@ -225,23 +255,48 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         if not len(support):
             return
         self.free.check_steps(support, before, after)
-        both = np.concatenate([before, after])
-        self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-        self.check_nodes(both)
-        steps = self._steps(support, before, after)
-        known = self.free.table.edges[self.index(support, before, after)]
-        branches = self.stances.releases["branches"]
-        able = (branches[before, 1 - support] != 0) & (branches[after, 1 - support] != 0)
-        rows = np.arange(len(support))
-        steps["recheck"] = True
-        steps["kept"][rows, support] = np.where(
-            able, known["kept"] & steps["branches"][rows, support], 0
-        )
-        steps["on_arc"], steps["line_branches"] = known["on_arc"], known["line_branches"]
-        steps["folds"][:, 0], steps["folds"][:, 1] = known["fold_on_line"], known["fold_on_arc"]
-        close = self.close[before] | self.close[after]
-        checked = steps[close]
-        self.checks.check(checked, self.stances, self._world)
-        steps[close] = checked
-        steps["on_arc"] &= steps["kept"][rows, support]
-        self._store(support, before, after, steps)
+        self.check_nodes(np.concatenate([before, after]))
+        sets, moving, releases = self.stances.branch_sets, 1 - support, self.stances.releases
+        found = self.free.table.edges[self.index(support, before, after)]
+        found["kept"] &= (sets[before, support] & sets[after, support]).astype(np.uint16)
+        free, able = found.copy(), np.flatnonzero((found["kept"] != 0) & (sets[after, moving] != 0))
+        found["kept"] = 0
+        # Most steps fail, so what takes less time is checked first; until the release at the end of
+        # a step is computed, it is taken to be that without obstacles.
+        able = able[self._released(before[able], moving[able])[0] != 0]
+        if not self.free.is_complete:
+            ends = after[able], moving[able]
+            unknown = tuple(one[~releases["known"][ends]] for one in ends)
+            releases[unknown] = self.free.stances.releases[unknown]
+            releases["known"][unknown] = False
+        for _ in range(2):
+            found["kept"][able] = self._kept(support[able], before[able], after[able], free[able])
+            able = able[found["kept"][able] != 0]
+            ends = after[able], moving[able]
+            assumed = releases["branches"][ends], releases["folds"][ends]
+            now = self._released(*ends)
+            able = able[(now[0] != assumed[0]) | (now[1] != assumed[1])]
+        found["on_arc"] &= found["kept"]
+        self._store(support, before, after, found)
+
+    def _released(self, s: IntArray, limb: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the branches and folds of releases, which are computed once, shape (k,)."""
+        self.check_releases(np.stack([s, limb], axis=1))
+        releases = self.stances.releases
+        return releases["branches"][s, limb], releases["folds"][s, limb]
+
+    def _kept(self, support: IntArray, before: IntArray, after: IntArray, free: Any) -> IntArray:
+        """Return the branches kept on steps of some edges without obstacles, shape (k,).
+
+        The releases are those known so far.
+        """
+        kept: IntArray = free["kept"].astype(np.int64)
+        close = np.flatnonzero(self.close[before] | self.close[after])
+        support, free = support[close], free[close]
+        steps, rows = self._steps(support, before[close], after[close]), np.arange(len(close))
+        steps["recheck"], steps["kept"][rows, support] = True, free["kept"]
+        steps["on_arc"], steps["line_branches"] = free["on_arc"], free["line_branches"]
+        steps["folds"][:, 0], steps["folds"][:, 1] = free["fold_on_line"], free["fold_on_arc"]
+        self.checks.check(steps, self.stances, self._world)
+        kept[close] = steps["kept"][rows, support]
+        return kept

@@ -18,7 +18,6 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
@@ -32,7 +31,7 @@ from mlivr_gym.stances.two_limb_rows import rows_of
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
 from mlivr_gym.transitions.edge import Edge
-from mlivr_gym.transitions.rule import can_release, kept_on_edge
+from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -299,33 +298,28 @@ class TwoLimbGraph(StanceGraph):
         if not self.settings.collisions or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
         support = 1 - moving_limb(state.stance, tuple(after))
-        entry = self._known.step(support, s0, s1)
-        on_arc = bool(kept_on_edge(state.branch_sets[support], int(entry["on_arc"])))
-        kept = {support: int(kept_on_edge(state.branch_sets[support], int(entry["kept"])))}
-        if entry["line_branches"] >= 0:
-            return Edge(ARC if on_arc else STRAIGHT, -1, int(entry["line_branches"]), kept)
-        if on_arc:
-            return Edge(ARC, int(entry["fold_on_arc"]), -1, kept)
-        return Edge(STRAIGHT, int(entry["fold_on_line"]), -1, kept)
+        return self._known.edge(state.branch_sets[support], support, s0, s1)
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a neighbouring stance, None without such a step."""
-        steps = self.successors(state)
+        self.check(state)
         self.check_stance(after)
         if after == state.stance:
             return None
-        limb = moving_limb(state.stance, after)
+        limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2
+        rows[limb] = np.flatnonzero((self.points == after).all(axis=1))
+        steps = self._steps_to(state, rows) if state.pose is None else self.successors(state)
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether the support limb could be released after each step, shape (k,)."""
-        out = np.empty(len(steps.limb), dtype=np.bool_)
-        for k, limb in enumerate(steps.limb.tolist()):
-            after = steps.after(state, k)
-            releasable = self.branch_set_after_grasp(after, 1 - limb)
-            out[k] = can_release(after.branch_sets[1 - limb], releasable)
-        return out
+        states = [steps.after(state, k) for k in range(len(steps.limb))]
+        supports = zip(states, (1 - steps.limb).tolist(), strict=True)
+        able = (
+            can_release(s.branch_sets[i], self.branch_set_after_grasp(s, i)) for s, i in supports
+        )
+        return np.fromiter(able, np.bool_, len(states))
 
     def row(self, support: int, s: int) -> IntArray:
         """Return the other stances in which limb `support` holds the same point as at `s`."""
@@ -358,18 +352,27 @@ class TwoLimbGraph(StanceGraph):
         index = self._known.index(support, before, after)
         return np.asarray(self.steps.edges["kept"][index], dtype=np.int64)
 
+    def is_folded(self, support: IntArray, before: IntArray, after: IntArray) -> BoolArray:
+        """Return on which steps without obstacles, (k,) each, the swing limb stays folded, (k,)."""
+        edges = self._free.table.edges[self._free.index(support, before, after)]
+        return np.asarray(edges["line_branches"] < 0)
+
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
         if state.pose is not None:
             return super().successors(state)
+        s = self.find(state.stance)
+        return self._steps_to(state, [self.row(1 - limb, s) for limb in range(2)])
+
+    def _steps_to(self, state: State, rows: Sequence[IntArray]) -> Successors:
+        """Return the steps that move each limb from a state to some stances of its row."""
         s, found = self.find(state.stance), [NO_STEPS]
         branch_sets = self.steps.branch_sets
         grasps = self.releasable if self.settings.transitions else branch_sets
-        for limb in range(2) if s >= 0 else ():
+        for limb, row in enumerate(rows if s >= 0 else ()):
             support = 1 - limb
-            if can_release(state.branch_sets[limb], self._releasable_now(s, limb)):
-                row = self.row(support, s)
+            if len(row) and can_release(state.branch_sets[limb], self._releasable_now(s, limb)):
                 self._known.check_nodes(row)
                 shared = branch_sets[row, support] & state.branch_sets[support]
                 row, shared = row[shared != 0], shared[shared != 0]

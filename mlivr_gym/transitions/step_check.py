@@ -14,7 +14,7 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.compiled.kernels import MOST_THREADS, in_parallel
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.transitions.records import (
@@ -85,14 +85,13 @@ class StepChecks:
         return out
 
     def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: StepContext) -> None:
-        """Call an entry for some rows: in threads, or for few rows with scratch that is reused."""
-        if count >= LEAST_IN_THREADS:
+        """Call an entry for some rows, in threads if they are many, with scratch that is reused."""
+        if count:
+            scratch = self._idle.pop() if self._idle else StepScratch.rows(MOST_THREADS)
             in_parallel(
-                count, entry, rows, scene, scratch_rows=StepScratch.rows, least=LEAST_IN_THREADS
-            )
-        elif count:
-            scratch = self._idle.pop() if self._idle else StepScratch.rows(1)
-            entry(0, count, rows, scene, scratch)
+                count, entry, rows, scene, scratch_rows=lambda used: scratch[:used],
+                least=LEAST_IN_THREADS,
+            )  # fmt: skip
             self._idle.append(scratch)
 
     def release(self, stances: StanceArrays, todo: IntArray, world: WorldRecord) -> None:

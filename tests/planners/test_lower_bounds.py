@@ -213,3 +213,41 @@ def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkey
         assert plan.statistics.cost == pytest.approx(fresh.statistics.cost, abs=1e-9)
         dearer += among is None or among.statistics.cost > fresh.statistics.cost + 1e-9
     assert dearer > 2
+
+
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(cost):
+    """On a graph that sees all boxes at once; some plans are what remains of the one before."""
+    graph, other, rng = stance_graph(), stance_graph(), np.random.default_rng(1)
+    followed = searched = cut_off = 0
+    for _ in range(8):
+        planner, (start, goal) = Planner(graph), sample_task(graph, rng, 0.2)
+        state, boxes = start, []
+        for turn in range(4):
+            found = planner.plan(state, goal, cost)
+            other.add_obstacles(boxes)
+            alone = Planner(other).plan(state, goal, cost)
+            other.remove_obstacles()
+            assert found.reason == alone.reason
+            cut_off += found.plan is None
+            if found.plan is None or not found.plan.steps:
+                break
+            assert found.plan.cost == pytest.approx(alone.plan.cost, abs=1e-9)
+            assert found.plan.statistics.bound == 1.0
+            followed, searched = followed + (not found.expanded), searched + (found.expanded > 0)
+            if turn != 1:
+                limb, point = found.plan.actions[0]
+                moves = graph.successors(state)
+                row = moves.find(limb, graph.grasp_map.index(point))
+                state = moves.after(state, row)
+            here = graph.posture_of(state).base_position[0]
+            middle = here + rng.uniform(0.3, 0.9) * (goal - here) + rng.normal(0.0, 0.5, 3)
+            half = rng.uniform(0.05, 0.2, 3)
+            new = [Box.between(f"box/{turn}", "obstacle", middle - half, middle + half)]
+            graph.add_obstacles(new)
+            if graph.find(state.stance) < 0 or not graph.posture_of(state).branch_sets.all():
+                break
+            boxes += new
+        graph.remove_obstacles()
+    assert followed > 3
+    assert searched > 8
