@@ -217,10 +217,13 @@ def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkey
 
 @pytest.mark.parametrize("cost", ["steps", "base"])
 def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(cost):
-    """On a graph that sees all boxes at once; some plans are what remains of the one before."""
+    """On a graph that sees all boxes at once; some plans are what remains of the one before.
+
+    In one turn a box takes the place of all others.
+    """
     graph, other, rng = stance_graph(), stance_graph(), np.random.default_rng(1)
     followed = searched = cut_off = 0
-    for _ in range(8):
+    for _ in range(16):
         planner, (start, goal) = Planner(graph), sample_task(graph, rng, 0.2)
         state, boxes = start, []
         for turn in range(4):
@@ -244,10 +247,11 @@ def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(c
             middle = here + rng.uniform(0.3, 0.9) * (goal - here) + rng.normal(0.0, 0.5, 3)
             half = rng.uniform(0.05, 0.2, 3)
             new = [Box.between(f"box/{turn}", "obstacle", middle - half, middle + half)]
-            graph.add_obstacles(new)
+            gone = [box.id for box in boxes] if turn == 2 else []
+            graph.add_obstacles(new, replaced=gone)
             if graph.find(state.stance) < 0 or not graph.posture_of(state).branch_sets.all():
                 break
-            boxes += new
+            boxes = new if gone else boxes + new
         graph.remove_obstacles()
     assert followed > 3
     assert searched > 8
