@@ -178,18 +178,17 @@ def nearest_distances(points: Array, others: Array) -> Array:
 
 
 def _cheapest_hops(means: Array, here: int, end: int, span: float) -> list[int]:
-    """Return the cells from one to another at the least sum of squared hops (Bellman 1958)."""
-    hops = ((means[:, None] - means) ** 2).sum(axis=2)
-    hops[(hops > span**2) | (hops == 0.0)] = np.inf
+    """Return the cells from one to another at the least sum of squared hops (Dijkstra 1959)."""
     cost, before = np.full(len(means), np.inf), np.full(len(means), here)
+    waits, nearest = np.full(len(means), True), here
     cost[here] = 0.0
-    while True:
-        through = cost[:, None] + hops
-        better = np.flatnonzero(through.min(axis=0) < cost)
-        if not len(better):
-            break
-        before[better] = through[:, better].argmin(axis=0)
-        cost[better] = through[before[better], better]
+    while nearest != end and waits[nearest]:
+        waits[nearest] = False
+        hops = ((means - means[nearest]) ** 2).sum(axis=1)
+        through = np.where(hops <= span**2, cost[nearest] + hops, np.inf)
+        better = through < cost
+        cost[better], before[better] = through[better], nearest
+        nearest = int(np.where(waits, cost, np.inf).argmin())
     path = [end]
     while path[-1] != here:
         path.append(int(before[path[-1]]))
