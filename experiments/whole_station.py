@@ -285,8 +285,8 @@ def markdown(data: dict[str, Any]) -> str:
         "whole process [s] | processor time [s] | memory [GB]"
     )
     reached = (
-        f"{ten['wall_s']:.1f} s and {ten['memory_gb']:.2f} GB, of which importing and reading the "
-        f"map take {ten['import_s'] + ten['map_s']:.1f} s"
+        f"{ten['processor_s']:.1f} s of processor time and {ten['memory_gb']:.2f} GB; import "
+        f"and reading the map take {ten['import_s'] + ten['map_s']:.1f} s"
     )
     return f"""# A whole station
 
@@ -299,11 +299,11 @@ route over cells that hold points, and widens the corridor, up to the whole map,
 found: it is not proved that no plan outside the corridor is shorter.
 
 The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the corridor the station \
-takes {reached}.
+takes {reached}, elapsed.
 The machine has two cores, on which other programs ran, so elapsed times would be shorter on an
-idle one; processor time is the sum over threads. The row of 114 labs from end to end was measured
-later, while more programs ran, and the rows with bound 1.0 last, at a load of 4 to 5. The largest
-rows have no *whole*.
+idle one, those at a load of 7 to 11 a fraction; processor time is the sum over threads. Rows with
+bound 1.0 were measured at that load, those of 10 labs, *whole*, and 20 labs from end to end at one
+of 4 to 5. The largest rows have no *whole*.
 
 ![Time and memory against the number of points](whole_station.png)
 
