@@ -302,8 +302,8 @@ The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the co
 takes {reached}, elapsed.
 The machine has two cores, on which other programs ran, so elapsed times would be shorter on an
 idle one, those at a load of 7 to 11 a fraction; processor time is the sum over threads. Rows with
-bound 1.0 were measured at that load, those of 10 labs, *whole*, and 20 labs from end to end at one
-of 4 to 5. The largest rows have no *whole*.
+bound 1.0 were measured at that load, but those of 10 labs, *whole*, and 20 labs from end to end
+with an earlier search at one of 4 to 5. The largest rows have no *whole*.
 
 ![Time and memory against the number of points](whole_station.png)
 
