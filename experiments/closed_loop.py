@@ -213,7 +213,7 @@ def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
 def is_unavoidable(graph: StanceGraph, task: Task, seed: int, record: ClosedLoopRecord) -> bool:
     """Return whether a crew member came too close, and no sequence of steps avoids that.
 
-    The search begins at the start of the walk, and takes all unknown things for absent.
+    The search begins at the start of the walk, and knows all unknown things.
     """
     if record.crew_distance is None or record.crew_distance >= LEAST_DISTANCE:
         return False
@@ -221,7 +221,10 @@ def is_unavoidable(graph: StanceGraph, task: Task, seed: int, record: ClosedLoop
     executor.start(state, Planner(graph).plan(state, task.goal, "steps").plan)
     evasion = Evasion(executor, LimbShapes(graph.robot), [crossing(graph, task, seed)])
     rest = Rest(executor.state, executor.joints)
-    return evasion.escape(rest, 0.0, PROOF, MOST_STEPS).is_exhausted
+    graph.add_obstacles(task.unknown)
+    escape = evasion.escape(rest, 0.0, PROOF, MOST_STEPS)
+    graph.remove_obstacles()
+    return escape.is_exhausted
 
 
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
