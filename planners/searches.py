@@ -50,8 +50,8 @@ class FollowedPath(NamedTuple):
     ) -> SearchResult | None:
         """Return what remains of the path from a state on it, None if it cannot be followed.
 
-        It has minimum cost, as more obstacles leave no cheaper path; that a limb which can no
-        longer fold may be released on another branch instead is left aside.
+        It has minimum cost unless a limb that can no longer fold may be released on another branch
+        instead; `TableSearch.proves` rules that out.
         """
         place = next((k for k, state in enumerate(self.states) if _includes(state, start)), None)
         is_valid = search.goal.key == self.goal and graph.has_all_since(self.version)
@@ -106,10 +106,13 @@ class GraphSearcher:
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            remainder = None
+            remainder, table_search = None, TableSearch(lower_bounds, search, start)
             if graph.obstacles and search.heuristic == "relaxed" and self._followed is not None:
                 remainder = self._followed.remainder(graph, search, start)
-            found = remainder or run_search(TableSearch(lower_bounds, search, start))
+            if remainder is not None and table_search.proves(remainder.cost):
+                found: SearchResult | None = remainder
+            else:
+                found = run_search(table_search)
             if found is not None and found.bound == 1.0:
                 self._followed = FollowedPath(found.states, search.goal.key, graph.version)
             return found

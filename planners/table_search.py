@@ -200,6 +200,14 @@ class TableSearch(PathSearch):
                 )
             expansion_limit *= LIMIT_GROWTH
 
+    def proves(self, cost: float) -> bool:
+        """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
+        starts = self._origins.nodes
+        known = self._lower_bounds.cached(self.goal, starts)
+        bounds = self._bounds_of_rest(known or self._lower_bounds.compute(self.goal, starts))
+        least = float((self._origins.cost + bounds.h[starts]).min(initial=np.inf))
+        return cost <= least * (1.0 + COST_TOLERANCE)
+
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
         is_goal = goal_bounds.h == 0.0
