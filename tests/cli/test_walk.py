@@ -15,11 +15,14 @@ def test_it_tells_and_writes_what_happened(tmp_path, capsys):
     """The first point that it reaches for refuses the grasp."""
     out, picture = tmp_path / "walk.json", tmp_path / "walk.png"
     files = ["--out", str(out), "--picture", str(picture)]
-    code = main([*START, *GOAL, *BAG, "--refusing", "F2b:5", *files])
+    main([*START, *GOAL, *BAG, "--quiet", "--out", str(out)])
+    steps = (event for event in json.loads(out.read_text())["events"] if event["kind"] == "step")
+    refusing = next(steps)["point"]
+    code = main([*START, *GOAL, *BAG, "--refusing", refusing, *files])
     lines = capsys.readouterr().out.splitlines()
     record = json.loads(out.read_text())
     assert (code, record["outcome"]) == (0, "arrived")
-    assert record["refused"] == ["F2b:5"]
+    assert record["refused"] == [refusing]
     assert picture.read_bytes().startswith(b"\x89PNG")
     events, told = record["events"], [line for line in lines if " s  " in line]
     assert {event["kind"] for event in events} == {"sensed", "planned", "refused", "step", "end"}
