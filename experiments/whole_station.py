@@ -305,7 +305,7 @@ idle one, those at a load of 7 to 11 a fraction; processor time is the sum over 
 bound 1.0 were measured at that load, but those of 10 labs, *whole*, and 20 labs from end to end
 with an earlier search at one of 4 to 5. The largest rows have no *whole*.
 
-![Time and memory against the number of points](whole_station.png)
+![Processor time and memory against the number of points](whole_station.png)
 
 {table(head, rows)}
 {bounds_section(data["rows"])}## Three and four limbs
@@ -322,14 +322,14 @@ and a bound of 1.00 that no plan has fewer steps. The handrails beside the hatch
 
 
 def draw(data: dict[str, Any], path: Any) -> None:
-    """Draw time and memory against the number of points."""
+    """Draw processor time and memory against the number of points."""
     from mlivr_gym.pictures.figures import save_figure
 
     figure = Figure(figsize=(8.0, 3.2), layout="constrained")
-    for axes, keys, label in zip(
+    for axes, key, label in zip(
         figure.subplots(1, 2),
-        (("processor_s", "plan_s"), ("memory_gb",)),
-        ("time [s]", "memory [GB]"),
+        ("processor_s", "memory_gb"),
+        ("processor time [s]", "memory [GB]"),
         strict=True,
     ):
         colours = {"whole": "tab:red", "corridor": "tab:blue", TO_TENTH: "tab:green"}
@@ -339,16 +339,8 @@ def draw(data: dict[str, Any], path: Any) -> None:
                 for r in data["rows"]
                 if r["method"] == method and not r["station"] and "fault" not in r
             ]
-            for key, style in zip(keys, ("-o", "--s"), strict=False):
-                name = {"processor_s": "processor time", "plan_s": "plan, elapsed"}.get(key)
-                axes.plot(
-                    [r["points"] for r in rows],
-                    [r[key] for r in rows],
-                    style,
-                    color=colour,
-                    label=f"{method}, {name}" if name else method,
-                    markersize=4,
-                )
+            points, values = [r["points"] for r in rows], [r[key] for r in rows]
+            axes.plot(points, values, "-o", color=colour, label=method, markersize=4)
         axes.axhline(AIM["time" if "time" in label else "memory"], color="0.7", linewidth=1)
         axes.set(xscale="log", yscale="log", xlabel="points of the map", ylabel=label)
         axes.legend(fontsize=6, loc="upper left")
