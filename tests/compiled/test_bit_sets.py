@@ -1,17 +1,32 @@
 """Sets as bits against sets of Python."""
 
+import pytest
 from compiled import called
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlivr_gym.compiled import bit_sets
-from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, LAST
+from mlivr_gym.compiled.bit_sets import ALL, BRANCHES, CLASSES, EMPTY, EVERY, LAST, NONE
 
 ITEMS = st.integers(0, LAST + 20)
+MASKS = st.integers(0, 0xFFFF)
+BRANCH = st.integers(0, BRANCHES - 1)
+CLASS = st.integers(0, CLASSES - 1)
 
 
 def ours(name, *numbers):
     return called(getattr(bit_sets, name))(*numbers)
+
+
+def members(branch_set):
+    """Branch and flip of each bit of a set."""
+    return {(bit % 8, bit // 8) for bit in range(16) if branch_set & 2**bit}
+
+
+def of_class(choice):
+    """Branches with the shoulder and wrist of a class, either elbow, both flips."""
+    shoulder, wrist = divmod(choice, 2)
+    return {(4 * shoulder + 2 * wrist + elbow, flip) for elbow in (0, 1) for flip in (0, 1)}
 
 
 @given(ITEMS, ITEMS)
@@ -24,3 +39,41 @@ def test_items_are_told_apart_as_far_as_there_are_bits(k, other):
     # What shares a bit with an item before `k` is below it too.
     below = other < k or k > LAST
     assert ours("has", ours("below", k), other) == below
+
+
+@given(MASKS, BRANCH, st.integers(0, 1))
+@settings(deadline=None)
+def test_sets_of_branches_and_flips(branch_set, branch, flip):
+    found = members(branch_set)
+    both = {(branch, 0), (branch, 1)}
+    assert members(ours("both_flips", branch)) == both
+    assert ours("has_branch", branch_set, branch) == bool(found & both)
+    assert members(ours("without_branch", branch_set, branch)) == found - both
+    assert members(ours("without_flip", branch_set, branch, flip)) == found - {(branch, flip)}
+    branches = {branch for branch, _ in found}
+    assert members(ours("any_flip", branch_set)) == {(b, flip) for b in branches for flip in (0, 1)}
+    if branch_set:
+        assert ours("first_branch", branch_set) == min(branch for branch, _ in found)
+
+
+@given(MASKS, CLASS)
+@settings(deadline=None)
+def test_sets_of_classes(branch_set, choice):
+    assert members(ours("whole_class", choice)) == of_class(choice)
+    assert ours("has_class", branch_set, choice) == bool(members(branch_set) & of_class(choice))
+    assert members(ours("without_class", branch_set, choice)) == members(branch_set) - of_class(
+        choice
+    )
+
+
+@pytest.mark.parametrize("branch", range(BRANCHES))
+def test_a_branch_is_of_one_class(branch):
+    choice = ours("class_of", branch)
+    assert (branch, 0) in of_class(choice)
+    for flip in (0, 1):
+        assert ours("first_branch", 2 ** (branch + 8 * flip)) == branch
+
+
+def test_what_is_named_is_what_it_says():
+    assert members(ALL) == {(branch, flip) for branch in range(8) for flip in (0, 1)}
+    assert (EMPTY, NONE) == (0, -1)

@@ -8,8 +8,8 @@ import pytest
 from compiled import called
 from numba import config
 
-from mlivr_gym.arrays import IntArray
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Matrix, Record, Rows, Vector
 
 
@@ -84,6 +84,74 @@ def test_compiled_code_has_the_same_layout_and_knows_that_it_is_aligned(record):
     for name in record.dtype.names:
         assert found.offset(name) == record.dtype.fields[name][1]
         assert numba.np.numpy_support.as_dtype(found.typeof(name)) == record.dtype[name]
+
+
+@kernel
+def fill(pack: Pack, first: float) -> float:
+    """Write a number into every field; returns the number after the last."""
+    value = first
+    pack.full, pack.flag = True, True
+    pack.small, pack.wide, pack.code = -7, 1 << 40, 0xFFFF
+    for k in range(3):
+        pack.counts[k] = -k
+        pack.ball.centre[k] = value
+        value += 1.0
+        for c in range(3):
+            pack.turn[k, c] = value
+            value += 1.0
+    for k in range(6):
+        pack.joints[k] = value
+        value += 1.0
+    pack.ball.radius = value
+    value += 1.0
+    for i in range(2):
+        for j in range(2):
+            ball = pack.balls[i, j]
+            ball.radius = value
+            value += 1.0
+            for k in range(3):
+                ball.centre[k] = value
+                value += 1.0
+    return value
+
+
+@entry
+def fill_all(outers: Array) -> float:
+    """Fill the packs of rows of `Outer`; returns the number after the last."""
+    value = 1.0
+    for k in range(len(outers)):
+        outers[k].other = k
+        outers[k].both.second = -k
+        for i in range(2):
+            value = fill(outers[k].packs[i], value)
+    return value
+
+
+def plainly(pack, value):
+    """What `fill` does, by items."""
+    pack["full"], pack["flag"], pack["small"] = True, True, -7
+    pack["wide"], pack["code"], pack["counts"] = 1 << 40, 0xFFFF, [0, -1, -2]
+    numbers = value + np.arange(3 + 9 + 6 + 1 + 16)
+    both, pack["joints"] = numbers[:12].reshape(3, 4), numbers[12:18]
+    pack["ball"]["centre"], pack["turn"] = both[:, 0], both[:, 1:]
+    pack["ball"]["radius"] = numbers[18]
+    balls = numbers[19:].reshape(2, 2, 4)
+    pack["balls"]["radius"], pack["balls"]["centre"] = balls[..., 0], balls[..., 1:]
+    return value + len(numbers)
+
+
+def test_a_record_in_an_array_of_records_is_written_in_place():
+    ours, plain, value = Outer.rows(5), Outer.rows(5), 1.0
+    for k in range(5):
+        plain[k]["other"], plain[k]["both"]["second"] = k, -k
+        for i in range(2):
+            value = plainly(plain[k]["packs"][i], value)
+    assert fill_all(ours) == value
+    assert ours.tobytes() == plain.tobytes()
+    assert ours["packs"]["ball"]["radius"].shape == (5, 2)
+    np.testing.assert_array_equal(
+        ours["packs"]["balls"]["centre"], plain["packs"]["balls"]["centre"]
+    )
 
 
 class Clash(Record):

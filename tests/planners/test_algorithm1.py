@@ -1,9 +1,12 @@
 """The plain search against networkx on a graph of `successors`, and against the compiled one."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 from remembered import remembered
+from scipy.spatial.distance import pdist
 from state_graph import least_cost, reachable, within
 
 from mlivr_gym import Settings, State, stance_graph
@@ -39,6 +42,10 @@ def path_of(explored):
     while explored.parents[chain[-1]] >= 0:
         chain.append(explored.parents[chain[-1]])
     return [explored.states[k] for k in reversed(chain)]
+
+
+def cost_of(result):
+    return result.plan.statistics.cost if result.plan else np.inf
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +100,45 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
                 missing += explored.status == SEARCH_EXHAUSTED
     assert longer >= 2
     assert missing >= 2
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_the_planner_offers_it(small_checked_graph, name, price):
+    planner, rng = Planner(small_checked_graph), np.random.default_rng(5)
+    how = {"regrasp_price": price}
+    several = 0
+    for _ in range(4):
+        start, goal = random_query(small_checked_graph, rng)
+        ours = planner.plan(start, goal, name, method="algorithm1", **how)
+        other = planner.plan(start, goal, name, **how)
+        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
+        assert len(ours.tree) == max(ours.expanded - 1, 0)
+        if ours:
+            assert (ours.plan.query.method, ours.plan.query.heuristic) == (
+                "algorithm1",
+                "consistent",
+            )
+            several += len(ours.plan.steps) > 1
+    assert several > 1
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
+    smaller = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
+    graph = stance_graph(smaller, "mlivr3", NO_COLLISIONS)
+    planner, rng = Planner(graph), np.random.default_rng(3)
+    drawn = rng.permuted(np.tile(np.arange(len(graph.grasp_map)), (100, 1)), axis=1)[:, :3]
+    stances = drawn[graph.is_node(graph.postures(drawn))]
+    stances = [s.tolist() for s in stances if pdist(graph.grasp_map.positions[s]).min() > 0.1]
+    several = 0
+    for start, end in list(pairwise(stances))[:6]:
+        goal = np.clip(graph.posture(end).base_position[0], *small_map.cabin)
+        how = {"regrasp_price": price, "heuristic": "consistent"}
+        ours = planner.plan(start, goal, name, method="algorithm1", **how)
+        other = planner.plan(start, goal, name, inflation=1.0, **how)
+        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
+        several += bool(ours) and len(ours.plan.steps) > 1
+    assert several > 2
 
 
 def test_inflation_limit_and_progress(small_graph):
