@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test lint types unit test-docs slow browser coverage mutants results compare kernels docs release clean
+.PHONY: demo test lint types unit test-docs slow browser coverage results compare kernels docs release clean
 
 demo: $(VENV)/.core
 	@echo "Plans the four cases of the paper's Table I in three modes, and carries the third out in MuJoCo:"
@@ -46,10 +46,6 @@ browser: $(VENV)/.dev $(VENV)/.docs
 coverage: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile --cov --cov-fail-under 93
 
-# Do the tests notice faults? 150 of them, an hour at most; what has run is kept, so that it goes on.
-mutants: $(VENV)/.dev
-	$(BIN)/python experiments/mutants.py
-
 # Everything published under results/ but the comparison; takes two to three hours.
 results: $(VENV)/.dev
 	$(BIN)/python experiments/calibrate_start_goal.py
@@ -82,7 +78,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/random_layouts.py
 	$(BIN)/python experiments/places.py
-	$(BIN)/python experiments/reach_picture.py
+	$(BIN)/mlivr-gym reach --start D2a:4 D2b:4 --picture docs/pictures/reach.png && rm docs/pictures/reach.svg
 	$(BIN)/python experiments/whole_station.py
 	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py

@@ -231,9 +231,6 @@ def pages() -> list[Path]:
 REPORTS: dict[str, Callable[[Any], str]] = {"table1": table_markdown}
 """Functions that make reports; others are called `markdown` in the script of the report's name."""
 
-BY_HAND = ("mutants",)
-"""Reports that need more than the results."""
-
 
 def report(path: Path) -> str:
     """Return the text of a report."""
@@ -244,8 +241,7 @@ def report(path: Path) -> str:
 def texts() -> dict[Path, str]:
     """Return the contents of each page that states measured values."""
     results = ROOT / "results"
-    pages_made = (path for path in results.glob("*.md") if path.stem not in BY_HAND)
-    reports = {path: report(path) for path in pages_made}
+    reports = {path: report(path) for path in results.glob("*.md")}
     contents = parts(results)
     return reports | {page: filled(page.read_text(encoding="utf-8"), contents) for page in pages()}
 

@@ -4,7 +4,8 @@
 
 Each table holds all nodes and edges of a stance graph of two limbs, with the branches that limbs
 can keep. Writes `envs_assets/pairs-*.npz` in some minutes, and removes tables of other graph rules,
-robots or maps from that folder. `make slow` computes the same tables and compares them.
+robots or maps from that folder. `make slow` computes the same tables and compares them. Those of
+three and four limbs are written by `mlivr-gym build --robot mlivr3 --out envs_assets/NAME`.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import os
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
-from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.stances.table_build import fill_rows, write_built
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
@@ -37,7 +38,7 @@ def main() -> None:
     for name, graph in shipped_graphs().items():
         fill_rows(graph)
         path = asset_path(name)
-        TWO_LIMB_TABLES.write(graph, graph.file_contents(), path)
+        write_built(graph, path)
         print(f"{name}: {len(graph)} stances, {path.stat().st_size / 1e6:.2f} MB", flush=True)
 
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+import mujoco
 import numpy as np
-from collision_judge import HeldPoints, Judge
+from coal_ruler import Ruler, grasps_of, obstacles
 from reports import study_rows, two_limb_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -21,11 +22,14 @@ from truth_walks import random_walk, whole_graph
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends, contacts
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.world.boxes import BOX, scene_name
 
 HALVES = {
     "rod": (0.0005, 0.0005, 0.3),
@@ -37,6 +41,33 @@ HALVES = {
 
 FARTHEST_GAP = 0.05
 """Maximum distance of an obstacle from the capsule that it is placed next to [m]."""
+
+TOUCH = 1e-6
+"""Penetrations below this depth are rounding errors [m]."""
+
+HeldPoints = list[tuple[int, int]]
+"""Pairs of a limb and the point at which its gripper is."""
+
+
+class Scene:
+    """The exported MuJoCo scene of a graph's robot and map."""
+
+    def __init__(self, graph: TwoLimbGraph) -> None:
+        """Compile the scene."""
+        self.ids = graph.grasp_map.ids
+        self.model = scene_spec(graph.grasp_map, graph.robot).compile()
+        self.data = mujoco.MjData(self.model)
+
+    def penetrates(self, configuration: Configuration, points: HeldPoints) -> bool:
+        """Return whether shapes penetrate, except a gripper and the track that it holds."""
+        set_configuration(self.model, self.data, *configuration)
+        held = {
+            frozenset((f"limb{i}/gripper/0", scene_name(BOX, self.ids[p].split(":")[0])))
+            for i, p in points
+        }
+        touching = self.data.contact.geom[self.data.contact.dist < -TOUCH]
+        pairs = (frozenset(self.model.geom(g).name for g in pair) for pair in touching)
+        return any(pair not in held for pair in pairs)
 
 
 def sampled(
@@ -56,24 +87,32 @@ def sampled(
     return out
 
 
-def penetrating(judge: Judge, places: list[tuple[Configuration, HeldPoints]]) -> int:
+def penetrating(scene: Scene, places: list[tuple[Configuration, HeldPoints]]) -> int:
     """Count the configurations in which MuJoCo finds penetrating shapes."""
-    return sum(bool(judge.penetrations(*place)) for place in places)
+    return sum(scene.penetrates(*place) for place in places)
+
+
+def least_distance(
+    graph: TwoLimbGraph, ruler: Ruler, places: list[tuple[Configuration, HeldPoints]]
+) -> float:
+    """Return coal's minimum distance over configurations [m]."""
+    measured = (ruler.measured(here, grasps_of(graph, points)) for here, points in places)
+    return min((found[0][0] for found in measured if found), default=np.inf)
 
 
 def study_stances(
-    graph: TwoLimbGraph, free: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, free: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free stances, and the best postures of stances that only collisions rule out."""
-    touching, least = 0, []
+    touching, places = 0, []
     chosen = rng.choice(len(graph), count, replace=False)
     for s in tqdm(chosen, desc="free stances", mininterval=2.0):
         a, b = graph.points[s].tolist()
         # A random branch among those on which each limb may hold.
         branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.branch_sets[s]]
         here = graph.configuration(State((a, b), tuple(1 << int(branch) for branch in branches)))
-        touching += bool(judge.penetrations(here, [(0, a), (1, b)]))
-        least.append(judge.least_distance(here, [(0, a), (1, b)]))
+        places.append((here, [(0, a), (1, b)]))
+        touching += scene.penetrates(*places[-1])
     ruled_out = [s for s in range(len(free)) if graph.find(free.points[s].tolist()) < 0]
     close = overlap = 0
     grasps, clearance = free.solver.grasps, graph.settings.clearance
@@ -82,11 +121,12 @@ def study_stances(
         here = free.configuration(State((a, b), tuple(1 << int(k) for k in free.branch[s])))
         held = [(i, grasps["point"][p], grasps["normal"][p]) for i, p in enumerate((a, b))]
         close += bool(contacts(free.robot, free.grasp_map.boxes, here, clearance, held))
-        overlap += bool(judge.penetrations(here, [(0, a), (1, b)]))
+        overlap += scene.penetrates(here, [(0, a), (1, b)])
+    ruler = Ruler(graph.robot, graph.grasp_map.boxes)
     return {
         "free": count,
         "free_penetrating": touching,
-        "free_least_distance": min(least),
+        "free_least_distance": least_distance(graph, ruler, places),
         "left_out": len(ruled_out),
         "left_out_nearer_than_clearance": close,
         "left_out_penetrating": overlap,
@@ -122,7 +162,7 @@ def random_step(
 
 
 def study_steps(
-    graph: TwoLimbGraph, free: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, free: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free steps, and measure the share of steps that are blocked."""
     configurations = bad = done = drawn = possible = 0
@@ -136,7 +176,7 @@ def study_steps(
         plan = one_step(graph, s0, s1, held)
         if plan is not None:
             places = sampled(graph, plan, 60)
-            configurations, bad = configurations + len(places), bad + penetrating(judge, places)
+            configurations, bad = configurations + len(places), bad + penetrating(scene, places)
             done += 1
             bar.update()
     bar.close()
@@ -149,7 +189,7 @@ def study_steps(
 
 
 def study_plans(
-    graph: TwoLimbGraph, judge: Judge, count: int, rng: np.random.Generator
+    graph: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check dense samples of random plans of both costs."""
     planner, kinds = Planner(graph), Counter[str]()
@@ -160,7 +200,7 @@ def study_plans(
         steps += len(plan.steps)
         kinds.update(step.swing for step in plan.steps)
         places = sampled(graph, plan, 30)
-        configurations, bad = configurations + len(places), bad + penetrating(judge, places)
+        configurations, bad = configurations + len(places), bad + penetrating(scene, places)
     return {
         "plans": count,
         "steps": steps,
@@ -173,25 +213,28 @@ def study_plans(
 def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
     """Check random stances, steps and plans."""
     graph, free = two_limb_graph(), two_limb_graph(collisions=False)
-    judge, rng = Judge(graph), np.random.default_rng(2026)
+    scene, rng = Scene(graph), np.random.default_rng(2026)
     return {
         "clearance": graph.settings.clearance,
-        "stances": study_stances(graph, free, judge, stances, rng),
-        "steps": study_steps(graph, free, judge, steps, rng),
-        "plans": study_plans(graph, judge, plans, rng),
+        "stances": study_stances(graph, free, scene, stances, rng),
+        "steps": study_steps(graph, free, scene, steps, rng),
+        "plans": study_plans(graph, scene, plans, rng),
     }
 
 
-def obstacle_beside(judge: Judge, here: Configuration, kind: str, rng: np.random.Generator) -> Box:
+def obstacle_beside(
+    graph: TwoLimbGraph, here: Configuration, kind: str, rng: np.random.Generator
+) -> Box:
     """Return an obstacle next to a random capsule of a limb, in a random direction."""
-    ends, half = capsule_ends(judge.robot, judge.shapes, here), HALVES[kind]
-    limb, c = int(rng.integers(len(ends))), int(rng.integers(len(judge.shapes.radii)))
+    shapes, half = LimbShapes(graph.robot), HALVES[kind]
+    ends = capsule_ends(graph.robot, shapes, here)
+    limb, c = int(rng.integers(len(ends))), int(rng.integers(len(shapes.radii)))
     a, b = ends[limb][c]
     point = a + rng.random() * (b - a)
     along = b - a if np.linalg.norm(b - a) > 1e-9 else rng.normal(size=3)
     across: Array = np.cross(along, rng.normal(size=3))
     across /= np.linalg.norm(across)
-    gap = rng.uniform(0.0, FARTHEST_GAP) + judge.shapes.radii[c]
+    gap = rng.uniform(0.0, FARTHEST_GAP) + shapes.radii[c]
     thin = 2 if kind == "plate" else 0
     turn = Rotation.align_vectors([across], [np.eye(3)[thin]])[0].as_matrix()
     x, y, z = (point + (gap + half[thin]) * across).tolist()
@@ -205,24 +248,20 @@ def step_past_obstacle(task: int) -> dict[str, Any]:
     configurations, and their minimum distance [m].
     """
     graph, rng = whole_graph(), np.random.default_rng([8, task])
-    judge = Judge(graph)
     plan = None
     while plan is None:
         states = random_walk(graph, rng, 1)
         plan = plan_of(graph, states, np.zeros(3), 0.0, "astar") if len(states) == 2 else None
     kind = str(rng.choice(list(HALVES)))
     places = sampled(graph, plan, 500)
-    box = obstacle_beside(judge, places[int(rng.integers(len(places)))][0], kind, rng)
-    graph.add_obstacles([box])
-    try:
+    box = obstacle_beside(graph, places[int(rng.integers(len(places)))][0], kind, rng)
+    with obstacles(graph, box):
         made = _made(graph, states)
-        if made is None:
-            return {"kind": kind, "made": False, "configurations": 0, "least": np.inf}
-        places = sampled(graph, made, 500)
-        least = min(judge.least_distance(here, points, [box]) for here, points in places)
-        return {"kind": kind, "made": True, "configurations": len(places), "least": least}
-    finally:
-        graph.remove_obstacles()
+        places = [] if made is None else sampled(graph, made, 500)
+    least = least_distance(graph, Ruler(graph.robot, [*graph.grasp_map.boxes, box]), places)
+    return {
+        "kind": kind, "made": made is not None, "configurations": len(places), "least": least
+    }  # fmt: skip
 
 
 def _made(graph: TwoLimbGraph, states: list[State]) -> Plan | None:

@@ -1,18 +1,17 @@
 """The parts that experiments share: results, page and figure of a script, and rows of a study."""
 
-import importlib
 import json
 
 import pytest
+import reports
 
 pytest.importorskip("pyarrow")
 
 
-@pytest.fixture
-def reports(experiments, tmp_path, monkeypatch):
-    module = importlib.import_module("reports")
-    monkeypatch.setattr(module, "ROOT", tmp_path)
-    return module
+@pytest.fixture(autouse=True)
+def root(tmp_path, monkeypatch):
+    """The folder of the test in place of the repository."""
+    monkeypatch.setattr(reports, "ROOT", tmp_path)
 
 
 PRODUCTS = """
@@ -33,7 +32,7 @@ def product(tmp_path, monkeypatch):
     return "products:product"
 
 
-def test_an_experiment_writes_results_page_and_figure(reports, tmp_path, monkeypatch):
+def test_an_experiment_writes_results_page_and_figure(tmp_path, monkeypatch):
     calls = []
 
     def measure(tasks, share):
@@ -58,12 +57,12 @@ def test_an_experiment_writes_results_page_and_figure(reports, tmp_path, monkeyp
     assert calls == [(7, 0.5)]
 
 
-def test_rows_of_a_study_are_those_of_the_function_and_leave_nothing(reports, product, tmp_path):
+def test_rows_of_a_study_are_those_of_the_function_and_leave_nothing(product, tmp_path):
     rows = reports.study_rows(product, 3, 1, factor=[2, 5])
     assert [row["product"] for row in rows] == [0, 2, 4, 0, 5, 10]
     assert list((tmp_path / "runs" / "studies").iterdir()) == []
 
 
-def test_a_study_with_a_failed_run_gives_no_rows(reports, product):
+def test_a_study_with_a_failed_run_gives_no_rows(product):
     with pytest.raises(SystemExit, match="3 of 6 runs failed: a factor below 0"):
         reports.study_rows(product, 3, 1, factor=[2, -1])

@@ -1,29 +1,44 @@
-"""Independent truth about distances: MuJoCo puts the shapes in place, coal measures."""
+"""Distances by other programs: MuJoCo puts the shapes in place, coal measures."""
+
+from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import coal
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import GraspMap
+from mlivr_gym import Box, GraspMap
+from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 REQUEST = coal.DistanceRequest()
 PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)
 """Half edges of thin obstacles [m]."""
 
 
-def solid(box):
-    """A box for coal, and where it is."""
+Placed = tuple[Any, Any]
+"""A shape for coal, and where it is."""
+
+AtGrasp = Sequence[tuple[int, Array, Array]]
+"""Limbs at grasps, with the points [m] and normals of these."""
+
+
+def solid(box: Box) -> Placed:
+    """Return a box for coal, and where it is."""
     where = coal.Transform3s(np.array(box.rotation), np.array(box.centre))
     return coal.Box(*(2.0 * np.array(box.half))), where
 
 
-def capsule(radius, start, end):
-    """A capsule for coal, and where it is."""
+def capsule(radius: float, start: Array, end: Array) -> Placed:
+    """Return a capsule for coal, and where it is."""
     along = end - start
     length = float(np.linalg.norm(along))
     turn = np.eye(3)
@@ -32,13 +47,13 @@ def capsule(radius, start, end):
     return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
 
 
-def apart(first, second):
-    """Distance of two placed shapes [m], negative where they overlap."""
+def apart(first: Placed, second: Placed) -> float:
+    """Return the distance of two placed shapes [m], negative where they overlap."""
     return coal.distance(*first, *second, REQUEST, coal.DistanceResult())
 
 
-def mujoco_pairs(model):
-    """Names of the geoms that MuJoCo compares, as sorted pairs.
+def mujoco_pairs(model: mujoco.MjModel) -> set[tuple[str, ...]]:
+    """Return the names of the geoms that MuJoCo compares, as sorted pairs.
 
     With a margin larger than every distance all of them are in contact.
     """
@@ -56,7 +71,8 @@ def mujoco_pairs(model):
 class Ruler:
     """Least distances of a robot's shapes, which MuJoCo places, from each other and from boxes."""
 
-    def __init__(self, robot, boxes=()):
+    def __init__(self, robot: RobotSpec, boxes: Sequence[Box] = ()) -> None:
+        """Make the shapes of a robot and of some boxes."""
         self.model = scene_spec(GraspMap.from_dict({"segments": [FLOOR]}), robot).compile()
         self.data = mujoco.MjData(self.model)
         names = [self.model.geom(g).name for g in range(self.model.ngeom)]
@@ -74,17 +90,19 @@ class Ruler:
         self.pairs = [(a, b) for a, b in pairs if tuple(sorted((names[a], names[b]))) in compared]
         self.among(boxes)
 
-    def among(self, boxes):
-        """This ruler with other boxes."""
+    def among(self, boxes: Sequence[Box]) -> Ruler:
+        """Replace the boxes; return the ruler."""
         self.boxes, self.solids = tuple(boxes), [solid(box) for box in boxes]
         self.bounds = np.array([box.bounds for box in boxes]).reshape(-1, 2, 3)
         return self
 
-    def measured(self, configuration, grasps=(), below=0.1):
-        """Distances below `below` [m] with the names of both shapes, the least first.
+    def measured(
+        self, configuration: Configuration, grasps: AtGrasp = (), below: float = 0.1
+    ) -> list[tuple[float, str, str]]:
+        """Return distances below `below` [m] with the names of both shapes, the least first.
 
         Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface
-        they are at; `grasps` are limb, point and normal.
+        they are at.
         """
         set_configuration(self.model, self.data, *configuration)
         where, turned = self.data.geom_xpos.copy(), self.data.geom_xmat.reshape(-1, 3, 3).copy()
@@ -106,22 +124,22 @@ class Ruler:
 FLOOR = {"id": "R", "face": "deck", "start": [-0.4, 0, 0], "end": [0.4, 0, 0], "normal": [0, 0, 1]}
 
 
-def behind(box, point, normal):
-    """Whether no corner of a box stands out of a surface by more than 2 mm."""
+def behind(box: Box, point: Array, normal: Array) -> bool:
+    """Return whether no corner of a box stands out of a surface by more than 2 mm."""
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     corners = np.array(box.centre) + signs * box.half @ np.array(box.rotation).T
-    return ((corners - point) @ normal).max() <= 2e-3
+    return bool(((corners - point) @ normal).max() <= 2e-3)
 
 
-def grasps_of(graph, points):
-    """Limb, point and normal of limbs at grasps; `points` are pairs of limb and point index."""
+def grasps_of(graph: StanceGraph, points: Sequence[tuple[int, int]]) -> AtGrasp:
+    """Return limbs with their grasps; `points` are pairs of limb and point index."""
     grasps = graph.solver.grasps
     return [(limb, grasps["point"][point], grasps["normal"][point]) for limb, point in points]
 
 
 @contextmanager
-def obstacles(graph, *boxes):
-    """A graph with boxes among its obstacles for a while."""
+def obstacles(graph: StanceGraph, *boxes: Box) -> Iterator[None]:
+    """Add boxes to the obstacles of a graph for a while."""
     graph.add_obstacles(boxes)
     try:
         yield
