@@ -2,7 +2,8 @@
 
     python experiments/whole_station.py [--out results] [--most 114]
 
-Each plan is made by a process of its own without cached tables; machine code is compiled before.
+Each plan is made by a process of its own without cached tables, see `station_plans.py`; machine
+code and bytecode are compiled before.
 Stations are rows of labs (`station_modules.py`), and the station that ships. The plan of
 two limbs leads from the first to the last module, on the graph of the whole map and in a corridor.
 It has the fewest steps possible on the points that are used, which is proved. Three and four limbs
@@ -14,15 +15,16 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import time
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 from reports import NOTHING, ROOT, counted, experiment, study_rows, table
+from station_plans import BOUNDS, LIMBED, LIMBED_TIME, LIMBED_TOLERANCE, SHORT, STARTS, TO_TENTH
 
 TIME_LIMIT, OLDER_BOUND = 600.0, 1.2
 """Time after which a process is ended [s]; bound of the rows of an older version."""
@@ -33,30 +35,8 @@ LABS = (2, 5, 10, 20, 40, 80, 114)
 MOST_WHOLE = 20
 """Largest of these numbers for which the graph of the whole map is made."""
 
-SHORT, TO_TENTH = 10, "corridor, to lab 10"
-"""Number of the lab to which a plan leads on every large row, and name of this measurement."""
-
-LIMBED = tuple(
-    f"{robot}, {rails}" for robot in ("mlivr3", "mlivr4") for rails in ("with", "without")
-)
-"""Robots that go through the hatch of the map `hatch`, with its handrails and without them, as
-names of measurements."""
-
-LIMBED_TIME, LIMBED_TOLERANCE, STARTS = 20.0, 0.4, 25
-"""Time given to each of their plans [s], their goal tolerance [m], and the number of starts."""
-
-AROUND, THROUGH = (1.3, 1.0, 4.0), (1.6, 3.6, 0.0)
-"""Largest distance from the axis of the hatch, and range along it, of the points that they use, and
-goal behind the hatch [m]."""
-
-ALCOVE = "node/aft/"
-"""First letters of the points that they hold at the start, before the hatch."""
-
-BOUNDS = "bounds"
-"""Name of the measurement of lower bounds."""
-
-LENGTH = 8.5
-"""Length of a lab [m]."""
+PLANS = Path(__file__).with_name("station_plans.py")
+"""The script of the processes."""
 
 CACHE = ROOT / "runs" / "whole_station"
 """Cache folder of the processes."""
@@ -65,133 +45,13 @@ AIM = {"time": 2.0, "memory": 2.0}
 """Time [s] and memory [GB] aimed at for ten modules."""
 
 
-def row_of(labs: int) -> dict[str, Any]:
-    """Return the map of a row of labs with the origin in its middle."""
-    file = str(ROOT / "envs_assets" / "lab.json")
-    parts = [
-        {"id": f"lab{k}", "map": file, "translation": [(k - 0.5 * (labs - 1)) * LENGTH, 0.0, 0.0]}
-        for k in range(labs)
-    ]
-    return {"name": f"row{labs}", "parts": parts}
-
-
-def query(labs: int, last: int) -> tuple[tuple[str, str], tuple[float, float, float]]:
-    """Return start and goal from the first lab of a row to a last one, or across the station."""
-    if not labs:
-        return ("columbus1/D1a:2", "columbus1/F1a:0"), (32.5, -5.0, 0.2)
-    x = (last - 1 - 0.5 * (labs - 1)) * LENGTH + 2.0
-    return ("lab0/D1a:2", "lab0/F1a:0"), (x, 0.2, 0.3)
-
-
-def measured(labs: int, method: str, began: float) -> dict[str, Any]:
-    """Return the figures of one plan; the process started at the time `began`."""
-    from mlivr_gym.planners import Planner
-    from mlivr_gym.planners.corridor import plan_in_corridor
-    from mlivr_gym.stances.build import stance_graph
-    from mlivr_gym.world.grasp_map import as_map
-
-    imported = time.time()
-    world = as_map(row_of(labs) if labs else "station")
-    read_at = time.time()
-    start, goal = query(labs, SHORT if method == TO_TENTH else labs)
-    if method in ("corridor", TO_TENTH):
-        found = plan_in_corridor(world, start, goal)
-        graph, result = found.graph, found.result
-    else:
-        graph = stance_graph(world)
-        result = Planner(graph).plan(start, goal, "steps")
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return {
-        "modules": labs or 10,
-        "points": len(world),
-        "points_used": len(graph.grasp_map),
-        "import_s": imported - began,
-        "map_s": read_at - imported,
-        "plan_s": time.time() - read_at,
-        "wall_s": time.time() - began,
-        "processor_s": used.ru_utime + used.ru_stime,
-        "memory_gb": used.ru_maxrss / 1e6,
-        "steps": None if result.plan is None else len(result.plan.steps),
-        "bound": None if result.plan is None else result.plan.statistics.bound,
-    }
-
-
-def through_a_hatch(method: str) -> dict[str, Any]:
-    """Return how plans of three or four limbs from some starts end, over a table of all nodes."""
-    import numpy as np
-
-    from mlivr_gym.planners import Planner
-    from mlivr_gym.planners.corridor import around
-    from mlivr_gym.robot.specification import robot_spec
-    from mlivr_gym.simulation.execution import execute
-    from mlivr_gym.stances.build import stance_graph
-    from mlivr_gym.stances.table_build import build_table
-    from mlivr_gym.world.grasp_map import as_map
-
-    name, rails = method.split(", ")
-    robot, world = robot_spec(name), as_map("hatch")
-    away, low, high = AROUND
-    across, along = (world.positions - THROUGH)[:, ::2], world.positions[:, 1]
-    keep = (np.linalg.norm(across, axis=1) < away) & (along > low) & (along < high)
-    keep &= [rails == "with" or face != "handrails" for face in world.faces]
-    graph = stance_graph(around(world, keep, robot), robot)
-    build_table(graph)
-    assert graph.table is not None
-    planner, points = Planner(graph), graph.table.points.astype(int)
-    before = np.array([point.startswith(ALCOVE) for point in graph.grasp_map.ids])
-    first = points[before[points].all(axis=1)]
-    results = [
-        planner.plan(
-            graph.ids(stance), THROUGH, "steps", goal_tolerance=LIMBED_TOLERANCE,
-            time_limit=LIMBED_TIME,
-        )
-        for stance in np.random.default_rng(0).permutation(first)[:STARTS].tolist()
-    ]  # fmt: skip
-    plans = [found.plan for found in results if found.plan is not None]
-    return {
-        "points": len(graph.grasp_map),
-        "nodes": len(points),
-        "ends": [found.reason or "plan found" for found in results],
-        "steps_and_bounds": [(len(plan.steps), plan.statistics.bound) for plan in plans],
-        "walked": execute(graph, plans[0]).failure is None if plans else None,
-    }
-
-
-def lower_bounds() -> dict[str, Any]:
-    """Return lower bounds of the steps across the station, and the steps of plans."""
-    import numpy as np
-
-    from mlivr_gym.planners import Planner
-    from mlivr_gym.planners.corridor import plan_in_corridor
-    from mlivr_gym.planners.fewest_steps import fewest_steps
-    from mlivr_gym.planners.lower_bounds import MAX_STEPS
-    from mlivr_gym.planners.query import GOAL_TOLERANCE
-    from mlivr_gym.stances.build import stance_graph
-    from mlivr_gym.world.grasp_map import as_map
-
-    world = as_map("station")
-    start, goal = query(0, 0)
-    graph = stance_graph(world)
-    here = graph.find([world.index(point) for point in start])
-    away = np.linalg.norm(graph.base_position - goal, axis=1)
-    nothing, none = np.zeros(len(graph), dtype=np.bool_), np.zeros(0, dtype=np.int64)
-    moves, _ = fewest_steps(graph.table, away <= GOAL_TOLERANCE, nothing, none, MAX_STEPS)
-    inside = plan_in_corridor(world, start, goal)
-    found = Planner(graph).plan(start, goal, "steps")
-    return {
-        "distance": int(np.ceil((away[here] - GOAL_TOLERANCE) / graph.max_displacement)),
-        "moves": int(moves[here]),
-        "corridor": len(inside.result.unwrap().steps),
-        "whole": len(found.unwrap().steps),
-    }
-
-
 def in_process(task: int, labs: int, method: str) -> dict[str, str]:
-    """Return the figures of one plan in a new process, for which only machine code is cached."""
+    """Return the figures of one plan in a new process, for which only compiled code is cached."""
     for file in CACHE.glob("*.npz"):
         file.unlink()
-    command = [sys.executable, __file__, "--one", str(labs), method, repr(time.time())]
     environment = os.environ | {"MLIVR_GYM_CACHE": str(CACHE)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    command = [sys.executable, str(PLANS), str(labs), method, repr(time.time())]
     try:
         out = subprocess.run(
             command, capture_output=True, text=True, env=environment, timeout=TIME_LIMIT
@@ -348,14 +208,4 @@ def draw(data: dict[str, Any], path: Any) -> None:
 
 
 if __name__ == "__main__":
-    if "--one" in sys.argv:
-        labs, method, began = sys.argv[2:]
-        if method == BOUNDS:
-            found = lower_bounds()
-        elif method in LIMBED:
-            found = through_a_hatch(method)
-        else:
-            found = measured(int(labs), method, float(began))
-        print(json.dumps(found))
-    else:
-        experiment("whole_station", __doc__, all_measured, markdown, draw, most=LABS[-1])
+    experiment("whole_station", __doc__, all_measured, markdown, draw, most=LABS[-1])

@@ -1,0 +1,171 @@
+"""Make one plan across a station or a row of labs, and print its figures.
+
+    python experiments/station_plans.py LABS METHOD BEGAN
+
+`whole_station.py` runs this in new processes. LABS is the number of labs in a row, 0 for the
+station that ships; BEGAN is the time at which the process began [s since the epoch]. METHOD is
+`corridor`, `whole`, or one of the constants below. Only what a plan needs is imported before it.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from typing import Any
+
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.corridor import plan_in_corridor
+from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.world.grasp_map import as_map
+
+IMPORTED = time.time()
+"""Time at which everything was imported [s since the epoch]."""
+
+SHORT, TO_TENTH = 10, "corridor, to lab 10"
+"""Number of the lab to which a plan leads on every large row, and name of this measurement."""
+
+LIMBED = tuple(
+    f"{robot}, {rails}" for robot in ("mlivr3", "mlivr4") for rails in ("with", "without")
+)
+"""Robots that go through the hatch of the map `hatch`, with its handrails and without them, as
+names of measurements."""
+
+LIMBED_TIME, LIMBED_TOLERANCE, STARTS = 20.0, 0.4, 25
+"""Time given to each of their plans [s], their goal tolerance [m], and the number of starts."""
+
+AROUND, THROUGH = (1.3, 1.0, 4.0), (1.6, 3.6, 0.0)
+"""Largest distance from the axis of the hatch, and range along it, of the points that they use, and
+goal behind the hatch [m]."""
+
+ALCOVE = "node/aft/"
+"""First letters of the points that they hold at the start, before the hatch."""
+
+BOUNDS = "bounds"
+"""Name of the measurement of lower bounds."""
+
+LENGTH = 8.5
+"""Length of a lab [m]."""
+
+
+def row_of(labs: int) -> dict[str, Any]:
+    """Return the map of a row of labs with the origin in its middle."""
+    file = str(asset_path("lab.json"))
+    parts = [
+        {"id": f"lab{k}", "map": file, "translation": [(k - 0.5 * (labs - 1)) * LENGTH, 0.0, 0.0]}
+        for k in range(labs)
+    ]
+    return {"name": f"row{labs}", "parts": parts}
+
+
+def query(labs: int, last: int) -> tuple[tuple[str, str], tuple[float, float, float]]:
+    """Return start and goal from the first lab of a row to a last one, or across the station."""
+    if not labs:
+        return ("columbus1/D1a:2", "columbus1/F1a:0"), (32.5, -5.0, 0.2)
+    x = (last - 1 - 0.5 * (labs - 1)) * LENGTH + 2.0
+    return ("lab0/D1a:2", "lab0/F1a:0"), (x, 0.2, 0.3)
+
+
+def measured(labs: int, method: str, began: float) -> dict[str, Any]:
+    """Return the figures of one plan; the process started at the time `began`."""
+    world = as_map(row_of(labs) if labs else "station")
+    read_at = time.time()
+    start, goal = query(labs, SHORT if method == TO_TENTH else labs)
+    if method in ("corridor", TO_TENTH):
+        found = plan_in_corridor(world, start, goal)
+        graph, result = found.graph, found.result
+    else:
+        graph = stance_graph(world)
+        result = Planner(graph).plan(start, goal, "steps")
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return {
+        "modules": labs or 10,
+        "points": len(world),
+        "points_used": len(graph.grasp_map),
+        "import_s": IMPORTED - began,
+        "map_s": read_at - IMPORTED,
+        "plan_s": time.time() - read_at,
+        "wall_s": time.time() - began,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "memory_gb": used.ru_maxrss / 1e6,
+        "steps": None if result.plan is None else len(result.plan.steps),
+        "bound": None if result.plan is None else result.plan.statistics.bound,
+    }
+
+
+def through_a_hatch(method: str) -> dict[str, Any]:
+    """Return how plans of three or four limbs from some starts end, over a table of all nodes."""
+    import numpy as np
+
+    from mlivr_gym.planners.corridor import around
+    from mlivr_gym.robot.specification import robot_spec
+    from mlivr_gym.simulation.execution import execute
+    from mlivr_gym.stances.table_build import build_table
+
+    name, rails = method.split(", ")
+    robot, world = robot_spec(name), as_map("hatch")
+    away, low, high = AROUND
+    across, along = (world.positions - THROUGH)[:, ::2], world.positions[:, 1]
+    keep = (np.linalg.norm(across, axis=1) < away) & (along > low) & (along < high)
+    keep &= [rails == "with" or face != "handrails" for face in world.faces]
+    graph = stance_graph(around(world, keep, robot), robot)
+    build_table(graph)
+    assert graph.table is not None
+    planner, points = Planner(graph), graph.table.points.astype(int)
+    before = np.array([point.startswith(ALCOVE) for point in graph.grasp_map.ids])
+    first = points[before[points].all(axis=1)]
+    results = [
+        planner.plan(
+            graph.ids(stance), THROUGH, "steps", goal_tolerance=LIMBED_TOLERANCE,
+            time_limit=LIMBED_TIME,
+        )
+        for stance in np.random.default_rng(0).permutation(first)[:STARTS].tolist()
+    ]  # fmt: skip
+    plans = [found.plan for found in results if found.plan is not None]
+    return {
+        "points": len(graph.grasp_map),
+        "nodes": len(points),
+        "ends": [found.reason or "plan found" for found in results],
+        "steps_and_bounds": [(len(plan.steps), plan.statistics.bound) for plan in plans],
+        "walked": execute(graph, plans[0]).failure is None if plans else None,
+    }
+
+
+def lower_bounds() -> dict[str, Any]:
+    """Return lower bounds of the steps across the station, and the steps of plans."""
+    import numpy as np
+
+    from mlivr_gym.planners.fewest_steps import fewest_steps
+    from mlivr_gym.planners.lower_bounds import MAX_STEPS
+    from mlivr_gym.planners.query import GOAL_TOLERANCE
+
+    world = as_map("station")
+    start, goal = query(0, 0)
+    graph = stance_graph(world)
+    here = graph.find([world.index(point) for point in start])
+    away = np.linalg.norm(graph.base_position - goal, axis=1)
+    nothing, none = np.zeros(len(graph), dtype=np.bool_), np.zeros(0, dtype=np.int64)
+    moves, _ = fewest_steps(graph.table, away <= GOAL_TOLERANCE, nothing, none, MAX_STEPS)
+    inside = plan_in_corridor(world, start, goal)
+    found = Planner(graph).plan(start, goal, "steps")
+    return {
+        "distance": int(np.ceil((away[here] - GOAL_TOLERANCE) / graph.max_displacement)),
+        "moves": int(moves[here]),
+        "corridor": len(inside.result.unwrap().steps),
+        "whole": len(found.unwrap().steps),
+    }
+
+
+def figures(labs: int, method: str, began: float) -> dict[str, Any]:
+    """Return the figures that a method gives."""
+    if method == BOUNDS:
+        return lower_bounds()
+    if method in LIMBED:
+        return through_a_hatch(method)
+    return measured(labs, method, began)
+
+
+if __name__ == "__main__":
+    print(json.dumps(figures(int(sys.argv[1]), sys.argv[2], float(sys.argv[3]))))
