@@ -13,10 +13,11 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
-from mlivr_gym.planners.query import MAX_EXPANSIONS
+from mlivr_gym.planners.costs import HEURISTICS
+from mlivr_gym.planners.query import MAX_EXPANSIONS, METHODS
 from mlivr_gym.robot.cargo import Cargo, carrying
 from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
-from mlivr_gym.schema import FieldPath, Integer
+from mlivr_gym.schema import Choice, FieldPath, Integer, Numbers, Validator
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -24,20 +25,23 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import PLACES, GraspMap, as_map
 
-MAX_SEED = 2**31
-"""Largest seed: each episode takes the next one, and NumPy's old generator accepts 32 bits."""
+SEED = Integer(0, 2**31)
+"""Valid seeds: each episode takes the next one, and NumPy's old generator accepts 32 bits."""
 
-MAX_EPISODES = 10**6
-"""Maximum number of episodes of one command."""
+EPISODES = Integer(1, 10**6)
+"""Valid numbers of episodes of one command."""
 
-MAX_THREADS = 1024
-"""Maximum number of threads of PyTorch, and of processes of a study."""
+THREADS = Integer(1, 1024)
+"""Valid numbers of threads of PyTorch, and of processes of a study."""
 
-MAX_BEAM_WIDTH = 1000
-"""Maximum width of a beam search."""
+LIMIT = Integer(1, MAX_EXPANSIONS)
+"""Valid numbers of states that a search may expand."""
 
 COMPARED_COSTS = ("time", "reaction")
 """Values of `--cost` for which several plans are compared, see `mlivr_gym.fastest`."""
+
+BOXES: dict[str, Any] = {"type": float, "action": "append"}
+"""Arguments of `add_argument` for an option of numbers that may be repeated, such as `--box`."""
 
 CAPSULES = "draw the collision shapes of the limbs in place of their visual meshes"
 """Help of the option `--capsules`."""
@@ -64,14 +68,36 @@ def command(
     return parser
 
 
+class CheckedOption(argparse.Action):
+    """An option with a validator, which checks and converts its value as the line is parsed."""
+
+    def __init__(self, *, valid: Validator[Any], **more: Any) -> None:
+        """Check by the validator `valid`; the other arguments are those of argparse."""
+        super().__init__(**more)
+        self.valid = valid
+
+    def __call__(
+        self, parser: object, namespace: argparse.Namespace, values: Any, option: object = None
+    ) -> None:
+        """Store the value; raise a `SettingError` that names the option if it is not valid."""
+        read = self.valid.read(values, FieldPath(self.option_strings[0], SettingError))
+        setattr(namespace, self.dest, read)
+
+
 def option(
-    parser: argparse._ActionsContainer, usage: str, text: str, default: Any = None, **more: Any
+    parser: argparse._ActionsContainer,
+    usage: str,
+    text: str,
+    default: Any = None,
+    valid: Validator[Any] | None = None,
+    **more: Any,
 ) -> None:
     """Add an option that is written as it appears in the usage line to a parser or a group of it.
 
     `"--json"` is a switch, `"--size W H"` takes two values, `"--start POINT..."` one or more. The
-    default, which also determines the type of the values, is added to the help text; `more` are
-    further arguments of `add_argument`.
+    default is added to the help text, the names of a `Choice` to the usage. `valid` checks the
+    value that is given, and determines its type if the default does not. `more` are further
+    arguments of `add_argument`.
     """
     names = [word for word in usage.split() if word.startswith("-")]
     values = usage.split()[len(names) :]
@@ -81,7 +107,13 @@ def option(
     first = default[0] if isinstance(default, tuple) else default
     if isinstance(first, int | float):
         more["type"] = type(first)
-    if "choices" not in more:
+    elif isinstance(valid, Integer | Numbers):
+        more["type"] = int if isinstance(valid, Integer) else float
+    if valid is not None:
+        more |= {"action": CheckedOption, "valid": valid}
+    if isinstance(valid, Choice):
+        more["metavar"] = f"{{{','.join(valid.options)}}}"
+    else:
         more["metavar"] = tuple(values) if len(values) > 1 else values[0].removesuffix("...")
     if len(values) > 1 or values[0].endswith("..."):
         more["nargs"] = len(values) if len(values) > 1 else "+"
@@ -128,10 +160,10 @@ def output_arguments() -> argparse.ArgumentParser:
 
 def obstacle_arguments() -> argparse.ArgumentParser:
     """Return the parent parser of obstacles and occupied points."""
-    parser, boxes = _parent_parser(), {"type": float, "action": "append"}
+    parser = _parent_parser()
     option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
     text = "box that the robot must not touch, by its lower and upper corner [m]; may be repeated"
-    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
+    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--occupied POINT...", "ids of points that no limb may grasp", [])
     return parser
 
@@ -155,13 +187,12 @@ def query_arguments() -> argparse.ArgumentParser:
         "cost to minimise; of several plans, time chooses the fastest and reaction the one with "
         "the least impulse on the station"
     )
-    option(parser, "--cost COST", text, "base", choices=(*COSTS, *COMPARED_COSTS))
+    option(parser, "--cost COST", text, "base", Choice((*COSTS, *COMPARED_COSTS)))
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
     option(parser, "--regrasp-price M", text, type=float)
-    text = "search method: astar, dijkstra, greedy or algorithm1"
-    option(parser, "--method METHOD", text, "astar")
-    text = "relaxed, consistent, paper or zero (default: relaxed for two limbs, else "
-    option(parser, "--heuristic HEURISTIC", f"{text}consistent)")
+    option(parser, "--method METHOD", "search method", "astar", Choice(METHODS))
+    text = "lower bound of the cost to the goal (default: relaxed for two limbs, else consistent)"
+    option(parser, "--heuristic HEURISTIC", text, valid=Choice(HEURISTICS))
     option(
         parser,
         "--inflation E",
@@ -171,7 +202,7 @@ def query_arguments() -> argparse.ArgumentParser:
     )
     text = "search for a plan, and improve it, for at most S seconds"
     option(parser, "--time-limit S", text, type=float)
-    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000, LIMIT)
     return parser
 
 
@@ -179,10 +210,9 @@ def walk_arguments() -> argparse.ArgumentParser:
     """Return the parent parser of start, cost and pace of walks in MuJoCo."""
     parser = _parent_parser()
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
-    costs = ("steps", "base")
-    option(parser, "--cost COST", "cost of the plans: steps or base", "steps", choices=costs)
+    option(parser, "--cost COST", "cost of the plans", "steps", Choice(("steps", "base")))
     text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
-    option(parser, "--pace PACE", text, "fast", choices=("fast", "gentle", "station"))
+    option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "station")))
     return parser
 
 
@@ -312,22 +342,6 @@ def _check_world(args: argparse.Namespace) -> None:
         refuse_without_effect(args, "with --no-manipulability", "limb_threshold", "base_threshold")
     if args.no_collisions:
         refuse_without_effect(args, "with --no-collisions", "clearance")
-
-
-def check_counts(args: argparse.Namespace) -> None:
-    """Check the ranges of seed and counts: episodes, steps, states, beam, threads, processes."""
-    for name, minimum, maximum in (
-        ("seed", 0, MAX_SEED),
-        ("episodes", 1, MAX_EPISODES),
-        ("beam", 1, MAX_BEAM_WIDTH),
-        ("threads", 1, MAX_THREADS),
-        ("workers", 1, MAX_THREADS),
-        ("most_steps", 0, MAX_EXPANSIONS),
-        ("limit", 1, MAX_EXPANSIONS),
-    ):
-        value, path = getattr(args, name, None), f"--{name.replace('_', '-')}"
-        if value is not None:
-            Integer(minimum, maximum).read(value, FieldPath(path, SettingError))
 
 
 def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:

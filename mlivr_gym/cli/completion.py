@@ -5,6 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping
 
+from mlivr_gym.agents.policy_names import PLANNERS
+from mlivr_gym.robot.specification import ROBOTS
+from mlivr_gym.world.grasp_map import PLACES
+
 SCRIPT = """\
 # Completion of mlivr-gym for bash and zsh; made by `mlivr-gym completion`.
 if [ -n "${{ZSH_VERSION-}}" ]; then
@@ -25,6 +29,9 @@ complete -o default -F _mlivr_gym mlivr-gym
 """
 """Script for both shells; if nothing else fits, file names are completed."""
 
+NAMES = {"--robot": ROBOTS, "--map": PLACES, "--policy": ("pretrained", *PLANNERS)}
+"""Names that options know in addition to files."""
+
 
 def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the command to the command line."""
@@ -42,40 +49,19 @@ def run(args: argparse.Namespace) -> None:
 
 def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:
     """Return the completion script of the commands with these parsers."""
-    named, cases = _values(), []
+    cases = []
     for name, parser in parsers.items():
         words: list[str] = []
         for action in parser._actions:  # argparse offers no public access to its options
-            values = tuple(map(str, action.choices or ()))
+            names = getattr(getattr(action, "valid", None), "options", ())
+            values = tuple(map(str, action.choices or names))
             if not action.option_strings:
                 words += values
             for option in action.option_strings:
-                values = values or named.get(f"{name} {option}") or named.get(option, ())
+                values = values or NAMES.get(option, ())
                 files = action.metavar in ("FILE", "FOLDER", "PATH")
                 if values or files:
                     cases.append(f'            "{name} {option}") words="{" ".join(values)}" ;;')
             words += action.option_strings
         cases.append(f'            "{name} "*) words="{" ".join(words)}" ;;')
     return SCRIPT.format(commands=" ".join(parsers), cases="\n".join(cases))
-
-
-def _values() -> dict[str, tuple[str, ...]]:
-    """Return the values of options that take a name, by option or by command and option."""
-    from mlivr_gym.agents.hyperparameters import METHODS as TRAININGS
-    from mlivr_gym.agents.policy_names import PLANNERS
-    from mlivr_gym.agents.test_set import SPLITS
-    from mlivr_gym.planners.costs import HEURISTICS
-    from mlivr_gym.planners.query import METHODS
-    from mlivr_gym.robot.specification import ROBOTS
-    from mlivr_gym.world.grasp_map import PLACES
-
-    return {
-        "--robot": ROBOTS,
-        "--map": PLACES,
-        "--heuristic": HEURISTICS,
-        "plan --method": METHODS,
-        "simulate --method": METHODS,
-        "train --method": TRAININGS,
-        "--policy": ("pretrained", *PLANNERS),
-        "--split": SPLITS,
-    }

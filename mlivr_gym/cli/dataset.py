@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 
-from mlivr_gym.cli.arguments import Add, check_counts, command, environment_arguments, option
+from mlivr_gym.cli.arguments import EPISODES, SEED, Add, command, environment_arguments, option
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.extras import require
+from mlivr_gym.schema import Choice
 
 
 def add_command(add: Add) -> None:
@@ -19,14 +21,13 @@ def add_command(add: Add) -> None:
         "Needs the extra 'data'.",
     )
     option(parser, "--id ID", "id of the data set", "mlivr/jem/expert-v0")
-    option(parser, "--episodes N", "number of episodes", 200)
-    option(parser, "--seed N", "seed of the first episode", 0)
-    option(parser, "--reward REWARD", "reward of a step: steps or base", "steps")
+    option(parser, "--episodes N", "number of episodes", 200, EPISODES)
+    option(parser, "--seed N", "seed of the first episode", 0, SEED)
+    option(parser, "--reward REWARD", "reward of a step", "steps", Choice(tuple(REWARDS)))
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the data set."""
-    check_counts(args)
     require("minari", extra="data")
     from mlivr_gym.agents.dataset import write_dataset
 

@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.agents.policy_names import PLANNERS, policy_by_name
+from mlivr_gym.agents.test_set import SPLITS, load_test_set
 from mlivr_gym.cli.arguments import (
+    EPISODES,
+    SEED,
     Add,
-    check_counts,
     command,
     environment_arguments,
     option,
     refuse_without_effect,
 )
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import choice
+from mlivr_gym.schema import Choice, Integer
 
 if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
@@ -34,13 +36,13 @@ def add_command(add: Add) -> None:
     )
     text = f"pretrained, the path of a checkpoint without suffix, or {', '.join(PLANNERS)}"
     option(parser, "--policy POLICY", text, "pretrained")
-    option(parser, "--episodes N", "number of episodes", 20)
-    option(parser, "--seed N", "seed of the first episode", 0)
+    option(parser, "--episodes N", "number of episodes", 20, EPISODES)
+    option(parser, "--seed N", "seed of the first episode", 0, SEED)
     option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
     text = "width of a beam search guided by the pointer policy (default: no beam search)"
-    option(parser, "--beam W", text, type=int)
-    text = "split of the test set, in place of seeded episodes: same, half, dense or occupied"
-    option(parser, "--split SPLIT", text)
+    option(parser, "--beam W", text, valid=Integer(1, 1000))
+    text = "split of the test set, in place of seeded episodes"
+    option(parser, "--split SPLIT", text, valid=Choice(SPLITS))
 
 
 def run(args: argparse.Namespace) -> None:
@@ -48,7 +50,6 @@ def run(args: argparse.Namespace) -> None:
     from mlivr_gym.agents.evaluation import evaluate
     from mlivr_gym.envs.env import MlivrEnv
 
-    check_counts(args)
     if args.split is not None:
         refuse_without_effect(args, "with --split, which determines it", "episodes", "map")
     if args.policy in PLANNERS:
@@ -68,11 +69,8 @@ def run(args: argparse.Namespace) -> None:
 
 def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
     """Return the environment arguments of each world, and its number of episodes or its tasks."""
-    from mlivr_gym.agents.test_set import SPLITS, load_test_set
-
     if args.split is None:
         return [({}, args.episodes)]
-    choice("split", args.split, SPLITS)
     return [({"map": w.map()}, w.tasks) for w in load_test_set() if w.split == args.split]
 
 

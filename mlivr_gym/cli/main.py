@@ -28,7 +28,7 @@ from mlivr_gym.cli.exits import (
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError, one_line
+from mlivr_gym.errors import MlivrError, NoPlanError, SettingError, one_line
 
 COMMANDS = {
     "plan": "plan a path from a start stance to a goal position",
@@ -53,15 +53,11 @@ COMMANDS = {
 """Help line of each command, in the order of the help; the module of that name implements it."""
 
 
-class _UsageError(Exception):
-    """Arguments that the parser cannot interpret."""
-
-
 class _Parser(argparse.ArgumentParser):
     """Argument parser that reports an error in one line, and where the usage is explained."""
 
     def error(self, message: str) -> NoReturn:
-        raise _UsageError(f"{one_line(message)}; see `{self.prog} --help`")
+        raise SettingError(f"{message}; see `{self.prog} --help`")
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
@@ -102,10 +98,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
         args = _parser(given).parse_args(given)
-    except _UsageError as error:
-        print(f"mlivr-gym: {error}", file=sys.stderr)
+    except MlivrError as error:
+        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         if "--json" in given:  # the parser may have stopped before this option
-            _print_json(REFUSED, str(error), {})
+            _print_json(REFUSED, one_line(str(error)), {})
         return REFUSED
     args.result = {}
     try:

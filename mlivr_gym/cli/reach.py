@@ -6,11 +6,13 @@ import argparse
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import Add, check_counts, chosen_graph, chosen_task, command, option
+from mlivr_gym.cli.arguments import LIMIT, Add, chosen_graph, chosen_task, command, option
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.pictures.figures import figure_files
+from mlivr_gym.planners.query import MAX_EXPANSIONS
 from mlivr_gym.planners.reach import NOT_REACHED, reach_from
+from mlivr_gym.schema import Integer
 
 
 def add_command(add: Add) -> None:
@@ -22,14 +24,14 @@ def add_command(add: Add) -> None:
         ("world", "obstacles"),
     )
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
-    option(parser, "--most-steps K", "maximum number of steps (default: no limit)", type=int)
-    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000)
+    text, steps = "maximum number of steps (default: no limit)", Integer(0, MAX_EXPANSIONS)
+    option(parser, "--most-steps K", text, valid=steps)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000, LIMIT)
     option(parser, "--picture FILE", "draw the points to a PNG file and an SVG file of that name")
 
 
 def run(args: argparse.Namespace) -> None:
     """Find the reach of a start, print it, and draw it if requested."""
-    check_counts(args)
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(*pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):

@@ -31,7 +31,6 @@ from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -50,7 +49,8 @@ def add_command(add: Add) -> None:
     option(parser, "--plan FILE", "plan to be drawn, in its start and goal stance")
     option(parser, "--stance K", "draw only the stance of the plan after K steps", type=int)
     option(parser, "--out FILE", "PNG file", "scene.png")
-    option(parser, "--size W H", "width and height of the picture of one stance [px]", (1280, 640))
+    text = "width and height of the picture of one stance [px]"
+    option(parser, "--size W H", text, (1280, 640), SIZE)
     text = "also export the simulation model as MJCF, in the first stance drawn"
     option(parser, "--mjcf FILE", text)
     option(parser, "--capsules", CAPSULES)
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> None:
     scene = _mjcf(grasp_map, robot, obstacles, held) if args.mjcf else None
     with Progress("drawing", quiet=args.quiet):
         draw(
-            grasp_map, robot, {Path(args.out): drawn}, tuple(args.size), obstacles, route,
+            grasp_map, robot, {Path(args.out): drawn}, args.size, obstacles, route,
             capsules=args.capsules,
         )  # fmt: skip
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
@@ -89,14 +89,13 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse arguments that contradict each other, and sizes that cannot be rendered."""
+    """Refuse arguments that contradict each other."""
     if args.plan and args.start:
         raise SettingError("give only one of --plan and --start")
     if args.stance is not None and not args.plan:
         raise SettingError("--stance needs --plan: it selects one of the plan's stances")
     if args.plan:
         refuse_ignored(args, "plan", ("map", "start"))
-    SIZE.read(args.size, FieldPath("--size", SettingError))
 
 
 def _plan_shots(plan: Plan, stance: int | None) -> list[Shot]:

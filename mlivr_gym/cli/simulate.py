@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
     CAPSULES,
+    SEED,
     Add,
     chosen_graph,
     chosen_map,
@@ -40,7 +41,7 @@ from mlivr_gym.pictures.film import (
 from mlivr_gym.pictures.rendering import SIZE
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
-from mlivr_gym.schema import FieldPath, OrNone, Tuples
+from mlivr_gym.schema import Choice, Integer, Tuples
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -64,12 +65,6 @@ FILES = (
 LOAD_FILES = ("station.png", "station.svg")
 """Files that it writes if the mass of a station is given."""
 
-MASSES = OrNone(Tuples((), 1.0, 1e9, "kg"))
-"""Valid masses of a station."""
-
-RATES = Tuples((), 0.5, 2000.0, "Hz")
-"""Valid sampling rates of the trajectory files."""
-
 MAX_FRAMES = 5000
 """Maximum number of frames of a film; they are held in memory until it is written."""
 
@@ -85,13 +80,12 @@ def add_command(add: Add) -> None:
     )
     option(parser, "--plan FILE", "execute the plan of this file instead of planning first")
     text = "use start, goal, map and cost of this case of Table I"
-    option(parser, "--case CASE", text, type=int, choices=(1, 2, 3, 4))
+    option(parser, "--case CASE", text, valid=Integer(1, len(CASES)))
     text = (
         "fast: as quick as the default limits allow; gentle: limits with a reserve; station: "
         "limits of a station's arms; paper: 50 s a step"
     )
-    paces = ("fast", "gentle", "station", "paper")
-    option(parser, "--pace PACE", text, "fast", choices=paces)
+    option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "station", "paper")))
     text = "duration of every step [s], refused if it breaks a limit (default: the shortest)"
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
@@ -100,30 +94,31 @@ def add_command(add: Add) -> None:
         "with feedforward; paper: the paper's PD control; delayed: full, for a delay of 10 ms; "
         "station: full, for a station's arms"
     )
-    controllers = ("full", "feedforward", "paper", "delayed", "station")
-    option(parser, "--controller CONTROLLER", text, "full", choices=controllers)
+    controllers = Choice(("full", "feedforward", "paper", "delayed", "station"))
+    option(parser, "--controller CONTROLLER", text, "full", controllers)
     text = "grasps of a robot of the UR5e's size, or of the size of a station's arms"
-    option(parser, "--physics PHYSICS", text, "default", choices=("default", "station"))
+    option(parser, "--physics PHYSICS", text, "default", Choice(("default", "station")))
     text = (
         "how robot and module differ from the model of the controller: not at all (none), or in "
         "all ways that are studied (all)"
     )
-    option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
-    option(parser, "--seed N", "seed of the disturbances", 1)
+    option(parser, "--disturbances WHICH", text, "none", Choice(("none", "all")))
+    option(parser, "--seed N", "seed of the disturbances", 1, SEED)
     text = "mass of a station; draw what it feels of the walk, and compare it with the limits"
-    option(parser, "--station-mass KG", text, type=float)
+    option(parser, "--station-mass KG", text, valid=Tuples((), 1.0, 1e9, "kg"))
     option(parser, "--out FOLDER", "folder of the results", "walk")
-    option(parser, "--rate HZ", "sampling rate of the trajectory files [Hz]", 10.0)
+    text, rates = "sampling rate of the trajectory files [Hz]", Tuples((), 0.5, 2000.0, "Hz")
+    option(parser, "--rate HZ", text, 10.0, rates)
     option(parser, "--film NAME", "file name of the film, .gif or .mp4", "walk.gif")
     option(parser, "--no-film", "make no film")
     option(parser, "--capsules", CAPSULES)
-    option(parser, "--size W H", "width and height of the film [px]", DEFAULT_SIZE)
+    option(parser, "--size W H", "width and height of the film [px]", DEFAULT_SIZE, SIZE)
     option(
         parser,
         "--speed X",
         f"speed of the film relative to simulated time, at {RATE} frames a second "
         f"(default: such that the film takes at most {MAX_FILM_DURATION:g} s)",
-        type=float,
+        valid=SPEED,
     )
 
 
@@ -136,7 +131,6 @@ def run(args: argparse.Namespace) -> int:
         refuse_ignored(args, "plan", ("map",))
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
-    MASSES.read(args.station_mass, FieldPath("--station-mass", SettingError))
     files = [*FILES, *([] if args.no_film else [args.film])]
     files += [] if args.station_mass is None else LOAD_FILES
     inputs = input_files(args)
@@ -190,7 +184,6 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
 
 def _setup(args: argparse.Namespace) -> Setup:
     """Return the setup of the execution: pace, controller, physics and disturbances."""
-    RATES.read(args.rate, FieldPath("--rate", SettingError))
     from mlivr_gym.motion.time_scaling import Durations
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import PACES
@@ -216,9 +209,7 @@ def _keeps_plan_file(args: argparse.Namespace) -> bool:
 
 
 def _check_film(args: argparse.Namespace) -> None:
-    """Refuse a film whose size, speed or format is invalid."""
-    SIZE.read(args.size, FieldPath("--size", SettingError))
-    OrNone(SPEED).read(args.speed, FieldPath("--speed", SettingError))
+    """Refuse options of a film that is not made, and an invalid format."""
     if args.no_film:
         refuse_without_effect(args, "with --no-film", "film", "size", "speed", "capsules")
     else:
@@ -301,7 +292,7 @@ def _film(
                 recording,
                 path,
                 plan=plan,
-                size=tuple(args.size),
+                size=args.size,
                 speed=speed,
                 obstacles=plan.world.obstacles,
                 capsules=args.capsules,

@@ -9,10 +9,11 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-from mlivr_gym.cli.arguments import Add, check_counts, command, option, refuse_without_effect
+from mlivr_gym.cli.arguments import THREADS, Add, command, option, refuse_without_effect
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
+from mlivr_gym.schema import Choice
 from mlivr_gym.studies.design import StudyDesign
 
 
@@ -29,9 +30,9 @@ def add_command(add: Add) -> None:
     parser.add_argument("file", metavar="STUDY.toml", help="design of the study")
     option(parser, "--out FOLDER", "folder of the study (default: the name of the file)")
     text = "what computes the runs: processes of this machine, or Dask"
-    option(parser, "--engine ENGINE", text, "local", choices=ENGINES)
+    option(parser, "--engine ENGINE", text, "local", Choice(ENGINES))
     text = "number of processes (default: one for each core)"
-    option(parser, "--workers N", text, type=int)
+    option(parser, "--workers N", text, valid=THREADS)
     text = "address of a running Dask scheduler (default: one is started on this machine)"
     option(parser, "--scheduler ADDRESS", text)
 
@@ -40,7 +41,6 @@ def run(args: argparse.Namespace) -> None:
     """Run the study, and print a line for each combination of levels."""
     from mlivr_gym.studies.run import read_study, run_study
 
-    check_counts(args)
     if args.engine == "local":
         refuse_without_effect(args, "with --engine local", "scheduler")
     if args.scheduler is not None:

@@ -8,9 +8,11 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from mlivr_gym.agents.hyperparameters import METHODS, load_hyperparameters
 from mlivr_gym.cli.arguments import (
+    SEED,
+    THREADS,
     Add,
-    check_counts,
     command,
     environment_arguments,
     option,
@@ -19,8 +21,10 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.extras import require
 from mlivr_gym.files import FileError
+from mlivr_gym.schema import Choice
 
 
 def add_command(add: Add) -> None:
@@ -34,10 +38,10 @@ def add_command(add: Add) -> None:
         "checkpoint of the policy so far.",
     )
     text = "behaviour cloning (bc), dagger, ppo, or ppo from a checkpoint (finetune)"
-    option(parser, "--method METHOD", text, "dagger")
+    option(parser, "--method METHOD", text, "dagger", Choice(METHODS))
     option(parser, "--network NETWORK", "network of the policy: pointer or mlp", "pointer")
-    option(parser, "--seed N", "seed of the training", 0)
-    option(parser, "--reward REWARD", "reward of a step: steps or base", "steps")
+    option(parser, "--seed N", "seed of the training", 0, SEED)
+    option(parser, "--reward REWARD", "reward of a step", "steps", Choice(tuple(REWARDS)))
     option(parser, "--grasp-failure P", "mean probability that a grasp fails", 0.0)
     option(parser, "--shaping", "add potential-based shaping to the reward, for ppo and finetune")
     option(parser, "--hyperparameters FILE", "JSON file (default: training.json of the package)")
@@ -45,18 +49,16 @@ def add_command(add: Add) -> None:
     text = "checkpoint to start from, without suffix; required by finetune"
     option(parser, "--init PATH", text)
     text = "threads of PyTorch; the networks are small, so more threads are slower"
-    option(parser, "--threads N", text, 1)
+    option(parser, "--threads N", text, 1, THREADS)
     option(parser, "--logs FOLDER", "write TensorBoard logs to this folder")
     parser.set_defaults(grace=LONG_GRACE)
 
 
 def run(args: argparse.Namespace) -> int:
     """Train a policy and write its checkpoint."""
-    check_counts(args)
     require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     import torch
 
-    from mlivr_gym.agents.hyperparameters import load_hyperparameters
     from mlivr_gym.agents.training import train
 
     out = Path(args.out)

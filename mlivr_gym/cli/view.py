@@ -25,7 +25,7 @@ from mlivr_gym.errors import NoPlanError, PlanError, SettingError
 from mlivr_gym.extras import require
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
-from mlivr_gym.schema import FieldPath, Integer
+from mlivr_gym.schema import Integer
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -58,7 +58,7 @@ def add_command(add: Add) -> None:
     text = "network interface of the server; the default is reachable from this computer alone"
     option(parser, "--host HOST", text, HOST)
     text = "port of the server, or the next free one if it is taken; 0 for any free port"
-    option(parser, "--port PORT", text, PORT)
+    option(parser, "--port PORT", text, PORT, Integer(0, 65535))
     option(parser, "--capsules", CAPSULES)
 
 
@@ -95,7 +95,6 @@ def _check(args: argparse.Namespace) -> None:
         raise SettingError("--out takes one plan; leave it out to compare two on a served page")
     if args.plan or args.execution:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
-    Integer(0, 65535).read(args.port, FieldPath("--port", SettingError))
 
 
 def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:

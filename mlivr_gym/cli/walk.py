@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
+    BOXES,
+    SEED,
     Add,
-    check_counts,
     chosen_graph,
     chosen_task,
     command,
@@ -21,6 +22,7 @@ from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import figure_files
+from mlivr_gym.schema import Choice
 from mlivr_gym.world.boxes import Box
 
 if TYPE_CHECKING:
@@ -40,17 +42,16 @@ def add_command(add: Add) -> None:
     )
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
-    boxes = {"type": float, "action": "append"}
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
-    option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
+    option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
     text = "line on which a crew member crosses the cabin at 0.5 m/s [m]; may be repeated"
-    option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **boxes)
+    option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
     text = "make robot and module differ from the model of the controller"
-    option(parser, "--disturbances WHICH", text, "none", choices=("none", "all"))
-    option(parser, "--seed N", "seed of disturbances and noise", 1)
+    option(parser, "--disturbances WHICH", text, "none", Choice(("none", "all")))
+    option(parser, "--seed N", "seed of disturbances and noise", 1, SEED)
     option(parser, "--out FILE", "write the record of the walk to a JSON file")
     option(parser, "--picture FILE", "draw the walk to a PNG file and an SVG file of that name")
 
@@ -63,7 +64,6 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
     from mlivr_gym.simulation.setup import Setup
 
-    check_counts(args)
     if args.blind:
         refuse_without_effect(args, "with --blind", "noise")
     pictures = figure_files(args.picture) if args.picture is not None else ()

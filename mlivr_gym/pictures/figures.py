@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -106,9 +107,7 @@ def add_legend(figure: Any) -> None:
 
 def box_corners(box: Box) -> Array:
     """Return the eight corners of a box, shape (8, 3) [m]."""
-    signs = np.array(
-        [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64
-    )
+    signs = np.array(list(product((-1.0, 1.0), repeat=3)))
     corners: Array = (signs * np.array(box.half)) @ np.array(box.rotation).T + np.array(box.centre)
     return corners
 

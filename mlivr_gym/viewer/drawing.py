@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from matplotlib.colors import to_rgba
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
@@ -21,11 +22,9 @@ from mlivr_gym.pictures.route import (
     plan_base_path,
 )
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import (
-    Colour,
     Mesh,
     Scene,
     box_mesh,
@@ -119,7 +118,7 @@ def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
     page.frame("obstacles")
     for k, box in enumerate(boxes):
         mesh = transformed(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
-        page.mesh(f"obstacles/{k}", mesh, _with_opacity(OBSTACLE_COLOUR, 0.75))
+        page.mesh(f"obstacles/{k}", mesh, to_rgba(OBSTACLE_COLOUR, 0.75))
 
 
 def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> None:
@@ -127,7 +126,7 @@ def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> 
     page.remove("occupied")
     if occupied:
         balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
-        page.mesh("occupied", merged(balls), rgba(OCCUPIED_COLOUR))
+        page.mesh("occupied", merged(balls), to_rgba(OCCUPIED_COLOUR))
 
 
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
@@ -183,14 +182,14 @@ def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> 
     if plan is None:
         return
     route = Route.of(grasp_map, plan)
-    page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), to_rgba(BASE_COLOUR))
     balls = [ball_mesh(position, STANCE_RADIUS) for position in route.stances]
-    page.mesh(f"{name}/stances", merged(balls), rgba(BASE_COLOUR))
+    page.mesh(f"{name}/stances", merged(balls), to_rgba(BASE_COLOUR))
     numbers: dict[tuple[float, ...], list[str]] = {}
     for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
         held = [hold for hold in route.footholds if hold.limb == limb]
         marks = merged([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
-        page.mesh(f"{name}/footholds{limb}", marks, rgba(colour))
+        page.mesh(f"{name}/footholds{limb}", marks, to_rgba(colour))
         for hold in held:
             numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
     for k, (position, stances) in enumerate(numbers.items()):
@@ -203,12 +202,12 @@ def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
     """Draw the base path of a plan pale, or nothing for None."""
     page.remove(name)
     if plan is not None and len(plan.stances) > 1:
-        page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), rgba(GHOST_PATH))
+        page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), to_rgba(GHOST_PATH))
 
 
 def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
     """Draw the goal region, a ball about the goal position [m]."""
-    colour = _with_opacity(GOAL_COLOUR, 0.35)
+    colour = to_rgba(GOAL_COLOUR, 0.35)
     page.mesh("goal", ball_mesh(np.zeros(3), tolerance), colour, position=goal)
 
 
@@ -216,7 +215,7 @@ def draw_tree(page: Page, tree: Array) -> None:
     """Draw explored steps by the base positions at their ends, shape (e, 2, 3) [m]."""
     page.remove("tree")
     if len(tree):
-        colour = tuple(round(255 * part) for part in rgba(TREE_COLOUR)[:3])
+        colour = tuple(round(255 * part) for part in to_rgba(TREE_COLOUR)[:3])
         page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
 
 
@@ -271,8 +270,3 @@ def tube_mesh(line: Array, radius: float) -> Mesh:
     """Return a tube along a polyline, shape (k, 3) [m], or a ball if it has no length."""
     pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
     return merged(pieces or [ball_mesh(line[0], radius)])
-
-
-def _with_opacity(colour: str, opacity: float) -> Colour:
-    """Return a colour with an opacity from 0 to 1."""
-    return (*rgba(colour)[:3], opacity)

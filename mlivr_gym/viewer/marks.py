@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.colors import to_rgba_array
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
@@ -173,5 +174,5 @@ def _marks(
     points: Sequence[int] = (),
 ) -> Marks:
     """Return the marks with colours given as hexadecimal texts."""
-    numbers = [[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in colours]
-    return Marks(np.array(numbers), tuple(legend), tuple(points))
+    numbers = np.round(255.0 * to_rgba_array(colours)[:, :3])
+    return Marks(numbers, tuple(legend), tuple(points))

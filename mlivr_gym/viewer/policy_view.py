@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import softmax
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.extras import require
@@ -70,6 +71,4 @@ class PolicyView:
             tensors = as_tensors(self._policy.actor_critic, env_features(env, [state]))
             logits = logits_and_value(self._policy.actor_critic, tensors)[0][0].numpy()
         logits = np.where(mask, logits.reshape(mask.shape), -np.inf)
-        weights = np.exp(logits - logits.max()) if mask.any() else np.zeros(mask.shape)
-        probability: Array = weights / max(float(weights.sum()), 1e-300)
-        return probability
+        return softmax(logits) if mask.any() else np.zeros(mask.shape)

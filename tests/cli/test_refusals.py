@@ -7,7 +7,7 @@ plan --start D1a:4 Q:1                        : 'Q:1'
 plan --start D1a:4                            : must name 2 points
 plan --goal 60 0 0                            : outside the cabin
 plan --goal nan 0 0                           : finite
-plan --cost fast                              : 'fast' (choose from
+plan --cost fast                              : --cost is 'fast'; valid choices are 'base', 'steps'
 plan --cost weighted                          : regrasp_price
 plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
@@ -33,6 +33,10 @@ simulate --plan no.json                       : cannot read plan
 simulate --plan x.json --case 3               : give only one of
 simulate --case 3 --duration 0                : step_duration is 0
 simulate --case 3 --pace paper --duration 9   : no effect with --pace paper
+simulate --case 5                             : --case is 5
+simulate --case 3 --seed -1                   : --seed is -1
+simulate --case 3 --rate 0                    : --rate is 0
+evaluate --split sane                         : did you mean 'same'
 simulate --case 3 --speed 0                   : --speed is 0
 simulate --case 3 --film walk.avi             : valid endings
 simulate --case 3 --no-film --speed 7         : --speed has no effect
