@@ -175,7 +175,8 @@ def point_lookahead(
     held = (graph.branch_sets != 0).all(axis=1) if held is None else held
     away = graph.steps.row_base - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_GOAL_DISTANCE)
-    lost = ~held[graph.rows]
+    rows, row_start = graph.steps.rows, graph.steps.row_start
+    lost = ~held[rows]
     out, count = (
         np.full((2, len(graph.grasp_map), DEPTH), MAX_GOAL_DISTANCE),
         (distance <= tolerance) * 1.0,
@@ -184,12 +185,12 @@ def point_lookahead(
     for depth in range(DEPTH):
         for limb in range(2):
             if depth:
-                other = graph.points[graph.rows[limb], 1 - limb]
+                other = graph.points[rows[limb], 1 - limb]
                 distance[limb] = out[1 - limb, other, depth - 1]
                 count[limb] = arrivals[1 - limb, other, depth - 1]
             distance[limb, lost[limb]], count[limb, lost[limb]] = MAX_GOAL_DISTANCE, 0.0
-            known = np.flatnonzero(graph.degree[limb])
-            first = graph.row_start[limb, known]
+            known = np.flatnonzero(graph.steps.degree[limb])
+            first = row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
             arrivals[limb, known, depth] = np.add.reduceat(count[limb], first)
     return np.concatenate([out, arrivals], axis=2)

@@ -37,7 +37,7 @@ class CostToGo:
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_position, graph.points)
         self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
-        self._releasable = graph.releasable if graph.settings.transitions else graph.branch_sets
+        self._releasable = graph.releasable
         self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
 
     def value(self, state: State) -> float:

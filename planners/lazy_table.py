@@ -263,7 +263,7 @@ class LazyNodeTable(LazyTable):
             stances.base["position"], stances.base["rotation"], none.astype(float),
             none[:, 0].astype(float), none, stances.branch_sets.copy(), none[:, 0], none[:, 0],
         )  # fmt: skip
-        graph.remove_branches_at_obstacles(np.arange(len(rows)), stances.points, postures)
+        graph.remove_branches_at_obstacles(stances.points, postures)
         branch_sets = packed(postures.branch_sets)
         branch_sets[~graph.is_node(postures)] = 0
         self.table.branch_sets[rows] = branch_sets
@@ -315,7 +315,7 @@ class LazyNodeTable(LazyTable):
             stances.releases["known"][self._may_touch[rows]] = False
         here = np.arange(len(before))
         limbs_before = unpacked(branch_sets, graph.limbs)
-        steps = graph.step_rows(stances, here, here + len(here), limbs_before)
+        steps = graph.checks.steps(stances, here, here + len(here), limbs_before)
         found = graph.branch_sets_of_steps(steps, stances)
         if graph.obstacles and record:
             self._record_releases(rows, relabelled(stances.releases, -relabellings))

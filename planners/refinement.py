@@ -313,7 +313,7 @@ class _Footholds:
                 np.full(len(rows), node.row),
                 np.tile(node.branch_sets, (len(rows), 1)),
             )
-            steps = graph.step_rows(stances, here, rows, branch_sets)
+            steps = graph.checks.steps(stances, here, rows, branch_sets)
             branch_sets = graph.branch_sets_of_steps(steps, stances)
         else:
             branch_sets = stances.branch_sets[rows]

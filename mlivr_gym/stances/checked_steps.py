@@ -63,21 +63,6 @@ class CheckedSteps(ChangingWorld):
         centre: Array = self.grasp_map.positions[others].mean(axis=0)
         return centre
 
-    def step_rows(
-        self, stances: StanceArrays, before: IntArray, after: IntArray, branch_sets: IntArray
-    ) -> Any:
-        """Return rows of `StepRecord`, shape (k,), for steps between rows of stances.
-
-        The branch sets before the steps have shape (k, N).
-        """
-        steps, points = self.checks.steps(len(after)), stances.points
-        moves = points[after] != points[before]
-        steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
-        at_supports = self.grasp_map.positions[points[after]] * ~moves[..., None]
-        steps["pivot"] = at_supports.sum(axis=1) / (self.limbs - 1)
-        steps["branches"][:, : self.limbs] = branch_sets
-        return steps
-
     def branch_sets_after(
         self,
         states: Sequence[State],
@@ -96,13 +81,13 @@ class CheckedSteps(ChangingWorld):
         points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
         branch_sets = np.array([s.branch_sets for s in states], dtype=np.int64)[before]
-        steps = self.step_rows(found, before, np.arange(len(states), len(points)), branch_sets)
+        steps = self.checks.steps(found, before, np.arange(len(states), len(points)), branch_sets)
         return self.branch_sets_of_steps(steps, found)
 
     def branch_sets_of_steps(self, steps: Any, stances: StanceArrays) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
-        The steps are those of `step_rows`. The stances receive the releases that are computed.
+        The steps are those of `StepChecks.steps`; stances receive the releases that are computed.
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
@@ -150,7 +135,7 @@ class CheckedSteps(ChangingWorld):
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)
         first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
-        steps = self.step_rows(stances, first, last, np.array([state.branch_sets]))
+        steps = self.checks.steps(stances, first, last, np.array([state.branch_sets]))
         steps["fixed"] = True
         if self.settings.collisions:
             limb = int(steps["limb"][0])

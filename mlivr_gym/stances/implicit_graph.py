@@ -49,25 +49,6 @@ class ImplicitGraph(StanceGraph):
         """
         return self.limbs == 3
 
-    def postures(self, stances: IntArray) -> Postures:
-        """Return the postures of stances, shape (k, N), feasible or not.
-
-        Stances that touch an obstacle or hold an occupied point cannot be held.
-        """
-        return self._among_obstacles(stances, super().postures(stances))
-
-    def nodes(self, stances: IntArray) -> Postures:
-        """Return postures as `postures` does, but only empty branch sets for what is no node."""
-        return self._among_obstacles(stances, super().nodes(stances))
-
-    def _among_obstacles(self, stances: IntArray, found: Postures) -> Postures:
-        """Remove the branches that obstacles and occupied points exclude from postures."""
-        if self.obstacles:
-            self.remove_branches_at_obstacles(np.arange(len(stances)), stances, found)
-        if self.occupied:
-            found.branch_sets[np.isin(stances, list(self.occupied)).any(axis=1)] = 0
-        return found
-
     def _check_releases(self, stances: StanceArrays, todo: IntArray) -> None:
         """Compute releases, see `CheckedSteps`, and store them."""
         new = []
@@ -152,7 +133,7 @@ class ImplicitGraph(StanceGraph):
             np.tile(np.array(state.branch_sets), (len(after), 1)),
         )
         found = self.branch_sets_of_steps(
-            self.step_rows(stances, before, after, branch_sets), stances
+            self.checks.steps(stances, before, after, branch_sets), stances
         )
         kept = found.all(axis=1)
         limb, after = limb[kept], after[kept]

@@ -159,7 +159,7 @@ def kept_at_most(
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         """Return the branches that steps from some members to others keep at most."""
-        steps = graph.step_rows(stances, one, other, branch_sets[one])
+        steps = graph.checks.steps(stances, one, other, branch_sets[one])
         graph.checks.relax(steps, stances, world)
         of_supports = relabelled(steps["kept"][:, :limbs], first[one])[:, :-1]
         kept = packed(of_supports)

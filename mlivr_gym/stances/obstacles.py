@@ -164,19 +164,22 @@ class ChangingWorld(ABC):
             close[rest] = np.einsum("ij,ij->i", gaps, gaps) <= (reach + SLACK) ** 2
         return close
 
-    def remove_branches_at_obstacles(
-        self,
-        chosen: IntArray,
-        points: IntArray,
-        postures: Postures,
-    ) -> None:
-        """Remove the branches that touch an obstacle from some postures, in place.
+    def among_obstacles(self, points: IntArray, postures: Postures) -> Postures:
+        """Remove what obstacles and occupied points exclude from postures, and return them.
 
-        Of stances (k, N) and their postures those with the `chosen` indices are checked.
+        The branch sets of the stances, given by their points, shape (k, N), are changed in place.
         """
+        self.remove_branches_at_obstacles(points, postures)
+        if self.occupied:
+            postures.branch_sets[np.isin(points, list(self.occupied)).any(axis=1)] = 0
+        return postures
+
+    def remove_branches_at_obstacles(self, points: IntArray, postures: Postures) -> None:
+        """Remove the branches that touch an obstacle from postures of stances, (k, N), in place."""
         if self.obstacle_grid is None:
             return
-        self.solver.remove_touching(chosen, postures.checked(points, True), self.obstacle_grid)
+        every, checked = np.arange(len(points)), postures.checked(points, True)
+        self.solver.remove_touching(every, checked, self.obstacle_grid)
         causes = self.solver.causes_at_points(self.obstacle_grid)
         postures.branch_sets[(causes[points] > 0).any(axis=1)] = 0
 

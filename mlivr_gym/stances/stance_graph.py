@@ -110,16 +110,20 @@ class StanceGraph(CheckedSteps):
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, shape (k, N), feasible or not.
 
+        Stances that touch an obstacle or hold an occupied point cannot be held.
+
         Raises
         ------
         StanceError
             If they are not rows of N point indices.
         """
-        return self.solver.solve(self.rows_of_points(stances))
+        rows = self.rows_of_points(stances)
+        return self.among_obstacles(rows, self.solver.solve(rows))
 
     def nodes(self, stances: IntArray) -> Postures:
         """Return postures as `postures` does, but only empty branch sets for what is no node."""
-        return self.solver.solve(self.rows_of_points(stances), nodes_only=True)
+        rows = self.rows_of_points(stances)
+        return self.among_obstacles(rows, self.solver.solve(rows, nodes_only=True))
 
     def rows_of_points(self, stances: Any) -> IntArray:
         """Check that stances are rows of point indices, see `postures`, and return them, (k, N)."""
@@ -213,11 +217,7 @@ class StanceGraph(CheckedSteps):
             Thresholds of `w_m` and `w_b`.
         """
         postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
-        if self.obstacles:
-            self.remove_branches_at_obstacles(np.arange(len(stances)), stances, postures)
-        if self.occupied:
-            postures.branch_sets[np.isin(stances, sorted(self.occupied)).any(axis=1)] = 0
-        return postures
+        return self.among_obstacles(stances, postures)
 
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """Return the state of a robot that holds a stance.

@@ -91,12 +91,13 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
     elif not graph.is_complete:
         build_table(graph, progress)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
-    most = int((graph.degree**2).sum())
+    most = int((graph.steps.degree**2).sum())
     after, kept = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.uint16)
     gather_steps(graph.steps, start, after, kept)
     after, kept = after[: start[-1]].copy(), kept[: start[-1]].copy()
-    able = graph.releasable if graph.settings.transitions else graph.branch_sets
-    branch_sets, releasable = (one.astype(np.int32) for one in (graph.branch_sets, able))
+    branch_sets, releasable = (
+        one.astype(np.int32) for one in (graph.branch_sets, graph.releasable)
+    )
     points = graph.points.astype(np.int32)
     moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
     to_point = points[after, moving].astype(np.uint16)

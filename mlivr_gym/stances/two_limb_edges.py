@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
-from mlivr_gym.stances.two_limb_rows import StanceRows
-from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable, edge_indices
+from mlivr_gym.stances.two_limb_rows import table_of_rows
+from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import kept_on_edge
@@ -37,39 +37,18 @@ class TwoLimbEdges:
     """Whether every step is known."""
 
     def __init__(
-        self,
-        checks: StepChecks,
-        stances: StanceArrays,
-        rows: StanceRows,
-        base: Array,
-        edges: Any = None,
+        self, checks: StepChecks, stances: StanceArrays, m: int, edges: Any = None
     ) -> None:
-        """Start without steps, or with all of them; base positions have shape (n, 3) [m]."""
+        """Start on m points without steps, or with all of them."""
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
-        self.close, self.unchecked = np.zeros((2, len(base)), dtype=np.bool_)
+        self.close, self.unchecked = np.zeros((2, len(stances.points)), dtype=np.bool_)
         self._world = checks.world(None)
         self._unknown_edges: Any = None
         self.stored: list[IntArray] = []
         """Indices of the edges that were stored among obstacles."""
-        count = int((rows.degree**2).sum()) if settings.transitions else 1
-        self.is_complete = not settings.transitions or (edges is not None and len(edges) == count)
-        if edges is None or len(edges) != count:
-            edges = TwoLimbEdge.rows(count)
-        self.table = TwoLimbTable(
-            settings.transitions,
-            stances.points,
-            base,
-            stances.branch_sets,
-            stances.releases,
-            rows.rows,
-            rows.row_start,
-            base[rows.rows],
-            rows.degree,
-            rows.offset,
-            rows.local,
-            edges,
-        )
+        self.table = table_of_rows(stances, m, settings.transitions, edges)
+        self.is_complete = not settings.transitions or self.table.edges is edges
 
     def unknown_edges(self) -> Any:
         """Return edges of which none is known, in place of those returned before.
@@ -82,21 +61,6 @@ class TwoLimbEdges:
             self._unknown_edges["known"][stored] = 0
         self.stored.clear()
         return self._unknown_edges
-
-    def among_obstacles(
-        self,
-        branch_sets: IntArray,
-        unchecked: BoolArray,
-        close: BoolArray,
-        obstacles: BoxGrid | None,
-    ) -> TwoLimbEdgesAmongObstacles:
-        """Return the steps among obstacles and occupied points.
-
-        Branch sets, shape (n, 2), are empty at points that are occupied or touch an obstacle.
-        `unchecked` tells of which stances some branches may touch an obstacle, `close` which may
-        touch one on a step from or to them, both of shape (n,).
-        """
-        return TwoLimbEdgesAmongObstacles(self, branch_sets, unchecked, close, obstacles)
 
     def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
@@ -133,7 +97,7 @@ class TwoLimbEdges:
             return
         both = np.concatenate([before, after])
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-        steps = self._steps(support, before, after)
+        steps = self._steps(before, after)
         self.checks.check(steps, self.stances, self._world)
         found = TwoLimbEdge.rows(len(support))
         found["known"] = 1
@@ -158,16 +122,10 @@ class TwoLimbEdges:
             new = new[np.unique(entry[new], return_index=True)[1]]
         return support[new], before[new], after[new]
 
-    def _steps(self, support: IntArray, before: IntArray, after: IntArray) -> Any:
+    def _steps(self, before: IntArray, after: IntArray) -> Any:
         """Return rows of `StepRecord` to be checked."""
-        steps, branch_sets = self.checks.steps(len(support)), self.stances.branch_sets
-        steps["limb"], steps["before"], steps["after"] = 1 - support, before, after
-        positions = self.checks.solver.grasps["point"]
-        steps["pivot"] = positions[self.table.points[before, support]]
-        steps["branches"][np.arange(len(support)), support] = (
-            branch_sets[before, support] & branch_sets[after, support]
-        )
-        return steps
+        sets = self.stances.branch_sets
+        return self.checks.steps(self.stances, before, after, sets[before] & sets[after])
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> None:
         """Store the results of steps, rows of `TwoLimbEdge`, in both directions."""
@@ -193,7 +151,12 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         close: BoolArray,
         obstacles: BoxGrid | None,
     ) -> None:
-        """Start from the steps without obstacles, see `TwoLimbEdges.among_obstacles`."""
+        """Start from the steps without obstacles.
+
+        Branch sets, shape (n, 2), are empty at points that are occupied or touch an obstacle.
+        `unchecked` tells of which stances some branches may touch an obstacle, `close` which may
+        touch one on a step from or to them, both of shape (n,).
+        """
         self.free, self.close, self.unchecked, self._obstacles = free, close, unchecked, obstacles
         self.stored = free.stored
         self.checks, self.collisions = free.checks, free.collisions
@@ -293,7 +256,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         kept: IntArray = free["kept"].astype(np.int64)
         close = np.flatnonzero(self.close[before] | self.close[after])
         support, free = support[close], free[close]
-        steps, rows = self._steps(support, before[close], after[close]), np.arange(len(close))
+        steps, rows = self._steps(before[close], after[close]), np.arange(len(close))
         steps["recheck"], steps["kept"][rows, support] = True, free["kept"]
         steps["on_arc"], steps["line_branches"] = free["on_arc"], free["line_branches"]
         steps["folds"][:, 0], steps["folds"][:, 1] = free["fold_on_line"], free["fold_on_arc"]

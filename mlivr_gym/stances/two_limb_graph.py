@@ -8,6 +8,7 @@ branches that the support limb keeps from one to the other; edges are checked on
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -25,9 +26,8 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import cells_of_positions
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
-from mlivr_gym.stances.two_limb_edges import TwoLimbEdges
+from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
-from mlivr_gym.stances.two_limb_rows import rows_of
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
 from mlivr_gym.transitions.edge import Edge
@@ -60,10 +60,6 @@ class TwoLimbGraph(StanceGraph):
         Branch of each limb in the posture, shape (n, 2).
     pose_number
         Number of the candidate base pose, see `candidate_poses`, shape (n,).
-    rows
-        Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n).
-    row_start
-        Start of the row of each point in `rows`, shape (2, m + 1).
     considered
         Number of ordered pairs of points that were checked.
     reachable
@@ -85,19 +81,15 @@ class TwoLimbGraph(StanceGraph):
             known.counts[name] for name in COUNTS
         )
         self.removed = dict(zip(REMOVED, removed, strict=True))
-        self.points, chosen = known.points, known.postures
+        self.points, self._contents, chosen = known.points, known, known.postures
         self.base_position, self.base_rotation = chosen.base_position, chosen.base_rotation
         self.w_m, self.w_b = chosen.w_m, chosen.w_b
-        self.branch = chosen.branch
-        self.pose_number = chosen.pose_number
-        m = len(grasp_map)
-        rows = rows_of(self.points, m)
-        self.rows, self.row_start, self.degree, self.offset, self.local = rows
-        self._keys = self.points[:, 0] * m + self.points[:, 1]
+        self.branch, self.pose_number = chosen.branch, chosen.pose_number
+        self._keys = self.points[:, 0] * len(grasp_map) + self.points[:, 1]
         stances = self.checks.stances(self.points, chosen)
         if known.releases is not None:
             stances = stances._replace(releases=known.releases)
-        self._free = TwoLimbEdges(self.checks, stances, rows, self.base_position, known.edges)
+        self._free = TwoLimbEdges(self.checks, stances, len(grasp_map), known.edges)
         self._known = self._free
         self._table: NodeTable | None = None
         self._is_table_complete = False
@@ -133,15 +125,10 @@ class TwoLimbGraph(StanceGraph):
 
     def file_contents(self) -> TwoLimbStances:
         """Return all that is known without obstacles and occupied points, as files have it."""
-        numbers = self.considered, self.reachable, self.no_departure, *self.removed.values()
-        free, checked = self._free, self.settings.transitions
-        return TwoLimbStances(
-            self.points,
-            self.node_postures(slice(None)),
-            dict(zip(COUNTS, numbers, strict=True)),
-            free.stances.releases if checked else None,
-            free.table.edges if checked else None,
-        )
+        table = self._free.table
+        if not table.check:
+            return self._contents
+        return self._contents._replace(releases=table.releases, edges=table.edges)
 
     @property
     def branch_sets(self) -> IntArray:
@@ -181,7 +168,8 @@ class TwoLimbGraph(StanceGraph):
 
     def stances_with(self, limb: int, point: int) -> IntArray:
         """Return the row of a point: all stances in which a limb holds it, shape (k,)."""
-        return self.rows[limb, self.row_start[limb, point] : self.row_start[limb, point + 1]]
+        table = self.steps
+        return table.rows[limb, table.row_start[limb, point] : table.row_start[limb, point + 1]]
 
     def edges_of_row(self, support: int, point: int) -> IntArray:
         """Return every pair of stances of a row, the lower index last, shape (2, k)."""
@@ -206,7 +194,9 @@ class TwoLimbGraph(StanceGraph):
         known, branch_sets = self._known, self._known.table.branch_sets.copy()
         branch_sets[forbidden[self.points].any(axis=1)] = 0
         masks = known.unchecked | closest, known.close | close
-        self._known = self._free.among_obstacles(branch_sets, *masks, self.obstacle_grid)
+        self._known = TwoLimbEdgesAmongObstacles(
+            self._free, branch_sets, *masks, self.obstacle_grid
+        )
         if not self.settings.transitions:
             self._known.check_nodes(slice(None))
 
@@ -217,8 +207,12 @@ class TwoLimbGraph(StanceGraph):
 
     @property
     def releasable(self) -> IntArray:
-        """Branches on which limbs can be released, for the releases known so far, shape (n, 2)."""
-        return np.asarray(self.steps.releases["branches"])
+        """Branches on which limbs can be released, for the releases known so far, shape (n, 2).
+
+        If steps are not checked, they are all on which limbs may hold.
+        """
+        table = self.steps
+        return np.asarray(table.releases["branches"] if table.check else table.branch_sets)
 
     def __len__(self) -> int:
         """Return the number of stances."""
@@ -254,18 +248,9 @@ class TwoLimbGraph(StanceGraph):
 
     def node_postures(self, chosen: slice | IntArray) -> Postures:
         """Return the postures of stances given by index."""
-        position = self.base_position[chosen]
         self._known.check_nodes(chosen)
-        return Postures(
-            position,
-            self.base_rotation[chosen],
-            self.w_m[chosen],
-            self.w_b[chosen],
-            self.branch[chosen],
-            self._known.table.branch_sets[chosen],
-            self.pose_number[chosen],
-            np.zeros(len(position), dtype=np.int64),
-        )
+        found = self._contents.postures.take(chosen)
+        return replace(found, branch_sets=self.steps.branch_sets[chosen])
 
     def _fault(
         self, points: tuple[int, ...], posture: Postures, pose: tuple[float, ...] | None = None
@@ -295,7 +280,8 @@ class TwoLimbGraph(StanceGraph):
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """Return the edge of a step; see `StanceGraph.edge`."""
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
-        if not self.settings.collisions or s0 < 0 or s1 < 0:
+        is_known = self.settings.collisions and self.settings.transitions
+        if not is_known or s0 < 0 or s1 < 0:
             return super().edge(state, after, posture)
         support = 1 - moving_limb(state.stance, tuple(after))
         return self._known.edge(state.branch_sets[support], support, s0, s1)
@@ -368,8 +354,7 @@ class TwoLimbGraph(StanceGraph):
     def _steps_to(self, state: State, rows: Sequence[IntArray]) -> Successors:
         """Return the steps that move each limb from a state to some stances of its row."""
         s, found = self.find(state.stance), [NO_STEPS]
-        branch_sets = self.steps.branch_sets
-        grasps = self.releasable if self.settings.transitions else branch_sets
+        branch_sets, grasps = self.steps.branch_sets, self.releasable
         for limb, row in enumerate(rows if s >= 0 else ()):
             support = 1 - limb
             if len(row) and can_release(state.branch_sets[limb], self._releasable_now(s, limb)):
@@ -396,5 +381,5 @@ class TwoLimbGraph(StanceGraph):
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
         out = np.zeros(len(self.grasp_map))
         for support in range(2):
-            longest_step(support, self.rows, self.row_start, self.base_position, out)
+            longest_step(support, self.steps.rows, self.steps.row_start, self.base_position, out)
         return max(float(np.sqrt(out.max())), 1e-9)

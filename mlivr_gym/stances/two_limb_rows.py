@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import IntArray
+from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, TwoLimbTable
+from mlivr_gym.transitions.records import StanceArrays
 
 
-class StanceRows(NamedTuple):
-    """The rows of n stances on m points; an edge belongs to an ordered pair of stances of a row."""
+def table_of_rows(stances: StanceArrays, m: int, check: bool, edges: Any = None) -> TwoLimbTable:
+    """Return the table of n stances on m points, in lexical order, with the edges of their rows.
 
-    rows: IntArray
-    """Stance indices sorted by the point of limb 0 and of limb 1, shape (2, n)."""
-    row_start: IntArray
-    """Start of the row of each point in `rows`, shape (2, m + 1)."""
-    degree: IntArray
-    """Number of stances in each row, shape (2, m)."""
-    offset: IntArray
-    """First edge of each row, shape (2, m)."""
-    local: IntArray
-    """Position of each stance in its rows, shape (2, n)."""
-
-
-def rows_of(points: IntArray, m: int) -> StanceRows:
-    """Return the rows of stances, given by their points, shape (n, 2), in lexical order."""
-    n = len(points)
-    by_second = np.lexsort((points[:, 0], points[:, 1]))
-    rows: IntArray = np.stack([np.arange(n), by_second]).astype(np.int64)
+    An edge belongs to an ordered pair of stances of a row. If `edges` has not one for each, none is
+    known.
+    """
+    points, n = stances.points, len(stances.points)
+    rows: IntArray = np.stack([np.arange(n), np.lexsort((points[:, 0], points[:, 1]))])
     ordered = np.take_along_axis(points.T, rows, axis=1)
     row_start: IntArray = np.stack([np.searchsorted(row, np.arange(m + 1)) for row in ordered])
     degree: IntArray = np.diff(row_start, axis=1)
@@ -38,7 +28,14 @@ def rows_of(points: IntArray, m: int) -> StanceRows:
     local: IntArray = np.empty((2, n), dtype=np.int64)
     for limb in range(2):
         local[limb, rows[limb]] = np.arange(n) - row_start[limb, ordered[limb]]
-    return StanceRows(rows, row_start, degree, offset, local)
+    count = int((degree**2).sum()) if check else 1
+    if edges is None or len(edges) != count:
+        edges = TwoLimbEdge.rows(count)
+    base = stances.base["position"].copy()
+    return TwoLimbTable(
+        check, points, base, stances.branch_sets, stances.releases, rows, row_start, base[rows],
+        degree, offset, local, edges,
+    )  # fmt: skip
 
 
 def connected_parts(points: IntArray, m: int) -> tuple[int, NDArray[np.int32]]:

@@ -13,7 +13,6 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.kernels import MOST_THREADS, in_parallel
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
@@ -98,10 +97,19 @@ class StepChecks:
         """Compute releases; `todo` has stances and limbs, shape (k, 2)."""
         self._run(len(todo), release_all, todo, StepContext(stances, self.robots, world))
 
-    def steps(self, count: int) -> Any:
-        """Return rows of `StepRecord` to be filled."""
-        steps = StepRecord.rows(count)
-        steps["branches"] = ALL
+    def steps(
+        self, stances: StanceArrays, before: IntArray, after: IntArray, branch_sets: IntArray
+    ) -> Any:
+        """Return rows of `StepRecord` to be checked, shape (k,), for steps between rows of stances.
+
+        The branch sets before the steps have shape (k, N).
+        """
+        steps, points = StepRecord.rows(len(after)), stances.points
+        limbs, moves = points.shape[1], points[after] != points[before]
+        steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
+        at_supports = self.solver.grasps["point"][points[after]] * ~moves[..., None]
+        steps["pivot"] = at_supports.sum(axis=1) / (limbs - 1)
+        steps["branches"][:, :limbs] = branch_sets
         return steps
 
     def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:

@@ -76,7 +76,7 @@ def stop_at(share):
 
 def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, checked):
     graph = stance_graph(fewer)
-    every = int((graph.degree * (graph.degree - 1) // 2).sum())
+    every = int((graph.steps.degree * (graph.steps.degree - 1) // 2).sum())
     with pytest.raises(KeyboardInterrupt):
         build_table(graph, stop_at(0.6))
     first = checked[0]
@@ -161,7 +161,7 @@ def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked
     checked[0] = 0
     monkeypatch.setattr(parts, "source_digest", lambda _: "0" * 16)
     build_table(graph)
-    assert checked[0] == int((graph.degree * (graph.degree - 1) // 2).sum())
+    assert checked[0] == int((graph.steps.degree * (graph.steps.degree - 1) // 2).sum())
 
 
 def test_a_table_that_is_read_counts_as_used(fewer, whole):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from mlivr_gym import State, stance_graph
+from mlivr_gym import Settings, State, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_build import fill_rows
@@ -61,7 +62,7 @@ def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
     graph, longest = small_graph, 0.0
     for held in range(2):
         out = np.zeros(len(graph.grasp_map))
-        longest_step(held, graph.rows, graph.row_start, graph.base_position, out)
+        longest_step(held, graph.steps.rows, graph.steps.row_start, graph.base_position, out)
         for point in range(len(out)):
             places = graph.base_position[graph.points[:, held] == point]
             between = places[:, None] - places[None]
@@ -112,3 +113,15 @@ def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
             )
     assert kept > 10
     assert changing > 5
+
+
+def test_edges_are_told_where_steps_are_not_checked(small_map):
+    """As by a graph that has no table of them."""
+    graph = stance_graph(small_map, settings=Settings(transitions=False))
+    implicit = ImplicitGraph(graph.grasp_map, graph.robot, graph.settings)
+    state = graph.state(graph.points[0].tolist())
+    steps = graph.successors(state)
+    for k in range(0, len(steps.limb), 9):
+        after = steps.after(state, k).stance
+        both = join(graph.posture(state.stance), graph.posture(after))
+        assert graph.edge(state, after, both) == implicit.edge(state, after, both)

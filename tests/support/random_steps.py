@@ -6,6 +6,7 @@ from mlivr_gym import Settings
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.transitions.records import StepRecord
 
 NO_COLLISIONS = Settings(collisions=False)
 
@@ -53,7 +54,7 @@ def asked(graph, limb, before, after, wanted, given):
     stances, world = checks.stances(points, postures), checks.world(None)
     todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
     checks.release(stances, todo, world)
-    steps = checks.steps(1)
+    steps = StepRecord.rows(1)
     steps["limb"], steps["before"], steps["after"], steps["fixed"] = limb, 0, 1, given
     steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
         axis=0

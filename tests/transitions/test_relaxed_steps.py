@@ -8,6 +8,7 @@ from random_steps import NO_COLLISIONS, asked, two_stances
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.bit_sets import ALL
+from mlivr_gym.transitions.records import StepRecord
 
 
 def some_masks(graph, rng):
@@ -23,7 +24,7 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         limb, before, after = two_stances(graph, rng)
         every = [ALL] * graph.limbs
         stances, step, _ = asked(graph, limb, before, after, every, False)
-        world, most = checks.world(None), checks.steps(1)
+        world, most = checks.world(None), StepRecord.rows(1)
         for name in ("limb", "before", "after", "pivot", "branches"):
             most[name][0] = step[name]
         checks.relax(most, stances, world)
