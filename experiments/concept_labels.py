@@ -16,7 +16,6 @@ from matplotlib.patches import Rectangle
 from reports import two_limb_graph
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import write_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planner import GOAL_TOLERANCE
@@ -25,6 +24,7 @@ from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
+from mlivr_gym.viewer.marks import states_of
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""
@@ -33,7 +33,7 @@ NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 def label_figure(graph: TwoLimbGraph) -> None:
     """Draw label, cost and bound after each step of a base-cost plan, and a dominated label."""
     plan = Planner(graph).plan(START, GOAL, "base").unwrap()
-    states = states_along(graph, plan)
+    states = [state for state in states_of(graph, plan) if state is not None]
     figure = Figure(figsize=(12.4, 5.6), dpi=110)
     for k, state in enumerate(states):
         x = 0.055 + 0.119 * k
@@ -68,16 +68,6 @@ def label_figure(graph: TwoLimbGraph) -> None:
         "A walk of two limbs: states $x_k = (s_k, L^k)$", x=0.055, y=0.985, ha="left", fontsize=11
     )
     write_figure(figure, OUT / "labels.png")
-
-
-def states_along(graph: TwoLimbGraph, plan: Plan) -> list[State]:
-    """Return the states of a plan from its start."""
-    states = [graph.state(plan.stances[0])]
-    for stance in plan.stances[1:]:
-        after = graph.step_to(states[-1], graph.indices(stance))
-        assert after is not None
-        states.append(after)
-    return states
 
 
 def costs_along(graph: TwoLimbGraph, states: list[State]) -> tuple[Array, Array, Array]:

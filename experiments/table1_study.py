@@ -17,34 +17,13 @@ from matplotlib.figure import Figure
 from reports import experiment, table, two_limb_graph
 from tqdm import tqdm
 
-from mlivr_gym import State
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
-from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.planners import Planner
+from mlivr_gym.viewer.marks import states_of
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp on the Pareto front [m]."""
-
-
-def can_be_executed(graph: TwoLimbGraph, plan: Plan) -> bool:
-    """Return whether stances can be executed in order, with each limb on one branch per hold."""
-    try:
-        state: State = graph.state(plan.stances[0])
-    except ValueError:
-        return False
-    for before, after in zip(plan.stances, plan.stances[1:], strict=False):
-        points = graph.indices(after)
-        postures = join(graph.posture(graph.indices(before)), graph.posture(points))
-        steps = graph.successors(state)
-        limb = 0 if before[0] != after[0] else 1
-        match = np.flatnonzero((steps.limb == limb) & (steps.point == points[limb]))
-        if not len(match) or not graph.is_node(postures).all():
-            return False
-        a, b = steps.branch_sets[match[0]].tolist()
-        state = State(points, (a, b))
-    return True
 
 
 def transition_study(pairs: int) -> dict[str, Any]:
@@ -59,7 +38,7 @@ def transition_study(pairs: int) -> dict[str, Any]:
         start, goal = sample_task(checked, rng, 0.2)
         for cost in blocked:
             plan = node_only.plan(start.stance, goal, cost).unwrap()
-            blocked[cost] += not can_be_executed(checked, plan)
+            blocked[cost] += None in states_of(checked, plan)
             if cost == "base":
                 with_check = planner.plan(start.stance, goal, cost).plan
                 solved += with_check is not None

@@ -190,12 +190,7 @@ def test_a_hold_is_on_the_branch_whose_least_manipulability_is_the_largest(small
     """Of those that its last state keeps; by the definition, from the joint angles of each."""
     graph, rng, long = small_graph, np.random.default_rng(0), 0
     for _ in range(12):
-        states = [random_state(graph, rng)]
-        for _ in range(6):
-            steps = graph.successors(states[-1])
-            if not len(steps.limb):
-                break
-            states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
+        states = random_walk(graph, rng, 6)
         points = np.array([state.stance for state in states])
         motion, postures = committed_motion(graph, states).motion, graph.postures_of(states)
         for limb in range(2):
