@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, NotRequired, TypedDict
+from typing import Any, NamedTuple, NotRequired, TypedDict, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -99,23 +99,9 @@ class Observer:
         return seen
 
 
-def _as_observation(
-    stance: IntArray,
-    grasps: Floats,
-    base_position: Floats,
-    base_quaternion: Floats,
-    goal: Floats,
-    branches: NDArray[np.int8],
-) -> Observation:
-    """Return the parts of an observation by name."""
-    return {
-        "stance": stance,
-        "grasps": grasps,
-        "base_position": base_position,
-        "base_quaternion": base_quaternion,
-        "goal": goal,
-        "branches": branches,
-    }
+def _as_observation(*parts: NDArray[Any]) -> Observation:
+    """Return the parts of an observation, in the order of its fields, by name."""
+    return cast(Observation, dict(zip(Observation.__annotations__, parts, strict=False)))
 
 
 def observation_rows(graph: TwoLimbGraph) -> tuple[NDArray[Any], ...]:

@@ -128,9 +128,9 @@ def capsules_of(solid: Hull) -> list[FittedCapsule]:
         fit, worst = pieces[done]
         if fit.excess <= TOLERATED:
             break
-        halves = [(_fitted(half), half) for half in _halves(worst)]
+        halves = _halves(worst)
         gained = max((half.excess for half, _ in halves), default=np.inf) < GAIN * fit.excess
-        if halves and gained:
+        if gained:
             pieces[done : done + 1] = halves
         else:
             done += 1
@@ -236,53 +236,33 @@ def _volume(capsule: tuple[Array, Array, float]) -> float:
     return float(np.pi * radius * radius * (length + 4.0 / 3.0 * radius))
 
 
-def _halves(solid: Hull) -> list[Hull]:
+def _halves(solid: Hull) -> list[tuple[FittedCapsule, Hull]]:
     """Return a solid cut in two where two capsules fit best, empty if it cannot be cut."""
     points = solid.points
     _, principal = np.linalg.eigh(np.cov((points - points.mean(axis=0)).T))
-    best: tuple[Array, Array] | None = None
+    best: list[tuple[FittedCapsule, Hull]] = []
     least = np.inf
     for axis in principal.T:
         low, high = float((points @ axis).min()), float((points @ axis).max())
         for share in CUTS:
             middle = (low + share * (high - low)) * axis
-            sides = [_points_kept(solid, middle, side * axis) for side in (1.0, -1.0)]
-            if not all(map(len, sides)):
-                continue
-            fits = [_with_excess(Hull(side, 0.0), *_best_along(side)) for side in sides]
-            excess = max(fit.excess for fit in fits)
-            if excess < least:
-                least, best = excess, (middle, axis)
-    if best is None:
-        return []
-    pieces = [_kept(solid, best[0], side * best[1]) for side in (1.0, -1.0)]
-    return [piece for piece in pieces if piece is not None]
-
-
-def _points_kept(solid: Hull, point: Array, axis: Array) -> Array:
-    """Return points whose hull is that of the part on the side that an axis points to, (k, 3)."""
-    if solid.triangles is None:
-        a, b = (solid.points[k] for k in np.triu_indices(len(solid.points), 1))
-        corners = solid.points
-    else:
-        corners = solid.triangles.reshape(-1, 3)
-        a, b = corners, np.roll(solid.triangles, -1, axis=1).reshape(-1, 3)
-    points = np.vstack([corners[(corners - point) @ axis >= 0.0], _crossings(a, b, point, axis)])
-    hull = _hull(points, 0.0, None)
-    return np.zeros((0, 3)) if hull is None else hull.points
+            sides = [_kept(solid, middle, side * axis) for side in (1.0, -1.0)]
+            halves = [(_fitted(side), side) for side in sides if side is not None]
+            excess = max((fit.excess for fit, _ in halves), default=np.inf)
+            if len(halves) == 2 and excess < least:
+                least, best = excess, halves
+    return best
 
 
 def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
-    """Return the part of a solid on the side of a plane that an axis points to."""
-    if solid.triangles is None:
-        points = _points_kept(solid, point, axis)
-        return Hull(points, solid.radius) if len(points) else None
-    heights = (solid.triangles - point) @ axis
-    whole = solid.triangles[(heights >= 0.0).all(axis=1)]
-    cut = solid.triangles[(heights >= 0.0).any(axis=1) & (heights < 0.0).any(axis=1)]
-    pieces = [piece for triangle in cut for piece in _cut_triangle(triangle, point, axis)]
-    triangles = np.vstack([whole, np.array(pieces).reshape(-1, 3, 3)])
-    return _hull(triangles.reshape(-1, 3), solid.radius, triangles)
+    """Return the part of a solid on the side of a plane that an axis points to, None if flat."""
+    if solid.triangles is not None:
+        triangles = _cut_triangles(solid.triangles, point, axis)
+        return _hull(triangles.reshape(-1, 3), solid.radius, triangles)
+    inside = (solid.points - point) @ axis >= 0.0
+    pairs = np.argwhere(inside[:, None] & ~inside)
+    crossings = _crossings(solid.points[pairs[:, 0]], solid.points[pairs[:, 1]], point, axis)
+    return _hull(np.vstack([solid.points[inside], crossings]), solid.radius, None)
 
 
 def _hull(points: Array, radius: float, triangles: Array | None) -> Hull | None:
@@ -297,20 +277,23 @@ def _hull(points: Array, radius: float, triangles: Array | None) -> Hull | None:
 
 
 def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:
-    """Return where lines from points a to points b pass a plane, shape (k, 3)."""
+    """Return where lines from points a, shape (k, 3), to points b pass a plane, shape (k, 3)."""
     low, high = (a - point) @ axis, (b - point) @ axis
-    passes = low * high < 0.0
-    share = (low[passes] / (low[passes] - high[passes]))[:, None]
-    crossings: Array = a[passes] + share * (b[passes] - a[passes])
+    crossings: Array = a + (low / (low - high))[:, None] * (b - a)
     return crossings
 
 
-def _cut_triangle(triangle: Array, point: Array, axis: Array) -> list[Array]:
-    """Return the triangles that remain of one on the side of a plane that an axis points to."""
-    corners: list[Array] = []
-    for k in range(3):
-        a, b = triangle[k], triangle[(k + 1) % 3]
-        if (a - point) @ axis >= 0.0:
-            corners.append(a)
-        corners.extend(_crossings(a[None], b[None], point, axis))
-    return [np.array([corners[0], corners[k], corners[k + 1]]) for k in range(1, len(corners) - 1)]
+def _cut_triangles(triangles: Array, point: Array, axis: Array) -> Array:
+    """Return the triangles that remain of some on the side of a plane that an axis points to."""
+    inside = (triangles - point) @ axis >= 0.0
+    count = inside.sum(axis=1)
+    parts = [triangles[count == 3]]
+    for kept in (1, 2):
+        # Turned so that the first corner is the one that is alone on its side.
+        cut, alone = triangles[count == kept], inside[count == kept] == (kept == 1)
+        order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(cut, order[:, :, None], axis=1).swapaxes(0, 1)
+        ab, ac = _crossings(a, b, point, axis), _crossings(a, c, point, axis)
+        remaining = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
+        parts += [np.stack(corners, axis=1) for corners in remaining]
+    return np.concatenate(parts)

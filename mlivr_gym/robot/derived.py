@@ -12,7 +12,7 @@ from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
-from mlivr_gym.robot.mounts import Mount, even_rotations
+from mlivr_gym.robot.mounts import Mount, even_mounts, even_rotations
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
 from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
@@ -47,17 +47,8 @@ class DerivedFigures:
         `Mount.dynamics` is None where it follows from the lengths, see `dynamics_of`. Where the
         first joint of a limb is held, its place is that of the first joint that moves.
         """
-        if self.mounts is None:
-            turns, limb = even_rotations(self.limbs), self.limb
-            shapes = self.capsules
-            if shapes is None:
-                shapes = stretched_capsules(limb, self.tool_length)
-            places = self.mount_radius * turns[:, :, 2]
-            return tuple(
-                _on_base(Mount(*place, limb, shapes, self.dynamics, self.visuals), limb)
-                for place in zip(places.tolist(), turns.tolist(), strict=True)
-            )
-        return tuple(map(self._completed, self.mounts))
+        mounts = self.mounts or even_mounts(self.limbs, self.mount_radius)
+        return tuple(map(self._completed, mounts))
 
     def _completed(self, mount: Mount) -> Mount:
         """Return a mount with what it does not name itself."""

@@ -20,7 +20,7 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
-from mlivr_gym.robot.limb_dynamics import LimbDynamics, gripper_link
+from mlivr_gym.robot.limb_dynamics import gripper_link
 from mlivr_gym.robot.link_frames import axes_of
 from mlivr_gym.robot.model import quaternion_of
 from mlivr_gym.robot.rigid import RigidBody
@@ -177,7 +177,9 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
         for k, (origin, quaternion) in enumerate(limb.link_offsets):
             axes = np.round(axes_of(quaternion), 15)
             name = f"limb{i}/{LINKS[k + 1]}"
-            mass = RigidBody(dynamics.masses[k], _triple(dynamics, k), dynamics.inertias[k])
+            mass = RigidBody(
+                dynamics.masses[k], as_triple(np.array(dynamics.centres[k])), dynamics.inertias[k]
+            )
             joint = WrittenJoint(
                 f"limb{i}/joint{k + 1}", tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
                 dynamics.speed_limits[k], dynamics.rotor_inertias[k],
@@ -190,11 +192,6 @@ def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
         yield WrittenLink(
             f"limb{i}/gripper", parent, none, np.eye(3), gripper, parts["gripper"], None
         )
-
-
-def _triple(dynamics: LimbDynamics, link: int) -> tuple[float, float, float]:
-    x, y, z = dynamics.centres[link]
-    return (x, y, z)
 
 
 def _fields(robot: DerivedFigures, fields: dict[str, Any]) -> str:

@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.mounts import Mount, even_rotations
+from mlivr_gym.robot.mounts import Mount, even_mounts
 
 
 def mounts_with_failed_joint(
@@ -28,7 +26,7 @@ def mounts_with_failed_joint(
     """
     if limb not in range(robot.limbs):
         raise RobotError(f"limb is {limb!r}; it must be a whole number from 0 to {robot.limbs - 1}")
-    mounts = robot.mounts or _even_mounts(robot)
+    mounts = robot.mounts or even_mounts(robot.limbs, robot.mount_radius)
     whole = mounts[limb].limb or robot.limb
     joints = len(whole.joint_limits)
     if joint not in range(1, joints + 1):
@@ -55,10 +53,3 @@ def mounts_with_failed_joint(
             visuals=place.visuals or (robot.visuals if shared else None),
         )
     return (*mounts[:limb], mount, *mounts[limb + 1 :])
-
-
-def _even_mounts(robot: DerivedFigures) -> tuple[Mount, ...]:
-    """Return the mounts of equal limbs at equal angles."""
-    turns = even_rotations(robot.limbs)
-    places = np.round(robot.mount_radius * turns[:, :, 2], 15)
-    return tuple(Mount(*place) for place in zip(places.tolist(), turns.tolist(), strict=True))

@@ -35,8 +35,6 @@ class FileBody(NamedTuple):
     """Mass, centre and inertia in the body's frame."""
     inertia: tuple[float, ...] | None
     """The inertia, None if it is that of a homogeneous box [kg m^2]."""
-    excess: float
-    """How far the box exceeds the shapes of the body [m]."""
 
 
 def body_of(
@@ -60,9 +58,8 @@ def body_of(
     shapes = solids(file, members, frame)
     if not shapes and size is None:
         raise RobotError(f"the body {name!r} has no collision shape; give body_size [m]")
-    excess = 0.0
     if size is None:
-        middle, half, excess = box_round(shapes, even is not None)
+        middle, half = box_round(shapes, even is not None)
         frame = frame.copy()
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
@@ -77,9 +74,8 @@ def body_of(
     limbs = tuple(replace(limb, mount=to_body @ limb.mount) for limb in limbs)
     if even is not None:
         limbs = tuple(_upright(limbs[k]) for k in even[2])
-    return FileBody(
-        limbs, None if even is None else even[1], size, solid, _body_inertia(solid, size), excess
-    )
+    radius = None if even is None else even[1]
+    return FileBody(limbs, radius, size, solid, _body_inertia(solid, size))
 
 
 def _body_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:

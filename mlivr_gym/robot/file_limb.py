@@ -73,10 +73,6 @@ class FileLimb:
     """Distance from the flange to the grasp [m]."""
     gripper_mass: float
     """Mass of a gripper that the last link does not include [kg]."""
-    base_parts: tuple[int, ...]
-    """Bodies of the model that are the limb's base."""
-    links: tuple[int, ...]
-    """Bodies that its joints move."""
     position_error: float
     """Largest distance of the flange from that of the file [m]."""
     chain: FileChain
@@ -226,8 +222,8 @@ def limb_of(
         notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
-        found.mount, capsules, excess, dynamics, length, gripper_mass, members.base, arm.links,
-        error, chain, apart, limb_visuals(file, members, frames), tuple(notes),
+        found.mount, capsules, excess, dynamics, length, gripper_mass, error, chain,
+        apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
 
 
@@ -338,7 +334,8 @@ def _chain_in_base(chain: JointChain, limb: AnyLimb, found: RecognisedArm) -> Fi
     """Return the joints of a file that move, in the base frame of the limb."""
     base, moving = _base_of(limb, found), chain.moving
     tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ chain.flange
-    flange = chain.flange @ inverse(_only_turned(tool))
+    tool[:3, 3] = 0.0
+    flange = chain.flange @ inverse(tool)
     return FileChain(moving.axes, moving.anchors, flange).seen_from(base)
 
 
@@ -366,12 +363,6 @@ def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
         frame[:3, :3], frame[:3, 3] = limb.base_in_mount
     base: Array = found.mount @ frame
     return base
-
-
-def _only_turned(frame: Array) -> Array:
-    out = frame.copy()
-    out[:3, 3] = 0.0
-    return out
 
 
 def _all_alike(some: tuple[Capsule, ...], others: tuple[Capsule, ...]) -> bool:

@@ -15,7 +15,6 @@ from mlivr_gym.robot.capsule_fit import (
     Hull,
     capsule_on_axis,
     capsules_of,
-    directions,
     moved_solid,
     solid_of,
 )
@@ -119,24 +118,21 @@ def links_apart(
     def across(points: Array) -> Array:
         return np.hypot(points[:, 0], points[:, 1])
 
+    base_top = farthest("base", lambda points: points[:, 2])
+    wrist_reach = farthest("wrist_2", lambda points: np.linalg.norm(points, axis=1))
     beside_wrist = limb.d5 - farthest("wrist_1", lambda points: -points[:, 1])
     gripper = max(farthest("gripper", across), gripper_capsule(0.0).radius)
     gaps = {
-        ("base", "upper_arm"): _beside(shapes["upper_arm"], limb.d1 - farthest("base", _height))
+        ("base", "upper_arm"): _beside(shapes["upper_arm"], limb.d1 - base_top)
         - farthest("base", across),
         ("forearm", "wrist_2"): limb.d4
-        - _highest(shapes["forearm"], limb.a3, abs(limb.d5) + farthest("wrist_2", _size))
+        - _highest(shapes["forearm"], limb.a3, abs(limb.d5) + wrist_reach)
         - farthest("wrist_2", across),
         ("wrist_1", "wrist_3"): beside_wrist - farthest("wrist_3", across),
         # A capsule of wrist 3 that bulges out counts as the gripper's, see `_link_of`.
         ("wrist_1", "gripper"): beside_wrist - max(gripper, farthest("wrist_3", across)),
     }
     return tuple(pair for pair in APART if gaps[pair] > 0.0)
-
-
-def _size(points: Array) -> Array:
-    sizes: Array = np.linalg.norm(points, axis=1)
-    return sizes
 
 
 def _highest(shapes: list[Hull], x: float, radius: float) -> float:
@@ -150,10 +146,6 @@ def _highest(shapes: list[Hull], x: float, radius: float) -> float:
         close = np.hypot(points[:, 0] - x, points[:, 1]) - shape.radius < radius
         most = max(most, float(points[close, 2].max(initial=-np.inf)) + shape.radius)
     return most
-
-
-def _height(points: Array) -> Array:
-    return points[:, 2]
 
 
 def _beside(shapes: list[Hull], radius: float) -> float:
@@ -199,8 +191,8 @@ def _rounded(link: str, fit: FittedCapsule) -> Capsule:
     return Capsule(link, start, end, max(radius, ROUNDED))
 
 
-def box_round(shapes: list[Hull], symmetric: bool) -> tuple[Array, Array, float]:
-    """Return middle and half edges of the box round shapes, and how far it exceeds them [m].
+def box_round(shapes: list[Hull], symmetric: bool) -> tuple[Array, Array]:
+    """Return middle and half edges of the box round shapes [m].
 
     If `symmetric`, its middle is the origin.
     """
@@ -210,10 +202,4 @@ def box_round(shapes: list[Hull], symmetric: bool) -> tuple[Array, Array, float]
     if symmetric:
         high = np.maximum(np.abs(low), np.abs(high))
         low = -high
-    middle, half = np.round(0.5 * (low + high), 9), np.round(0.5 * (high - low), 9)
-    u = directions()
-    of_box = u @ middle + np.abs(u) @ half
-    of_shapes = np.max(
-        [(u @ shape.points.T).max(axis=1) + shape.radius for shape in shapes], axis=0
-    )
-    return middle, half, max(0.0, float((of_box - of_shapes).max()))
+    return np.round(0.5 * (low + high), 9), np.round(0.5 * (high - low), 9)

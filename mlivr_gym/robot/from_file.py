@@ -52,8 +52,6 @@ class RobotFile:
     """The offsets [rad], shape (N, 6)."""
     capsule_excess: tuple[dict[str, float], ...]
     """How far the capsules of each link reach beyond its shapes at most [m], by limb and link."""
-    body_excess: float
-    """How far the box of the body reaches beyond its shapes [m]."""
     file_limbs: tuple[FileLimb, ...]
     """Each limb as the file has it, N of them; equal limbs of one arm share it."""
     position_error: float
@@ -245,7 +243,6 @@ def _of_one_arm(
         np.tile(limb.signs, (count, 1)),
         np.tile(limb.offsets, (count, 1)),
         (limb.excess,) * count,
-        0.0,
         (limb,) * count,
         limb.position_error,
     )
@@ -284,7 +281,6 @@ def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -
         np.array([limb.signs for limb in limbs]),
         np.array([limb.offsets for limb in limbs]),
         tuple(limb.excess for limb in limbs),
-        body.excess,
         limbs,
         max(limb.position_error for limb in limbs),
     )

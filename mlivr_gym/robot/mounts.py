@@ -91,6 +91,13 @@ def plain_without_looks(mount: Mount) -> dict[str, Any]:
     return data
 
 
+def even_mounts(limbs: int, radius: float) -> tuple[Mount, ...]:
+    """Return the mounts of limbs at equal angles, at a distance from the body's z axis [m]."""
+    turns = even_rotations(limbs)
+    places = radius * turns[:, :, 2]
+    return tuple(Mount(*place) for place in zip(places.tolist(), turns.tolist(), strict=True))
+
+
 def even_rotations(limbs: int) -> Array:
     """Return the axes of limbs mounted at equal angles, in the body frame, shape (N, 3, 3).
 
