@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from mlivr_gym.arguments import Reader
 from mlivr_gym.collisions.carrying import carrying_robot
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
@@ -15,7 +16,7 @@ from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners.costs import HEURISTICS
 from mlivr_gym.planners.query import MAX_EXPANSIONS, METHODS
-from mlivr_gym.robot.cargo import Cargo, carrying
+from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
 from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
 from mlivr_gym.schema import Choice, FieldPath, Integer, Numbers, Validator
 from mlivr_gym.settings import Settings
@@ -128,13 +129,18 @@ def _parent_parser() -> argparse.ArgumentParser:
     return argparse.ArgumentParser(add_help=False)
 
 
+def _cargo(given: Any, place: FieldPath) -> Cargo:
+    """Return the cargo of a mass [kg] and three edges [m]."""
+    return CARGO.read({"mass": given[0], "size": given[1:]}, place)
+
+
 def world_arguments() -> argparse.ArgumentParser:
     """Return the parent parser of robot, map and settings."""
     parser = _parent_parser()
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
     text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
-    option(parser, "--cargo KG X Y Z", text, type=float)
+    option(parser, "--cargo KG X Y Z", text, valid=Reader(_cargo), type=float)
     text = "number of the limb that holds the cargo, folded, while the others walk (default: none)"
     option(parser, "--cargo-limb LIMB", text, type=int)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
@@ -244,10 +250,10 @@ def chosen_robot(args: argparse.Namespace) -> RobotSpec:
     """Return the robot of `--robot` with the cargo of `--cargo`."""
     robot = robot_spec(args.robot)
     if args.cargo_limb is None:
-        return carrying(robot, _cargo(args))
+        return carrying(robot, args.cargo)
     if args.cargo is None:
         raise SettingError("--cargo-limb has no effect without --cargo; leave it out")
-    return carrying_robot(robot, args.cargo_limb, Cargo(args.cargo[0], tuple(args.cargo[1:])))
+    return carrying_robot(robot, args.cargo_limb, args.cargo)
 
 
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
@@ -331,11 +337,6 @@ def refuse_without_effect(args: argparse.Namespace, why: str, *names: str) -> No
             raise SettingError(f"--{name.replace('_', '-')} has no effect {why}; leave it out")
 
 
-def _cargo(args: argparse.Namespace) -> dict[str, Any] | None:
-    """Return the cargo of `--cargo` as plain data."""
-    return args.cargo and {"mass": args.cargo[0], "size": args.cargo[1:]}
-
-
 def _check_world(args: argparse.Namespace) -> None:
     """Refuse thresholds or a clearance whose check is switched off."""
     if args.no_manipulability:
@@ -349,14 +350,13 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     _check_world(args)
     names = (
         "robot", "map", "clearance", "base_threshold", "limb_threshold", "reward", "grasp_failure",
-        "shaping",
+        "shaping", "cargo",
     )  # fmt: skip
     given = {name: getattr(args, name) for name in names if name in args}
     changed = {name: value for name, value in given.items() if value != args.default(name)}
     if getattr(args, "cargo_limb", None) is not None:
         changed["robot"] = chosen_robot(args).to_dict()
-    elif getattr(args, "cargo", None):
-        changed["cargo"] = _cargo(args)
+        del changed["cargo"]
     return changed | _switched_off(args)
 
 

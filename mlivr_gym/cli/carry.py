@@ -12,7 +12,6 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.film import check_film_format
-from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.stances.build import stance_graph
 
@@ -44,12 +43,11 @@ def run(args: argparse.Namespace) -> int:
     for name in ("cargo", "start", "pick", "stow"):
         if getattr(args, name) is None:
             raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
-    bag = Cargo(args.cargo[0], tuple(args.cargo[1:]))
     limbs = None if args.cargo_limb is None else [args.cargo_limb]
     with Progress("planning", quiet=args.quiet):
         graph = stance_graph(chosen_map(args), robot_spec(args.robot), chosen_settings(args))
         mission = plan_cargo_mission(
-            graph, args.start, args.pick, args.stow, bag, args.cost, limbs=limbs
+            graph, args.start, args.pick, args.stow, args.cargo, args.cost, limbs=limbs
         )
     parts = mission.execute(LIMITS[args.pace])
     print(f"limb {mission.limb} carries; walks of {len(mission.plans[0].steps)} steps to the bag "

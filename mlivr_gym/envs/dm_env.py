@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.envs.arguments import EPISODE_STEPS
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.schema import OrNone
 
 try:
@@ -45,44 +45,34 @@ class MlivrDmEnvironment(dm_env.Environment):  # type: ignore[misc]
     ) -> None:
         """Wrap an environment, with a seed of the tasks, and a number of steps of an episode."""
         self.env, self._seed, self._limit = env, seed, max_episode_steps
-        self._ended = True
+        self._masked, self._ended = ActionMaskObservation(env), True
         self.info: dict[str, Any] = {}
         """Information that `MlivrEnv` returned with the last step."""
 
     def reset(self) -> dm_env.TimeStep:
         """Start an episode."""
-        observation, self.info = self.env.reset(seed=self._seed)
+        observation, self.info = self._masked.reset(seed=self._seed)
         self._seed, self._ended = None, False
-        return dm_env.restart(self._observed(observation))
+        return dm_env.restart(observation)
 
     def step(self, action: int | NDArray[Any]) -> dm_env.TimeStep:
         """Take an action; before the first episode and after the end of one, start an episode."""
         if self._ended:
             return self.reset()
-        observation, reward, terminated, _, self.info = self.env.step(action)
+        observation, reward, terminated, _, self.info = self._masked.step(action)
         truncated = self.info["steps"] >= self._limit
         self._ended = terminated or truncated
         if terminated:
-            return dm_env.termination(reward, self._observed(observation))
+            return dm_env.termination(reward, observation)
         if truncated:
-            return dm_env.truncation(reward, self._observed(observation))
-        return dm_env.transition(reward, self._observed(observation))
-
-    def _observed(self, observation: Observation) -> dict[str, NDArray[Any]]:
-        """Return an observation with the action mask in it."""
-        mask = self.env.action_masks().astype(np.int8)
-        seen: dict[str, Any] = {**observation}
-        return seen | {"action_mask": mask}
+            return dm_env.truncation(reward, observation)
+        return dm_env.transition(reward, observation)
 
     def observation_spec(self) -> dict[str, specs.Array]:
         """Return the spec of each entry of the observation."""
-        inner = self.env.observation_space
-        assert isinstance(inner, spaces.Dict)
-        entries: dict[str, Any] = {
-            **inner.spaces,
-            "action_mask": spaces.MultiBinary(self.action_spec().num_values),
-        }
-        return {name: _spec(name, space) for name, space in entries.items()}
+        entries = self._masked.observation_space
+        assert isinstance(entries, spaces.Dict)
+        return {name: _spec(name, space) for name, space in entries.spaces.items()}
 
     def action_spec(self) -> specs.DiscreteArray:
         """Return the spec of an action, the integer `limb * m + point`."""

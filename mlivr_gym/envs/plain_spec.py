@@ -36,14 +36,6 @@ def plain_value(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def plain_spec(spec: EnvSpec | None) -> EnvSpec | None:
-    """Return a copy of a spec whose arguments are plain data."""
-    if spec is not None:
-        spec = copy.copy(spec)
-        spec.kwargs = plain_value(spec.kwargs)
-    return spec
-
-
 class PlainSpec:
     """Mix-in whose property `spec` has the arguments of the environment as plain data."""
 
@@ -56,4 +48,7 @@ class PlainSpec:
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec)
+        if spec is not None:
+            spec = copy.copy(spec)
+            spec.kwargs = plain_value(spec.kwargs)
+        self._spec = spec

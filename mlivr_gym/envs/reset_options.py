@@ -83,16 +83,9 @@ class ResetOptions:
         Raises a `MlivrError` if the robot cannot start there, the goal lies outside the cabin, or
         the fixed task cannot be drawn.
         """
-        start, goal = self.state(graph), self.goal
+        start, goal = None, self.goal
+        if self.start is not None:
+            start = graph.state(self.start, self.start_pose, self.start_joints)
         if self.task is not None:
             start, goal = fixed_task(tasks, graph, self.task, tolerance)
         return start, None if goal is None else graph.grasp_map.check_goal(goal)
-
-    def state(self, graph: StanceGraph) -> State | None:
-        """Return the start, or None if no option gives it.
-
-        Raises a `MlivrError` if the robot cannot start there; the message names the option.
-        """
-        if self.start is None:
-            return None
-        return graph.state(self.start, self.start_pose, self.start_joints)
