@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box, GraspMap
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -29,6 +31,9 @@ Placed = tuple[Any, Any]
 
 AtGrasp = Sequence[tuple[int, Array, Array]]
 """Limbs at grasps, with the points [m] and normals of these."""
+
+HeldPoints = list[tuple[int, int]]
+"""Pairs of a limb and the point at which its gripper is."""
 
 
 def solid(box: Box) -> Placed:
@@ -131,10 +136,25 @@ def behind(box: Box, point: Array, normal: Array) -> bool:
     return bool(((corners - point) @ normal).max() <= 2e-3)
 
 
-def grasps_of(graph: StanceGraph, points: Sequence[tuple[int, int]]) -> AtGrasp:
+def grasps_of(graph: StanceGraph, points: Iterable[tuple[int, int]]) -> AtGrasp:
     """Return limbs with their grasps; `points` are pairs of limb and point index."""
     grasps = graph.solver.grasps
     return [(limb, grasps["point"][point], grasps["normal"][point]) for limb, point in points]
+
+
+def sampled(graph: StanceGraph, plan: Plan, samples: int) -> list[tuple[Configuration, HeldPoints]]:
+    """Return configurations along each step of a plan, with the limbs that are at a point."""
+    found = []
+    for k, step in enumerate(plan.steps):
+        motion = step_motion(graph, plan, k, samples)
+        before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
+        still = [(i, point) for i, point in enumerate(before) if i != step.limb]
+        # It departs from one point and approaches the other; between them it is free.
+        moving = [[(step.limb, before[step.limb])], [], [(step.limb, after[step.limb])]]
+        for n, phase in enumerate(motion.phase.tolist()):
+            here = motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n]
+            found.append((here, still + moving[phase]))
+    return found
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from coal_ruler import Ruler, grasps_of, obstacles
+from coal_ruler import HeldPoints, Ruler, grasps_of, obstacles, sampled
 from reports import study_rows, two_limb_graph
 from scipy.spatial.transform import Rotation
 from tqdm import tqdm
@@ -24,7 +24,6 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends, contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
@@ -44,9 +43,6 @@ FARTHEST_GAP = 0.05
 
 TOUCH = 1e-6
 """Penetrations below this depth are rounding errors [m]."""
-
-HeldPoints = list[tuple[int, int]]
-"""Pairs of a limb and the point at which its gripper is."""
 
 
 class Scene:
@@ -68,23 +64,6 @@ class Scene:
         touching = self.data.contact.geom[self.data.contact.dist < -TOUCH]
         pairs = (frozenset(self.model.geom(g).name for g in pair) for pair in touching)
         return any(pair not in held for pair in pairs)
-
-
-def sampled(
-    graph: TwoLimbGraph, plan: Plan, samples: int
-) -> list[tuple[Configuration, HeldPoints]]:
-    """Return configurations along each step of a plan, with the limbs that are at a point."""
-    out = []
-    for k, step in enumerate(plan.steps):
-        motion = step_motion(graph, plan, k, samples)
-        before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
-        for n, phase in enumerate(motion.phase.tolist()):
-            points = [(i, before[i]) for i in range(2) if i != step.limb]
-            points += [(step.limb, before[step.limb])] if phase == 0 else []
-            points += [(step.limb, after[step.limb])] if phase == 2 else []
-            here = motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n]
-            out.append((here, points))
-    return out
 
 
 def penetrating(scene: Scene, places: list[tuple[Configuration, HeldPoints]]) -> int:

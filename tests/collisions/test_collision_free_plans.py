@@ -2,39 +2,16 @@
 
 import numpy as np
 import pytest
-from coal_ruler import Ruler, grasps_of
+from coal_ruler import Ruler, grasps_of, sampled
 from limb_motions import ROBOT
 from wrist_arms import iiwa_from_file
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
 CLEARANCE = 0.02
-
-
-def nearest(graph, plan, ruler, samples):
-    """Return distances at samples of a plan's steps, in ascending order.
-
-    Grippers at grasps are excluded.
-    """
-    found = []
-    for k, step in enumerate(plan.steps):
-        motion = step_motion(graph, plan, k, samples)
-        before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
-        for n, phase in enumerate(motion.phase):
-            points = [(i, p) for i, p in enumerate(before) if i != step.limb]
-            # It departs along one normal and approaches along another; between them it is free.
-            points += {
-                0: [(step.limb, before[step.limb])],
-                1: [],
-                2: [(step.limb, after[step.limb])],
-            }[int(phase)]
-            here = motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n]
-            found += ruler.measured(here, grasps_of(graph, points), 2.0 * CLEARANCE)
-    return sorted(found)
 
 
 @pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 12), ("two iiwa", 3)])
@@ -50,7 +27,8 @@ def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, pla
         cost = ("base", "steps")[n % 2] if graph.limbs == 2 else "weighted"
         price = {} if graph.limbs == 2 else {"regrasp_price": 0.2}
         plan = planner.plan(start.stance, goal, cost, **price).unwrap()
-        found += nearest(graph, plan, ruler, 12)
+        for here, points in sampled(graph, plan, 12):
+            found += ruler.measured(here, grasps_of(graph, points), 2.0 * CLEARANCE)
     assert min(found)[0] >= CLEARANCE - 1e-9
     # They come so close that the clearance is decisive.
     ids = {box.id for box in jem.boxes}

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coal_ruler import Ruler, grasps_of
+from coal_ruler import Ruler, grasps_of, sampled
 
 from mlivr_gym import Box, Capsule, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import SettingError, ShapeError, StanceError
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
@@ -31,11 +30,8 @@ def test_obstacles_take_away_and_give_back(checked_graph):
     blocked = planner.plan(START, GOAL, "steps").unwrap()
     assert blocked.cost >= free.cost
     assert blocked.world.obstacles == (box,)
-    for k in range(len(blocked.steps)):
-        motion = step_motion(graph, blocked, k, 10)
-        for n in range(len(motion.phase)):
-            here = (motion.base_positions[n], motion.base_quaternions[n], motion.joint_positions[n])
-            assert not contacts(graph.robot, (box,), here, 0.02 - 1e-9)
+    for here, _ in sampled(graph, blocked, 10):
+        assert not contacts(graph.robot, (box,), here, 0.02 - 1e-9)
     assert Plan.from_dict(
         json.loads(json.dumps(blocked.to_dict())), graph.grasp_map
     ).world.obstacles == (box,)
