@@ -7,15 +7,10 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.compiled.limb_branch_sets import packed
-from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.relabelling import (
-    is_symmetric_after_relabelling,
-    relabelled,
-    relabelled_frames,
-)
+from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -27,6 +22,7 @@ from mlivr_gym.stances.node_edges import (
     list_node_pairs,
     with_edges,
 )
+from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
 from mlivr_gym.stances.parts import Block, PartArrays, Parts, Progress
 from mlivr_gym.stances.stance_sets import StanceSets
@@ -58,13 +54,12 @@ def build(
     threads = workers(len(sets_of_blocks), 2)
     half = progress and (lambda share: progress(share / 2.0))
     found = parts.of_blocks(nodes_of_sets, sets_of_blocks, (world,), threads, half)
-    *columns, rotation = map(np.concatenate, zip(*found, strict=True))
+    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
     table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
-    shared, blocks = (world, nodes, rotation[order], table), _support_set_blocks(table)
     half = progress and (lambda share: progress(0.5 + share / 2.0))
-    steps = parts.of_blocks(joined, blocks, shared, threads, half)
+    steps = parts.of_blocks(joined, _support_set_blocks(table), (world, table), threads, half)
     return with_edges(table, EdgeSet(*map(np.concatenate, zip(*steps, strict=True))))
 
 
@@ -93,7 +88,7 @@ def _orders(robot: RobotSpec) -> IntArray:
 
 
 def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
-    """Compute the nodes that hold some sets of points: columns of `Nodes`, and base rotations."""
+    """Compute the nodes that hold some sets of points: columns of `Nodes`."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(world[1])].reshape(-1, limbs)
     graph = _graph(world)
@@ -101,10 +96,9 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     nodes = np.flatnonzero(graph.is_node(postures))
     stances, postures = stances[nodes], postures.take(nodes)
     releases = graph.all_releases(stances, postures)
-    base, rotation = postures.base_position, postures.base_rotation
-    folds = releases["folds"].astype(np.int64)
-    branches = releases["branches"].astype(np.int64)
-    return stances, base, postures.branch_sets, branches, folds, postures.pose_number, rotation
+    branches, folds = (releases[name].astype(np.int64) for name in ("branches", "folds"))
+    base, branch_sets = postures.base_position, postures.branch_sets
+    return stances, base, branch_sets, branches, folds, postures.pose_number
 
 
 def _support_set_blocks(table: NodeTable) -> list[Block]:
@@ -119,49 +113,35 @@ def _support_set_blocks(table: NodeTable) -> list[Block]:
     return blocks
 
 
-def joined(
-    first: int, last: int, world: World, nodes: Nodes, rotation: Array, table: NodeTable
-) -> PartArrays:
+def joined(first: int, last: int, world: World, table: NodeTable) -> PartArrays:
     """Compute the branches that steps keep at most for the pairs of some support sets."""
     before = NodePair.before(table, first)
     pairs = np.empty((count_node_pairs(table, before.copy(), last), 2), dtype=np.int64)
     list_node_pairs(table, before, last, pairs)
     begin, end = table.start[first], table.start[last]
     members = table.members[begin:end].astype(np.int64)
-    return kept_at_most(_graph(world), nodes, rotation, members, pairs - begin)
+    return kept_at_most(_graph(world), table, members, pairs - begin)
 
 
 def kept_at_most(
-    graph: ImplicitGraph, nodes: Nodes, rotation: Array, members: IntArray, pairs: IntArray
+    graph: ImplicitGraph, table: NodeTable, members: IntArray, pairs: IntArray
 ) -> EdgeSet:
     """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
 
     They are the union of those kept on the step there and on that back, whose candidate lines may
     differ, see `relaxed_steps`.
     """
-    limbs = graph.limbs
-    rows, moved = np.divmod(members, limbs)
+    rows, moved = np.divmod(members, graph.limbs)
     relabellings = moved if is_symmetric_after_relabelling(graph.robot) else np.zeros_like(moved)
-    points, branch_sets = (
-        relabelled(nodes.points[rows], relabellings),
-        relabelled(nodes.branch_sets[rows], relabellings),
-    )
-    frames, none = relabelled_frames(rotation[rows], relabellings, limbs), np.zeros_like(points)
-    postures = Postures(
-        nodes.base_position[rows], frames, none.astype(float), none[:, 0].astype(float), none,
-        branch_sets, none[:, 0], none[:, 0],
-    )  # fmt: skip
-    stances, world = graph.checks.stances(points, postures), graph.checks.world(None)
-    for name, values in (("branches", nodes.releasable), ("folds", nodes.folds)):
-        stances.releases[name] = relabelled(values[rows], relabellings)
-    stances.releases["known"] = True
+    stances = node_stances(graph.grasp_map, graph.robot, table, rows, relabellings)
+    branch_sets, world = stances.branch_sets, graph.checks.world(None)
     first = moved - relabellings + 1  # the limb after the swing limb
 
     def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
         """Return the branches that steps from some members to others keep at most."""
         steps = graph.checks.steps(stances, one, other, branch_sets[one])
         graph.checks.relax(steps, stances, world)
-        of_supports = relabelled(steps["kept"][:, :limbs], first[one])[:, :-1]
+        of_supports = relabelled(steps["kept"][:, : graph.limbs], first[one])[:, :-1]
         kept = packed(of_supports)
         kept[~of_supports.all(axis=1)] = 0
         return kept
