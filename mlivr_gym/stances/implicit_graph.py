@@ -101,12 +101,12 @@ class ImplicitGraph(StanceGraph):
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         self._releases = {}
 
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
-        limb, point, stances = self._neighbouring(stance, range(self.limbs))
+        stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)
-        return limb[node], point[node], postures.take(node)
+        return stances[node], postures.take(node)
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state; see `StanceGraph.successors`.
@@ -154,30 +154,27 @@ class ImplicitGraph(StanceGraph):
                 state.branch_sets[limb], self.releasable_branches(state.stance, posture, limb)
             )
         ]
-        return self._neighbouring(state.stance, able)[2]
+        return self._neighbouring(state.stance, able)
 
-    def _neighbouring(
-        self, stance: tuple[int, ...], limbs: Iterable[int]
-    ) -> tuple[IntArray, IntArray, IntArray]:
-        """Return limb, point and stance of moves of some limbs to points that their others allow.
+    def _neighbouring(self, stance: tuple[int, ...], limbs: Iterable[int]) -> IntArray:
+        """Return the stances after moves of some limbs to points that their others allow, (k, N).
 
         Stances that are no nodes by the table, or by the sets of points, are omitted.
         """
-        moved, points = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+        after = [np.zeros((0, self.limbs), dtype=np.int64)]
         for limb in limbs:
             others = [point for i, point in enumerate(stance) if i != limb]
             able = np.flatnonzero(self.compatible[others].all(axis=0))
-            points.append(able[able != stance[limb]])
-            moved.append(np.full(len(points[-1]), limb, dtype=np.int64))
-        limb_of, point = np.concatenate(moved), np.concatenate(points)
-        stances = np.tile(np.array(stance, dtype=np.int64), (len(limb_of), 1))
-        stances[np.arange(len(limb_of)), limb_of] = point
+            able = able[able != stance[limb]]
+            after.append(np.tile(np.array(stance, dtype=np.int64), (len(able), 1)))
+            after[-1][:, limb] = able
+        stances = np.concatenate(after)
         if self.table is not None:
             kept = self.table.find(stances, self.robot)[0] >= 0
         else:
             sets = self.sets(build=False) if self.searches_sets else None
             kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0
-        return limb_of[kept], point[kept], stances[kept]
+        return np.asarray(stances[kept])
 
     def likely_base(self, stances: IntArray) -> Array:
         """Return a likely base position at stances, shape (k, N) -> (k, 3) [m].

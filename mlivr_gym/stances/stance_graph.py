@@ -353,26 +353,22 @@ class StanceGraph(CheckedSteps):
         return State(stance, tuple(found.tolist())) if found.all() else None
 
     @abstractmethod
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
-        """Return the nodes in which one limb holds another point, steps to them unchecked.
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
+        """Return the nodes in which one limb holds another point, shape (k, N), and their postures.
 
-        Returns
-        -------
-        tuple[IntArray, IntArray, Postures]
-            Limb that moves, shape (k,), point that it moves to, shape (k,), and the postures after.
+        They are in the order of limbs and points; steps to them are not checked.
         """
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
-        limb, point, postures = self.neighbouring_nodes(state.stance)
-        stances = np.tile(np.array(state.stance, dtype=np.int64), (len(limb), 1))
-        stances[np.arange(len(limb)), limb] = point
-        every = np.zeros(len(stances), dtype=np.int64)
-        here = self.posture_of(state)
-        found = self.branch_sets_after([state], here, every, stances, postures)
+        stances, postures = self.neighbouring_nodes(state.stance)
+        first, here = np.zeros(len(stances), dtype=np.int64), self.posture_of(state)
+        found = self.branch_sets_after([state], here, first, stances, postures)
         kept = found.all(axis=1)
-        return Successors(limb[kept], point[kept], postures.base_position[kept], found[kept])
+        limb = (stances[kept] != state.stance).argmax(axis=1)
+        point = stances[kept, limb]
+        return Successors(limb, point, postures.base_position[kept], found[kept])
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a neighbouring stance, None without such a step."""

@@ -312,18 +312,14 @@ class TwoLimbGraph(StanceGraph):
         row = self.stances_with(support, self.points[s, support])
         return np.asarray(row[row != s])
 
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, IntArray, Postures]:
+    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
-        limbs, rows = [], []
-        for limb in range(2):
-            row = self.stances_with(1 - limb, stance[1 - limb])
-            self._known.check_nodes(row)
-            is_node = (self.steps.branch_sets[row] > 0).all(axis=1)
-            row = row[is_node & (self.points[row, limb] != stance[limb])]
-            rows.append(row)
-            limbs.append(np.full(len(row), limb, dtype=np.int64))
-        limb_of, chosen = np.concatenate(limbs), np.concatenate(rows)
-        return limb_of, self.points[chosen, limb_of], self.node_postures(chosen)
+        rows = [self.stances_with(1 - limb, stance[1 - limb]) for limb in range(2)]
+        chosen = np.concatenate(rows)
+        chosen = chosen[(self.points[chosen] != stance).any(axis=1)]
+        postures = self.node_postures(chosen)
+        node = self.is_node(postures)
+        return self.points[chosen[node]], postures.take(node)
 
     def kept_branches(self, support: Any, before: Any, after: IntArray) -> IntArray:
         """Return the branches that support limbs keep on steps, which are checked once, shape (k,).

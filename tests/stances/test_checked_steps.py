@@ -17,10 +17,10 @@ def test_steps_of_several_states_are_those_of_each(small_map, robot):
     states.append(steps.after(states[0], 0))
     before, rows = [], []
     for k, state in enumerate(states):
-        limb, point, _ = graph.neighbouring_nodes(state.stance)
-        for n in rng.permutation(len(limb))[:12]:
-            before.append(k)
-            rows.append(state.stance_after(int(limb[n]), int(point[n])))
+        nodes, _ = graph.neighbouring_nodes(state.stance)
+        chosen = rng.permutation(len(nodes))[:12]
+        before += [k] * len(chosen)
+        rows += nodes[chosen].tolist()
     mixed = rng.permutation(len(rows))
     before, rows = np.array(before)[mixed], np.array(rows)[mixed]
     here, after = graph.postures_of(states), graph.postures(rows)

@@ -93,10 +93,8 @@ def test_what_rounding_leaves_decides_no_step(robot):
     graph, rng = stance_graph(robot=robot), np.random.default_rng(8)
     for _ in range(4):
         state = random_state(graph, rng)
-        limb, point, postures = graph.neighbouring_nodes(state.stance)
-        stances = np.tile(np.array(state.stance), (len(limb), 1))
-        stances[np.arange(len(limb)), limb] = point
-        every, here = np.zeros(len(limb), dtype=np.int64), graph.posture(state.stance)
+        stances, postures = graph.neighbouring_nodes(state.stance)
+        every, here = np.zeros(len(stances), dtype=np.int64), graph.posture(state.stance)
         answers = []
         for _ in range(2):
             found = graph.branch_sets_after([state], here, every, stances, postures)

@@ -71,12 +71,10 @@ def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, mon
     stances = rows[plain.is_node(plain.nodes(rows))]
     assert len(stances) > 5
     for stance in map(tuple, stances[:20].tolist()):
-        ours, theirs = kept.neighbouring_nodes(stance), plain.neighbouring_nodes(stance)
-        np.testing.assert_array_equal(ours[0], theirs[0])
-        np.testing.assert_array_equal(ours[1], theirs[1])
-        assert len(kept._neighbouring(stance, range(graph.limbs))[0]) <= len(
-            plain._neighbouring(stance, range(graph.limbs))[0]
-        )
+        ours, theirs = (one.neighbouring_nodes(stance)[0] for one in (kept, plain))
+        np.testing.assert_array_equal(ours, theirs)
+        ours, theirs = (one._neighbouring(stance, range(graph.limbs)) for one in (kept, plain))
+        assert len(ours) <= len(theirs)
 
 
 def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_cache, caplog):
