@@ -37,6 +37,8 @@ def path_shown(path: object) -> str:
 
 def one_line(message: str) -> str:
     """Return a message with every unprintable character escaped, so that it fits on one line."""
+    if message.isprintable():
+        return message
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 

@@ -3,8 +3,8 @@
 Numba caches machine code for the exact processor on which it was compiled, so its cache cannot be
 used on another machine. The archive is compiled for a generic processor. It is used on every
 processor that has the same features, with exactly the Python, the Numba and the sources with which
-it was made. An entry reads it if the user's cache folder has no machine code; it is not copied
-there, since reading the archive takes no longer.
+it was made. An entry that the archive has is not copied to the user's cache folder, since reading
+the archive takes no longer.
 
 Numba has no public interface to load machine code. Its private parts are used in this file alone:
 the cache of a dispatcher, the reconstruction of a compiled function, and in `pack` the index of a
@@ -105,7 +105,11 @@ def offer(dispatcher: Any, digest: str) -> None:
 
 
 class _CacheWithArchive:
-    """Cache of a compiled function that reads Numba's cache folder first, then the archive."""
+    """Cache of a compiled function that reads the archive first, then Numba's cache folder.
+
+    Before it reads its folder, Numba imports all that compilation may need, which takes as long as
+    loading all functions of a plan from the archive.
+    """
 
     def __init__(self, cache: Any, entry_name: str) -> None:
         """Take Numba's cache of the function, which may be empty, and its name in the archive."""
@@ -117,13 +121,12 @@ class _CacheWithArchive:
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return the function compiled for a signature, or None if neither has it."""
-        found = self._cache.load_overload(signature, target)
-        if found is None and (payload := _read(member(self._entry_name, signature))) is not None:
-            from numba.core.compiler import CompileResult  # as in the archive's version of Numba
+        payload = _read(member(self._entry_name, signature))
+        if payload is None:
+            return self._cache.load_overload(signature, target)
+        from numba.core.compiler import CompileResult  # as in the archive's version of Numba
 
-            target.refresh()
-            found = CompileResult._rebuild(target, *payload)
-        return found
+        return CompileResult._rebuild(target, *payload)
 
 
 def member(entry_name: str, signature: Any) -> str:

@@ -101,7 +101,7 @@ def next_angles(limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Join
         return False
     for joint, before in enumerate((q0, q1, q2, q3, q4, q5)):
         wanted = before if before == before else 0.0
-        q[joint] += 2.0 * np.pi * np.round((wanted - q[joint]) / (2.0 * np.pi))
+        q[joint] += 2.0 * np.pi * np.rint((wanted - q[joint]) / (2.0 * np.pi))
     return True
 
 

@@ -37,7 +37,7 @@ class Angles(Record):
 @kernel
 def wrap(angle: float) -> float:
     """Return the angle plus whole turns that lies nearest to zero [rad]."""
-    wrapped: float = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+    wrapped: float = angle - 2.0 * np.pi * np.rint(angle / (2.0 * np.pi))
     return wrapped
 
 

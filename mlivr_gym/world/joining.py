@@ -66,24 +66,25 @@ def placed_maps(
 
     `folder` is that of the files that they name, `names` are those of maps, which are not files,
     and `read` returns the map of a part, see `grasp_map.as_map`. Raises a `MlivrError` that names
-    the entry if a map is faulty, or is a part of itself.
+    the entry if a map is faulty, or is a part of itself. A file is read once.
     """
-    placed = []
+    placed, made = [], dict[Any, Any]()
     for i, part in enumerate(parts):
         place, given = FieldPath("parts", MapError).entry(i).field("map"), part["map"]
         if isinstance(given, str) and given not in names:
             given = (folder / given).resolve()
             if given in _FILES.get():
                 raise place.fault(f"is {part['map']!r}, which is a part of itself")
-        reset = _FILES.set((*_FILES.get(), given))
-        try:
-            made = read(given, place)
-        finally:
-            _FILES.reset(reset)
+        key = given if isinstance(given, (str, Path)) else i
+        if key not in made:
+            reset = _FILES.set((*_FILES.get(), given))
+            try:
+                made[key] = read(given, place)
+            finally:
+                _FILES.reset(reset)
         rotation = np.array(part.get("rotation", UNIT))
-        placed.append(
-            PlacedMap(part["id"], made, rotation, np.array(part.get("translation", (0, 0, 0))))
-        )
+        translation = np.array(part.get("translation", (0, 0, 0)))
+        placed.append(PlacedMap(part["id"], made[key], rotation, translation))
     return placed
 
 

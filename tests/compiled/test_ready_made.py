@@ -28,6 +28,12 @@ ready_made.archive_path().write_bytes(ready_made.pack(cache.kernel_root(), ["non
 print(ready_made.archive_path())
 """
 
+LOOKED_FOR = """
+import sys
+from mlivr_gym.caller import outer
+print(outer(1), *(name in sys.modules for name in ("numba.np.arraymath", "scipy.linalg")))
+"""
+
 ASK = """
 from mlivr_gym.caller import outer
 from mlivr_gym.compiled import cache, ready_made
@@ -80,6 +86,14 @@ def test_ready_made_machine_code_is_used(package, tmp_path):
     """Nothing is compiled, in another place and though the processor has another name."""
     assert run_with(package, tmp_path / "kept", ASK) == ["21", "0", ""]
     assert not list((tmp_path / "kept").rglob("*.nb?"))
+
+
+def test_it_is_used_without_what_compilation_imports(package, tmp_path):
+    """Which takes as long as loading all that a plan calls."""
+    assert run_with(package, tmp_path / "kept", LOOKED_FOR) == ["21 False False"]
+    assert run_with(package, tmp_path / "kept", LOOKED_FOR, NUMBA_CPU_NAME="generic") == [
+        "21 True True"
+    ]
 
 
 def test_it_is_used_where_nothing_can_be_kept(package, tmp_path):
@@ -184,7 +198,8 @@ def counted(self, signature, target):
     return look(self, signature, target)
 ready_made._CacheWithArchive.load_overload = counted
 {path}
-print(len(asked), len(compiled.buffer) // 2)
+import sys
+print(len(asked), len(compiled.buffer) // 2, int("scipy.linalg" in sys.modules))
 """
 
 PLAN = """
@@ -207,7 +222,7 @@ ENTRIES = {PLAN: 17, ENVIRONMENT: 17}
 
 
 def counts(path, **variables):
-    """Entries that a path asks for, and functions that it compiles itself."""
+    """Entries that a path asks for, functions that it compiles itself, and what that imports."""
     code = COUNTED.format(path=path)
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -225,6 +240,6 @@ def test_default_paths_compile_nothing_on_a_fresh_machine(path, tmp_path):
     why = ready_made.why_compiled(COMPILED.parent.name)
     if why:
         pytest.skip(f"ready-made machine code cannot be used: {why}; `make kernels`")
-    asked, functions = counts(path, MLIVR_GYM_CACHE=str(tmp_path))
+    asked, *compiling = counts(path, MLIVR_GYM_CACHE=str(tmp_path))
     assert asked <= ENTRIES[path]
-    assert functions == 0
+    assert compiling == [0, 0]

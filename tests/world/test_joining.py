@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
 from mlivr_gym.errors import MapError
+from mlivr_gym.world.joining import placed_maps
 
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 2.0])
 PLACE = [3.0, -2.0, 1.0]
@@ -69,6 +70,18 @@ def test_a_part_is_named_by_file_or_name(tmp_path, monkeypatch):
     assert len(both) == len(GraspMap.from_dict(LADDER)) + 331
     again = GraspMap.from_dict(both.to_dict())
     assert again.fingerprint == both.fingerprint
+
+
+def test_a_file_of_several_parts_is_read_once(tmp_path):
+    asked = []
+
+    def read(given, place):
+        asked.append(given)
+        return GraspMap.from_dict(LADDER)
+
+    parts = [part("A", "ladder.json"), part("B", "./ladder.json"), part("C", LADDER)]
+    assert len(placed_maps([*parts, part("D", "jem")], tmp_path, ("jem",), read)) == 4
+    assert asked == [(tmp_path / "ladder.json").resolve(), LADDER, "jem"]
 
 
 @pytest.mark.parametrize(
