@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import experiment, table
+from reports import GOAL, START, experiment, table
 from tqdm import tqdm
 
 from mlivr_gym.motion.plan import Plan
@@ -25,9 +25,6 @@ from mlivr_gym.simulation.limits import PACES
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
-
-START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""Start and goal of the plans."""
 
 MASSES = (None, 1.0, 10.0, 30.0, 100.0)
 """Masses of the bags [kg]; None for no bag."""

@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from concept_figures import GOAL, OUT, START, manipulability
+from concept_figures import OUT, manipulability
 from matplotlib.figure import Figure
 from numba import njit
-from reports import two_limb_graph
+from reports import GOAL, START, two_limb_graph
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, turn_seen

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import ROOT, two_limb_graph
+from reports import GOAL, ROOT, START, two_limb_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
@@ -39,9 +39,6 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""
-
-START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""Start and goal of the plan."""
 
 SIDE = list(FROM_THE_SIDE)
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from concept_figures import GOAL, OUT, START
+from concept_figures import OUT
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from reports import two_limb_graph
+from reports import GOAL, START, two_limb_graph
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.pictures.figures import write_figure

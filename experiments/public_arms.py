@@ -18,12 +18,11 @@ from typing import Any
 
 import numpy as np
 from reports import command_line, keep, table
+from robots import shot
 
 from mlivr_gym import RobotSpec, Settings, stance_graph
 from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -74,10 +73,7 @@ def pictures(name: str, graph: TwoLimbGraph, plan: Plan) -> list[Any]:
         # From below where the robot hangs from the overhead, whose edge would hide it.
         elevation = -15.0 if z < OVERHEAD else 20.0
         camera = Camera((x, y, z), distance=2.6, azimuth=70.0, elevation=elevation)
-        renderer = SceneRenderer(graph.grasp_map, graph.robot, *SIZE)
-        image = renderer.render(*shown, camera=camera)
-        renderer.close()
-        out.append(with_caption(image, f"{name}, step {k} of {len(plan.steps)}", SIZE[1]))
+        out.append(shot(graph, shown, camera, f"{name}, step {k} of {len(plan.steps)}", SIZE))
     return out
 
 

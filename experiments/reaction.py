@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import experiment, table
+from reports import GOAL, START, experiment, table
 from tqdm import tqdm
 
 from mlivr_gym.arrays import BoolArray
@@ -36,9 +36,6 @@ SEED = 20270405
 
 FORCES = (15.0, 25.0, 40.0, 60.0, 80.0)
 """Limits of the grasp force [N]."""
-
-START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""Start and goal of the plans of the front."""
 
 CHOICES = ("least base translation", "fewest steps", "`time`", "`reaction`")
 """Which of the plans of a random task is chosen."""

@@ -28,6 +28,9 @@ from mlivr_gym.studies.rows import Row
 ROOT = Path(__file__).parent.parent
 """Root folder of the repository."""
 
+START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+"""Start and goal of the plan of the README, which several figures show."""
+
 NOTHING = "\N{EN DASH}"
 """Content of a table cell without a value."""
 

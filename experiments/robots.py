@@ -22,6 +22,7 @@ import numpy as np
 from reports import experiment, study_rows, table
 
 from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
@@ -30,6 +31,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
 """Stances between which the robots walk, two racks to port."""
@@ -98,6 +100,16 @@ def markdown(data: dict[str, Any]) -> str:
     return table(head, rows)
 
 
+def shot(
+    graph: StanceGraph, shown: Configuration, camera: Camera, caption: str, size: tuple[int, int]
+) -> Any:
+    """Return a picture of a configuration, of a size without its caption [px]."""
+    renderer = SceneRenderer(graph.grasp_map, graph.robot, *size)
+    image = renderer.render(*shown, camera=camera)
+    renderer.close()
+    return with_caption(image, caption, size[1])
+
+
 def picture(data: dict[str, Any], path: Path) -> None:
     """Draw the robots in the first stance, with their names."""
     shots = []
@@ -106,10 +118,7 @@ def picture(data: dict[str, Any], path: Path) -> None:
         shown = graph.configuration(graph.state(START))
         x, y, z = shown[0].tolist()
         camera = Camera((x, y, z - 0.2), distance=2.7, azimuth=70.0, elevation=-15.0)
-        renderer = SceneRenderer(graph.grasp_map, graph.robot, *SIZE)
-        image = renderer.render(*shown, camera=camera)
-        renderer.close()
-        shots.append(with_caption(image, name, SIZE[1]))
+        shots.append(shot(graph, shown, camera, name, SIZE))
     save_image(np.hstack(shots), path)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import shutil
 
-from reports import command_line
+from reports import GOAL, START, command_line
 
 from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
@@ -17,9 +17,6 @@ from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.panel import add_panel
 from mlivr_gym.viewer.viewer import Viewer
-
-START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-"""Start and goal of the example of `mlivr-gym plan`."""
 
 SHOWN = 5.0
 """Time along the plan that the picture shows [s]."""
