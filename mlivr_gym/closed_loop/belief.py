@@ -11,7 +11,7 @@ obstacles, or whose hits have spread.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
@@ -19,6 +19,7 @@ from scipy.special import ndtri
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.closed_loop.known_boxes import KnownBoxes
 from mlivr_gym.closed_loop.path_check import PathCheck
+from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.simulation.disturbances import robot_body_ids
@@ -30,17 +31,23 @@ from mlivr_gym.world.mesh_boxes import merged_cells
 CUBE = 0.05
 """Edge of the cubes [m]."""
 
-MARGIN = 0.01
-"""Distance by which a sensed box extends beyond the hits in its cubes [m]."""
 
-TIGHT_MARGIN = 0.001
-"""The same if no plan exists otherwise [m]; see also `Belief.tighten`."""
+class Caution(NamedTuple):
+    """How large sensed boxes are, and how much evidence they need."""
+
+    margin: float
+    """Distance by which a box extends beyond the hits in its cubes [m]."""
+    hits: int
+    """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
+    is_denoised: bool = False
+    """Whether what the noise adds to the extent of the hits is taken away, see `_outermost`."""
+
+
+CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))
+"""The first holds as long as there is a plan; then the robot has to be less cautious."""
 
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
-
-MIN_HITS = 2
-"""Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
 
 APART = 3
 """Number of cubes by which an obstacle must be away from all others to be told as a new one."""
@@ -55,7 +62,7 @@ _CUBES = np.dtype(
     [
         ("cell", np.int64, 3),  # index along each axis of the grid
         ("count", np.int64),  # number of hits
-        ("is_sure", np.bool_),  # whether it has `MIN_HITS`
+        ("is_sure", np.bool_),  # whether it has enough hits
         ("low", np.float64, 3), ("high", np.float64, 3),  # extent of the hits [m]
         ("known_low", np.float64, 3), ("known_high", np.float64, 3),  # extent that is known [m]
         ("is_fresh", np.bool_),  # whether the path is to be checked against it
@@ -93,15 +100,15 @@ class Belief:
         self._origin = cabin[0] - GRID_BORDER
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
         grid = self._origin, CUBE, tuple(shape.tolist())
-        self._known = KnownBoxes((*graph.grasp_map.boxes, *graph.obstacles), noise, grid)
+        self._known_boxes = (*graph.grasp_map.boxes, *graph.obstacles)
+        self._known = KnownBoxes(self._known_boxes, noise, grid)
         self.shapes = LimbShapes(graph.robot)
         self._row = np.full(shape, -1, dtype=np.int64)  # of each cube, -1 for one without hits
-        self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with `MIN_HITS`
+        self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with enough hits
         self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
         self._cubes = np.zeros(0, dtype=_CUBES)
         self._is_there = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle at present
-        self._box_count, self._margin, self._noise = 0, MARGIN, noise
-        self._is_denoised = False  # whether boxes end where surfaces are likely to be
+        self._box_count, self._noise, self._caution = 0, noise, 0
         self._is_outdated = False  # whether all boxes of the graph must be replaced
         self._path: PathCheck | None = None
 
@@ -129,23 +136,27 @@ class Belief:
         np.add.at(cubes["count"], rows, 1)
         np.minimum.at(cubes["low"], rows, unexplained)
         np.maximum.at(cubes["high"], rows, unexplained)
-        least = max(self._margin, LEAST_GROWTH)
+        least = max(self.caution.margin, LEAST_GROWTH)
         grown = cubes["known_low"] - cubes["low"] > least
         grown |= cubes["high"] - cubes["known_high"] > least
         cubes["is_fresh"] |= grown.any(axis=1)
         cubes["is_pending"] |= cubes["is_fresh"]
-        cell = cubes["cell"]
-        _mark_around(cell[(cubes["count"] >= MIN_HITS) & ~cubes["is_sure"]], 1, self._is_beside)
-        cubes["is_sure"] = cubes["count"] >= MIN_HITS
-        self._is_there = self._is_beside[tuple(cell.T)]
+        self._find_sure()
+        self._is_there = self._is_beside[tuple(cubes["cell"].T)]
         solid = np.flatnonzero(self._is_there)
         centres = self._origin + CUBE * (cubes["cell"][solid] + 0.5)
-        reach = 0.5 * np.sqrt(3.0) * CUBE + MARGIN + self.graph.settings.clearance
+        reach = 0.5 * np.sqrt(3.0) * CUBE + CAUTIONS[0].margin + self.graph.settings.clearance
         self._is_there[solid[_close_to_robot(centres, reach, model, data)]] = False
         there = cubes["cell"][self._is_there]
         new = there[~self._is_told_of[tuple(there.T)]]
         _mark_around(new, APART, self._is_told_of)
         return len(new)
+
+    def _find_sure(self) -> None:
+        """Find the cubes that have got enough hits, and mark those beside them."""
+        cubes, is_sure = self._cubes, self._cubes["count"] >= self.caution.hits
+        _mark_around(cubes["cell"][is_sure & ~cubes["is_sure"]], 1, self._is_beside)
+        cubes["is_sure"] = is_sure
 
     def _rows(self, cells: IntArray) -> IntArray:
         """Return the rows of cubes, shape (k, 3); a cube that has none yet gets one."""
@@ -182,16 +193,21 @@ class Belief:
         cubes["is_pending"] &= ~there
         self._mark_known(there)
 
-    def tighten(self) -> bool:
-        """Let sensed boxes be smaller from now on; return whether they can.
+    @property
+    def caution(self) -> Caution:
+        """How large sensed boxes are now."""
+        return CAUTIONS[self._caution]
 
-        First they extend by `TIGHT_MARGIN`. Then what the noise adds to the extent of their hits is
-        also taken away, see `_outermost`.
-        """
-        if self._is_denoised or (self._margin == TIGHT_MARGIN and not self._noise):
+    def tighten(self) -> bool:
+        """Let sensed boxes be smaller or fewer from now on; return whether they can."""
+        if self._caution == len(CAUTIONS) - 1:
             return False
-        self._is_denoised = self._margin == TIGHT_MARGIN
-        self._margin, self._is_outdated = TIGHT_MARGIN, True
+        before, self._caution = self.caution, self._caution + 1
+        if self.caution.hits > before.hits:
+            self._is_beside[:], self._cubes["is_sure"] = False, False
+            self._find_sure()
+            self._is_there &= self._is_beside[tuple(self._cubes["cell"].T)]
+        self._is_outdated = True
         self.update_graph()
         return True
 
@@ -213,6 +229,20 @@ class Belief:
         self._mark_known(fresh)
         return self.path(trajectory).is_blocked(self._boxes_of(fresh, fresh), first)
 
+    def will_touch(self, trajectory: Trajectory, sample: int, present: Configuration) -> bool:
+        """Return whether the robot soon touches something if it stays as far from a trajectory.
+
+        It should be at a sample of the trajectory, and is in its present configuration. Cubes with
+        enough hits count for as much as is likely, and as near to the robot as they are.
+        """
+        path, cells = self.path(trajectory), self._cubes["cell"]
+        low, high = path.bounds_ahead(sample)
+        corners = self._origin + CUBE * cells
+        near = self._is_beside[tuple(cells.T)]
+        near &= ((corners <= high) & (corners + CUBE >= low)).all(axis=1)
+        seen = self._boxes_of(near, near, caution=CAUTIONS[-1])
+        return path.will_touch((*self._known_boxes, *seen), sample, present)
+
     def path(self, trajectory: Trajectory) -> PathCheck:
         """Return the check of a trajectory; that of the last one is kept."""
         if self._path is None or self._path.trajectory is not trajectory:
@@ -223,11 +253,15 @@ class Belief:
         """Return the boxes that were sensed."""
         return self._boxes_of(self._is_there, self._is_there)
 
-    def _boxes_of(self, chosen: BoolArray, there: BoolArray, number: int = 0) -> tuple[Box, ...]:
+    def _boxes_of(
+        self, chosen: BoolArray, there: BoolArray, number: int = 0, caution: Caution | None = None
+    ) -> tuple[Box, ...]:
         """Return boxes that contain the hits in chosen cubes and the margin about them.
 
-        They may contain other cubes that are there. Their ids count from a number.
+        They may contain other cubes that are there. Their ids count from a number. They are as
+        large as by a caution, by default the present one.
         """
+        margin, _, is_denoised = caution or self.caution
         if not chosen.any():
             return ()
         cells = self._cubes["cell"]
@@ -242,13 +276,13 @@ class Belief:
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
             cubes = self._cubes[row[where].ravel()]
             low, high = cubes["low"].min(axis=0), cubes["high"].max(axis=0)
-            if self._is_denoised:
+            if is_denoised:
                 excess = self._noise * _outermost(int(cubes["count"].sum()))
                 inwards = np.minimum(excess, 0.5 * (high - low))
                 low, high = low + inwards, high - inwards
             corners.append((low, high))
         low, high = np.array(corners).swapaxes(0, 1)
-        low, high = low - self._margin, high + self._margin
+        low, high = low - margin, high + margin
         return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)
 
 

@@ -250,7 +250,10 @@ class _Loop:
             if camera is None:
                 return False
             self._sense(camera, next(fields))
-            return self._belief.is_blocked(trajectory, sample)
+            present = self._executor.configuration
+            return self._belief.is_blocked(trajectory, sample) or self._belief.will_touch(
+                trajectory, sample, present
+            )
 
         return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
 

@@ -19,6 +19,12 @@ from mlivr_gym.world.boxes import Box
 CHECK_PERIOD = 0.1
 """Time between two configurations of a trajectory that are compared with boxes [s]."""
 
+HORIZON = 1.0
+"""Time for which a robot is taken to stay as far from its trajectory as it is [s]."""
+
+LARGEST_DEVIATION = 0.05
+"""Distance that a part of a robot is taken to be away from its trajectory at most [m]."""
+
 
 class PathCheck:
     """The configurations of a trajectory, with bounds of each shape, to be compared with boxes.
@@ -71,6 +77,51 @@ class PathCheck:
             )
         )  # fmt: skip
 
+    def bounds_ahead(self, first: int) -> tuple[Array, Array]:
+        """Return the corners of a box about the robot during the `HORIZON` after a sample [m]."""
+        ahead = self._ahead(first)
+        low, high = self._low[ahead].min(axis=(0, 1)), self._high[ahead].max(axis=(0, 1))
+        return low - LARGEST_DEVIATION, high + LARGEST_DEVIATION
+
+    def will_touch(self, boxes: Sequence[Box], first: int, present: Configuration) -> bool:
+        """Return whether the robot soon touches a box if it stays as far from the trajectory.
+
+        Parameters
+        ----------
+        boxes
+            The boxes.
+        first
+            The present sample of the trajectory.
+        present
+            The configuration in which the robot is in its place, see `bounds_ahead`.
+        """
+        low, high = self.bounds_ahead(first)
+        near = [
+            box for box in boxes if (box.bounds[0] <= high).all() and (box.bounds[1] >= low).all()
+        ]
+        at, (position, quaternion, joints) = self.trajectory.at(np.array([first])), present
+        shift = position - at.base_positions[0]
+        turn = _rotation(quaternion) * _rotation(at.base_quaternions[0]).inv()
+        return any(
+            distance <= 0.0
+            for p, q, j in self._configurations[self._ahead(first)]
+            for *_, distance in box_distances(
+                self._graph.robot, near,
+                (p + shift, (turn * _rotation(q)).as_quat(scalar_first=True),
+                 j + joints - at.joint_positions[0]), 0.0, self._grasps,
+            )
+        )  # fmt: skip
+
+    def _ahead(self, first: int) -> slice:
+        """Return the range of the configurations during the `HORIZON` after a sample."""
+        begin = int(np.searchsorted(self._samples, first))
+        return slice(begin, begin + round(HORIZON / CHECK_PERIOD) + 1)
+
+
+def _rotation(quaternion: Array) -> Rotation:
+    """Return the rotation of a quaternion w, x, y, z."""
+    return Rotation.from_quat(quaternion, scalar_first=True)
+
 
 def robot_axes(robot: RobotSpec, shapes: LimbShapes, configuration: Configuration) -> Array:
     """Return the ends of the axes of capsules that contain a robot, shape (c, 2, 3) [m].
@@ -78,7 +129,7 @@ def robot_axes(robot: RobotSpec, shapes: LimbShapes, configuration: Configuratio
     These are the moving capsules limb by limb, then those fixed to the body and about it.
     """
     ends, (position, quaternion, _) = capsule_ends(robot, shapes, configuration), configuration
-    base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    base = _rotation(quaternion).as_matrix()
     parts = [limb[: len(shape.radii)] for limb, shape in zip(ends, shapes.each, strict=True)]
     return np.concatenate([*parts, position + _base_capsules(shapes)["ends"] @ base.T])
 
