@@ -7,9 +7,10 @@ The robot knows a map and a goal. Boxes that its map lacks, and points that refu
 only in the simulation. The cameras look round at every grasp and during every step. At a grasp,
 what they saw beside the map becomes an obstacle, and the remainder of the walk is planned anew from
 the branches on which the limbs are. During a step, a limb turns back if something new lies where
-the robot will move. A limb that is refused, or misses its point, goes back as well. After the
-second such attempt the point counts as occupied. If no plan is left in the world that the robot
-believes in, it stops where it is and holds all its points.
+the robot will move, or if the robot is so far off its trajectory that it would touch something. A
+limb that is refused, or misses its point, goes back as well. After the second such attempt the
+point counts as occupied. If no plan is left in the world that the robot believes in, it stops where
+it is and holds all its points.
 """
 
 from __future__ import annotations

@@ -22,6 +22,9 @@ CHECK_PERIOD = 0.1
 HORIZON = 1.0
 """Time for which a robot is taken to stay as far from its trajectory as it is [s]."""
 
+TOUCH = 0.001
+"""Distance from a box that counts as a touch [m]."""
+
 LARGEST_DEVIATION = 0.05
 """Distance that a part of a robot is taken to be away from its trajectory at most [m]."""
 
@@ -60,20 +63,35 @@ class PathCheck:
 
     def is_blocked(self, boxes: Sequence[Box], first: int) -> bool:
         """Return whether the robot comes too close to an axis-aligned box after sample `first`."""
+        begin = int(np.searchsorted(self._samples, first))
+        clearance = self._graph.settings.clearance
+        return self._comes_closer(boxes, begin, self._configurations[begin:], 0.0, clearance)
+
+    def _comes_closer(
+        self,
+        boxes: Sequence[Box],
+        begin: int,
+        configurations: Sequence[Configuration],
+        deviation: float,
+        distance: float,
+    ) -> bool:
+        """Return whether the robot is closer than a distance [m] to a box in some configurations.
+
+        They are those of the trajectory from index `begin` on, up to a deviation [m].
+        """
         if not boxes:
             return False
-        begin = int(np.searchsorted(self._samples, first))
         low, high = np.stack([box.bounds for box in boxes], axis=1)
-        meets = (self._low[begin:, :, None] <= high).all(axis=3)
-        meets &= (self._high[begin:, :, None] >= low).all(axis=3)
-        graph, may_touch = self._graph, meets.any(axis=1)
-        clearance = graph.settings.clearance
+        rows = slice(begin, begin + len(configurations))
+        meets = (self._low[rows, :, None] - deviation <= high).all(axis=3)
+        meets &= (self._high[rows, :, None] + deviation >= low).all(axis=3)
+        may_touch = meets.any(axis=1)
         return any(
-            distance < clearance
+            pair[2] < distance
             for k in np.flatnonzero(may_touch.any(axis=1))
-            for *_, distance in box_distances(
-                graph.robot, [boxes[b] for b in np.flatnonzero(may_touch[k]).tolist()],
-                self._configurations[begin + k], clearance, self._grasps,
+            for pair in box_distances(
+                self._graph.robot, [boxes[b] for b in np.flatnonzero(may_touch[k]).tolist()],
+                configurations[k], distance, self._grasps,
             )
         )  # fmt: skip
 
@@ -93,24 +111,17 @@ class PathCheck:
         first
             The present sample of the trajectory.
         present
-            The configuration in which the robot is in its place, see `bounds_ahead`.
+            The configuration in which the robot is in its place.
         """
-        low, high = self.bounds_ahead(first)
-        near = [
-            box for box in boxes if (box.bounds[0] <= high).all() and (box.bounds[1] >= low).all()
-        ]
         at, (position, quaternion, joints) = self.trajectory.at(np.array([first])), present
-        shift = position - at.base_positions[0]
+        shift, bend = position - at.base_positions[0], joints - at.joint_positions[0]
         turn = _rotation(quaternion) * _rotation(at.base_quaternions[0]).inv()
-        return any(
-            distance <= 0.0
-            for p, q, j in self._configurations[self._ahead(first)]
-            for *_, distance in box_distances(
-                self._graph.robot, near,
-                (p + shift, (turn * _rotation(q)).as_quat(scalar_first=True),
-                 j + joints - at.joint_positions[0]), 0.0, self._grasps,
-            )
-        )  # fmt: skip
+        ahead = self._ahead(first)
+        displaced = [
+            (p + shift, (turn * _rotation(q)).as_quat(scalar_first=True), j + bend)
+            for p, q, j in self._configurations[ahead]
+        ]
+        return self._comes_closer(boxes, ahead.start, displaced, LARGEST_DEVIATION, TOUCH)
 
     def _ahead(self, first: int) -> slice:
         """Return the range of the configurations during the `HORIZON` after a sample."""

@@ -191,12 +191,13 @@ def _base_box_distances(
     """Yield the distances of body and mounts from boxes that may be closer than the clearance."""
     position, rotation = base
     half, names = shapes.robot["half"], mount_names(robot)
-    body = Box(BODY, "obstacle", tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation))
-    for box in boxes:
-        if _box_distance(np.stack([position, position]), box) - np.linalg.norm(half) < clearance:
-            # The closest, or first common, points of two boxes lie on an edge of one of them.
-            edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
-            yield BODY, scene_name(BOX, box.id), min(_box_distance(*pair) for pair in edges)
+    centre, reach = np.stack([position, position])[None], np.array([np.linalg.norm(half)])
+    for box in (boxes[b] for b in _boxes_nearby(centre, reach, boxes, clearance)[0]):
+        place = tuple(position.tolist()), tuple(half.tolist()), Box.rows(rotation)
+        body = Box(BODY, "obstacle", *place)
+        # The closest, or first common, points of two boxes lie on an edge of one of them.
+        edges = [(axis, box) for axis in _edges(body)] + [(axis, body) for axis in _edges(box)]
+        yield BODY, scene_name(BOX, box.id), min(_box_distance(*pair) for pair in edges)
     axes, radius = position + shapes.mounts["ends"] @ rotation.T, shapes.mounts["radius"]
     for m, around in enumerate(_boxes_nearby(axes, radius, boxes, clearance)):
         for box in (boxes[b] for b in around):

@@ -1,12 +1,16 @@
 """The robot believes in what it sees beside the map, and in nothing else."""
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE, MARGIN, TIGHT_MARGIN, Belief, _outermost
+from mlivr_gym.closed_loop.belief import CAUTIONS, CUBE, Belief, _outermost
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.motion.time_scaling import Durations
+from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -59,12 +63,14 @@ def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, pl
     boxes = belief.boxes()
     assert boxes == belief.graph.obstacles
     # The extent of hits, which are noise away from the box at most, and the margin.
-    assert MARGIN < farthest(boxes) <= np.sqrt(3.0) * MARGIN + 5.0 * CAMERA.noise
-    for deviations in (5.0, 1.5):  # of the outermost hits, with and without their mean
+    margin = CAUTIONS[0].margin
+    assert margin < farthest(boxes) <= np.sqrt(3.0) * margin + 5.0 * CAMERA.noise
+    for caution in CAUTIONS[1:]:
         assert belief.tighten()
         tight = belief.graph.obstacles
         assert len(tight) == len(boxes)
-        assert farthest(tight) <= np.sqrt(3.0) * TIGHT_MARGIN + deviations * CAMERA.noise
+        deviations = 1.5 if caution.is_denoised else 5.0  # of the outermost hits
+        assert farthest(tight) <= np.sqrt(3.0) * caution.margin + deviations * CAMERA.noise
     assert not belief.tighten()
     here = plan.motion.base_positions[0]
     face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
@@ -122,3 +128,53 @@ def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_updated(seen, pl
     assert not belief.is_blocked(there, 0)  # the graph knows it
     belief.add_hits(places + np.array([0.0, 0.0, 4.0]), simulation.model, simulation.data)
     assert not belief.is_blocked(there, last)  # far away
+
+
+def test_two_hits_are_an_obstacle_as_long_as_there_is_a_plan(seen, plan, jem):
+    belief = seen(times=0)
+    simulation = Setup().simulation(jem, belief.graph.robot, ())
+    simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
+    twice, often = np.array([[4.0, 0.0, 0.0]]), np.array([[4.0, 0.5, 0.5]])
+    hits = np.concatenate([*[twice] * 2, *[often] * 3])
+    belief.add_hits(hits, simulation.model, simulation.data)
+    belief.update_graph()
+    for caution in CAUTIONS:
+        held = [box.bounds for box in belief.graph.obstacles]
+        for place, count in ((twice, 2), (often, 3)):
+            is_held = any(((low <= place[0]) & (place[0] <= high)).all() for low, high in held)
+            assert is_held == (count >= caution.hits)
+        assert belief.tighten() == (caution != CAUTIONS[-1])
+
+
+def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, jem):
+    """The first swing among random boxes, with a robot that is off by some centimetres."""
+    graph, rng = stance_graph(jem), np.random.default_rng(3)
+    trajectory = step_trajectory(graph, plan, 0, Durations())
+    base = trajectory.base_positions[0]
+    first = int(0.4 * len(trajectory.times))
+    ahead = first + np.arange(0.0, HORIZON + 0.05, 0.1) / trajectory.period
+    found = {True: 0, False: 0}
+    for _ in range(40):
+        centre, half = base + rng.uniform(-0.8, 0.8, 3), rng.uniform(0.05, 0.3, 3)
+        box = Box.between("thing", "obstacle", centre - half, centre + half)
+        graph.add_obstacles([box])
+        belief = Belief(graph, CAMERA.noise)
+        shift, turn = rng.normal(0.0, 0.01, 3), Rotation.from_rotvec(rng.normal(0.0, 0.005, 3))
+        bend = rng.normal(0.0, 0.005, (2, 6))
+
+        def beside(sample, shift=shift, turn=turn, bend=bend):
+            at = trajectory.at(np.array([int(sample)]))
+            rotation = turn * Rotation.from_quat(at.base_quaternions[0], scalar_first=True)
+            quaternion = rotation.as_quat(scalar_first=True)
+            return at.base_positions[0] + shift, quaternion, at.joint_positions[0] + bend
+
+        simulation, touches = Setup().simulation(jem, graph.robot, [box]), False
+        thing = simulation.model.geom("box/thing").id
+        for sample in ahead:
+            simulation.reset(*beside(sample), [FREE, FREE])
+            mujoco.mj_forward(simulation.model, simulation.data)
+            touches |= bool((simulation.data.contact.geom == thing).any())
+        assert belief.will_touch(trajectory, first, beside(first)) == touches
+        found[touches] += 1
+        graph.remove_obstacles()
+    assert min(found.values()) >= 10

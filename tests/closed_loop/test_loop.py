@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, MlivrError, stance_graph
+from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
@@ -97,6 +98,22 @@ def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
     assert first.kind == "blocked"
     assert first.values["point"] == plan.steps[0].to_point
     assert record.peak_force < 60.0
+
+
+def test_it_turns_back_before_it_touches_something(graph, plan, monkeypatch):
+    """Asked is where the robot is, and where it should be."""
+    away = list[float]()
+
+    def will_touch(belief, trajectory, sample, present):
+        away.append(np.linalg.norm(present[0] - trajectory.base_positions[sample]))
+        return len(away) == 3
+
+    monkeypatch.setattr(Belief, "will_touch", will_touch)
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=2)
+    done = [event for event in record.events if event.kind in ("blocked", "step")]
+    assert [event.kind for event in done] == ["blocked", "step"]
+    assert done[0].values["point"] == done[1].values["point"] == plan.steps[0].to_point
+    assert 0.0 < max(away) < 0.01
 
 
 def test_it_stops_where_no_way_is_left(graph, plan):
