@@ -88,7 +88,7 @@ class PathCheck:
         may_touch = meets.any(axis=1)
         return any(
             pair[2] < distance
-            for k in np.flatnonzero(may_touch.any(axis=1))
+            for k in np.flatnonzero(may_touch.any(axis=1)).tolist()
             for pair in box_distances(
                 self._graph.robot, [boxes[b] for b in np.flatnonzero(may_touch[k]).tolist()],
                 configurations[k], distance, self._grasps,
