@@ -238,9 +238,9 @@ class Belief:
         path, cells = self.path(trajectory), self._cubes["cell"]
         low, high = path.bounds_ahead(sample)
         corners = self._origin + CUBE * cells
-        near = self._is_beside[tuple(cells.T)]
-        near &= ((corners <= high) & (corners + CUBE >= low)).all(axis=1)
-        seen = self._boxes_of(near, near, caution=CAUTIONS[-1])
+        chosen = self._is_beside[tuple(cells.T)]
+        chosen &= ((corners <= high) & (corners + CUBE >= low)).all(axis=1)
+        seen = self._boxes_of(chosen, chosen, caution=CAUTIONS[-1])
         return path.will_touch((*self._known_boxes, *seen), sample, present)
 
     def path(self, trajectory: Trajectory) -> PathCheck:
