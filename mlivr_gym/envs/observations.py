@@ -12,7 +12,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.stances.moves import Moves, StanceProperties, TableMoves
+from mlivr_gym.stances.moves import StanceProperties
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -69,49 +69,28 @@ def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:
     )
 
 
-class Observer:
-    """Source of the observations of one environment."""
+def observation_of(
+    graph: StanceGraph, state: State, properties: StanceProperties, goal: Array, layouts: bool
+) -> Observation:
+    """Return the observation of a state, by the properties of its stance, in new arrays.
 
-    def __init__(self, graph: StanceGraph, layouts: bool = False) -> None:
-        """Start without a table of observations; see `observation_space`."""
-        self.graph, self.layouts = graph, layouts
-        self._rows: tuple[NDArray[Any], ...] = ()
-
-    def observation(
-        self, moves: Moves, state: State, properties: StanceProperties, goal: Array
-    ) -> Observation:
-        """Return the observation of a state and its stance's properties, in new arrays."""
-        if isinstance(moves, TableMoves) and state.pose is None:
-            if not self._rows:
-                self._rows = observation_rows(moves.graph)
-            s = moves.stance_at[state.stance]
-            stance, grasps, position, turn = [rows[s].copy() for rows in self._rows]
-        else:
-            stance = np.array(state.stance, dtype=np.int64)
-            grasps = self.graph.grasp_map.positions[stance].ravel().astype(np.float32)
-            position = np.array(properties.base_position).astype(np.float32)
-            turn = properties.quaternion.astype(np.float32)
-        branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
-        seen = _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
-        if self.layouts:
-            seen["occupied"] = np.zeros(len(self.graph.grasp_map), dtype=np.int8)
-            seen["occupied"][list(self.graph.occupied)] = 1
-        return seen
+    With `layouts` it has `occupied`, as in `observation_space`.
+    """
+    stance = np.array(state.stance, dtype=np.int64)
+    grasps = graph.grasp_map.positions[stance].ravel().astype(np.float32)
+    position = np.array(properties.base_position).astype(np.float32)
+    turn = properties.quaternion.astype(np.float32)
+    branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
+    seen = _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
+    if layouts:
+        seen["occupied"] = np.zeros(len(graph.grasp_map), dtype=np.int8)
+        seen["occupied"][list(graph.occupied)] = 1
+    return seen
 
 
 def _as_observation(*parts: NDArray[Any]) -> Observation:
     """Return the parts of an observation, in the order of its fields, by name."""
     return cast(Observation, dict(zip(Observation.__annotations__, parts, strict=False)))
-
-
-def observation_rows(graph: TwoLimbGraph) -> tuple[NDArray[Any], ...]:
-    """Return the first four parts of the observation at each of the n stances of a graph."""
-    return (
-        graph.points.astype(np.int64),
-        graph.grasp_map.positions[graph.points].reshape(-1, 6).astype(np.float32),
-        graph.base_position.astype(np.float32),
-        quaternion(graph.base_rotation).astype(np.float32),
-    )
 
 
 class ObservationTable(NamedTuple):

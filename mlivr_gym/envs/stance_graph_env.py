@@ -13,7 +13,7 @@ from gymnasium import spaces
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.current_moves import CurrentMoves
-from mlivr_gym.envs.observations import Observation, Observer, observation_space
+from mlivr_gym.envs.observations import Observation, observation_of, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.snapshots import Motion, Snapshot
 from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
@@ -60,7 +60,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
         self.action_space = spaces.Discrete(graph.limbs * len(graph.grasp_map))
         self.observation_space = observation_space(graph, layouts)
-        self._moves, self._observer = CurrentMoves(graph), Observer(graph, layouts)
+        self._moves, self._layouts = CurrentMoves(graph), layouts
         self._state, self._graph_version = None, graph.version
         self._simulation_info: dict[str, Any] = {}
         self._task_info: dict[str, Any] = {}
@@ -125,7 +125,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     def _observation(self) -> Observation:
         """Return the observation of the present state."""
-        return self._observer.observation(self.moves, self.state, self._properties, self.goal)
+        return observation_of(self.graph, self.state, self._properties, self.goal, self._layouts)
 
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         """Return the information on the present state and the last action."""
