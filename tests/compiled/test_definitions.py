@@ -15,6 +15,8 @@ import pytest
 TESTS = Path(__file__).parent.parent
 ROOT = TESTS.parent
 PACKAGE = ROOT / "mlivr_gym"
+SUPPORT = (TESTS / "support", ROOT / "experiments")
+"""Folders of what tests import."""
 MARKS = {"kernel", "part", "entry"}
 LIBRARIES = {
     "SciPy": "scipy", "Pinocchio": "pinocchio", "Coal": "coal", "MuJoCo": "mujoco",
@@ -78,7 +80,7 @@ def kernels():
 def imported(path):
     """Modules that a test imports, or that what it imports of the support imports."""
     found = set(re.findall(r"^(?:import|from) (\w+)", path.read_text(encoding="utf-8"), re.M))
-    support = [TESTS / "support" / f"{module}.py" for module in found]
+    support = [folder / f"{module}.py" for folder in SUPPORT for module in found]
     return found.union(*(imported(file) for file in support if file.is_file()))
 
 
@@ -102,7 +104,7 @@ def test_the_plain_definition_of_a_row_is_there(row):
         module, _, name = named.rpartition(".")
         if module:
             places = [*PACKAGE.rglob(f"{module}.py"), *ROOT.glob(f"planners/{module}.py")]
-            places += [TESTS / "support" / f"{module}.py"]
+            places += [folder / f"{module}.py" for folder in SUPPORT]
             assert any(place.is_file() and name in functions(place) for place in places)
         else:
             assert name in functions(row.path) or list(PACKAGE.rglob(f"{name}.py"))
