@@ -18,7 +18,7 @@ from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling
 from mlivr_gym.stances.node_edges import EdgeSet, edges_of, with_edges
 from mlivr_gym.stances.node_table import RESOLUTION, Nodes, NodeTable, table_of
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_files import Arrays, TableFiles
+from mlivr_gym.stances.table_files import Arrays, TableFiles, check_arrays
 from mlivr_gym.stances.two_limb_table_file import MOST_BASE_POSES
 
 
@@ -58,14 +58,11 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
 def decode(graph: StanceGraph, arrays: Arrays) -> NodeTable:
     """Check the arrays of a compressed file and return its table."""
     points = np.cumsum(arrays["point_increments"].T, axis=0, dtype=np.int64)
-    pose_number, limbs = arrays["tried"], graph.limbs
-    if (
-        points.shape != (len(pose_number), limbs)
-        or pose_number.shape != (len(points),)
-        or not ((points >= 0) & (points < len(graph.grasp_map))).all()
-        or not (pose_number < MOST_BASE_POSES).all()
-    ):
-        raise ValueError
+    pose_number, n = arrays["tried"], len(arrays["tried"])
+    check_arrays(
+        (points, (n, graph.limbs), 0, len(graph.grasp_map)),
+        (pose_number, (n,), 0, MOST_BASE_POSES),
+    )
     offsets = arrays["base_offset"][arrays["base_offset_index"]]
     base = graph.grasp_map.positions[points].mean(axis=1) + offsets * RESOLUTION
     branch_sets, releasable, folds = (

@@ -25,7 +25,7 @@ from mlivr_gym.postures.given_pose import (
     given_pose_fault,
     rotation_of,
 )
-from mlivr_gym.postures.postures import FIELDS, Postures
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath
@@ -188,8 +188,7 @@ class StanceGraph(CheckedSteps):
 
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
-        found = [self.posture_of(state) for state in states]
-        return Postures(*(np.concatenate([getattr(p, name) for p in found]) for name in FIELDS))
+        return join(*(self.posture_of(state) for state in states))
 
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
         """Return the posture of a stance at a given base pose, see `postures_at`."""

@@ -22,7 +22,7 @@ from mlivr_gym.postures import in_reach
 from mlivr_gym.stances.node_table import codes
 from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_files import Arrays, TableFiles
+from mlivr_gym.stances.table_files import Arrays, TableFiles, check_arrays
 
 LARGEST_SET = 4
 """Largest number of points of a set, whose indices fit into 64 bits."""
@@ -168,13 +168,9 @@ def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
 def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
     """Check the arrays of a file and return its sets."""
     points, support_sets, count = (arrays[name] for name in ("points", "supports", "support_count"))
-    if (
-        points.shape != (len(points), graph.limbs)
-        or points.shape != support_sets.shape
-        or (points.dtype.name, support_sets.dtype.name) != ("uint16", "int32")
-        or not (points < len(graph.grasp_map)).all()
-        or not ((support_sets >= 0) & (support_sets < count)).all()
-    ):
+    shape = len(points), graph.limbs
+    check_arrays((points, shape, 0, len(graph.grasp_map)), (support_sets, shape, 0, int(count)))
+    if (points.dtype.name, support_sets.dtype.name) != ("uint16", "int32"):
         raise ValueError
     return StanceSets(points, support_sets, int(count))
 

@@ -237,6 +237,13 @@ def _mapped(stream: IO[bytes], info: zipfile.ZipInfo, whole: NDArray[np.uint8]) 
     return np.asarray(values.reshape(shape, order="F" if columns else "C"))
 
 
+def check_arrays(*expected: tuple[NDArray[Any], tuple[int, ...], float, float]) -> None:
+    """Check shapes of arrays and that values are at least one number and below another."""
+    for array, shape, least, end in expected:
+        if array.shape != shape or not ((array >= least) & (array < end)).all():
+            raise ValueError
+
+
 def key_of(graph: StanceGraph) -> str:
     """Return a digest of map, robot, settings and rules of a graph, which names its files."""
     digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())

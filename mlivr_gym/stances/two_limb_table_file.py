@@ -11,14 +11,13 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_files import Arrays, TableFiles
+from mlivr_gym.stances.table_files import Arrays, TableFiles, check_arrays
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge
 from mlivr_gym.transitions.records import ReleaseRecord
 
@@ -70,32 +69,26 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
     )
     index, manipulability = arrays["manipulability_index"], arrays["manipulability"]
     n, folds = len(points), len(graph.robot.folds)
-    shapes: list[tuple[NDArray[Any], tuple[int, ...]]] = [
-        (points, (n, 2)), (pose_number, (n,)), (branch, (n, 2)), (branch_sets, (n, 2)),
-        (index, (n,)), (manipulability, (len(manipulability), 3)),
-    ]  # fmt: skip
-    ranges: list[tuple[NDArray[Any], int, int]] = [
-        (points, 0, len(graph.grasp_map)), (pose_number, 0, MOST_BASE_POSES), (branch, 0, BRANCHES),
-        (branch_sets, 1, ALL + 1), (index, 0, len(manipulability)),
-    ]  # fmt: skip
+    check_arrays(
+        (points, (n, 2), 0, len(graph.grasp_map)), (pose_number, (n,), 0, MOST_BASE_POSES),
+        (branch, (n, 2), 0, BRANCHES), (branch_sets, (n, 2), 1, ALL + 1),
+        (index, (n,), 0, len(manipulability)),
+        (manipulability, (len(manipulability), 3), 0.0, np.inf),
+    )  # fmt: skip
     edges, releases = arrays.get("edges"), arrays.get("released")
     if edges is not None and releases is not None:
         # NumPy writes these types without their alignment, and some files have another field name.
         edges, releases = edges.view(TwoLimbEdge.dtype), releases.view(ReleaseRecord.dtype)
-        shapes += [(edges, (len(edges),)), (releases, (n, 2))]
-        ranges += [
-            (edges["fold_on_line"], -1, folds), (edges["fold_on_arc"], -1, folds),
-            (edges["line_branches"], -1, BRANCHES * BRANCHES), (releases["root"], 0, folds),
-            (releases["via"], 0, folds), (releases["branches"], 0, ALL + 1),
-            (releases["known"], 1, 2),
-        ]  # fmt: skip
+        every = (len(edges),)
+        check_arrays(
+            (edges["fold_on_line"], every, -1, folds), (edges["fold_on_arc"], every, -1, folds),
+            (edges["line_branches"], every, -1, BRANCHES * BRANCHES),
+            (releases["root"], (n, 2), 0, folds), (releases["via"], (n, 2, BRANCHES), 0, folds),
+            (releases["branches"], (n, 2), 0, ALL + 1), (releases["known"], (n, 2), 1, 2),
+        )  # fmt: skip
         # No step leads from a stance to itself in either of its rows.
         if len(edges) - int((edges["known"] == 1).sum()) != 2 * n:
             raise ValueError
-    if any(array.shape != shape for array, shape in shapes):
-        raise ValueError
-    if not all(((low <= array) & (array < end)).all() for array, low, end in ranges):
-        raise ValueError
     both: Array = manipulability[index]
     position, rotation = bases_at(graph.grasp_map, graph.robot, points, pose_number)
     cause = np.zeros(n, dtype=np.int64)
