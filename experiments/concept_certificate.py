@@ -22,7 +22,7 @@ from mlivr_gym.kinematics.families import branch_terms, stays_above
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
 from mlivr_gym.kinematics.poses import Pose, along, columns, vector
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
-from mlivr_gym.pictures.figures import write_figure
+from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -132,7 +132,7 @@ def main() -> None:
     axes.legend(frameon=False, fontsize=9)
     title = f"The certificate: {len(intervals)} intervals prove that $w_m$ of the supporting limb"
     figure.suptitle(f"{title} stays above its floor", x=0.02, ha="left", fontsize=11)
-    write_figure(figure, OUT / "certificate.png")
+    save_figure(figure, OUT / "certificate.png")
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.rounded_lines import RoundedLines
-from mlivr_gym.pictures.figures import point_colours, write_figure
+from mlivr_gym.pictures.figures import point_colours, save_figure
 from mlivr_gym.pictures.flat_views import (
     FROM_ABOVE,
     FROM_THE_SIDE,
@@ -109,7 +109,7 @@ def angles(graph: TwoLimbGraph, limb: int, position: Array, turn: Array) -> Arra
 def finish(figure: Figure, title: str, name: str) -> None:
     """Write a figure with its title."""
     figure.suptitle(title, x=0.05, ha="left", fontsize=11)
-    write_figure(figure, OUT / f"{name}.png")
+    save_figure(figure, OUT / f"{name}.png")
 
 
 def stance_figure(graph: TwoLimbGraph, plan: Plan) -> None:

@@ -16,7 +16,7 @@ from matplotlib.patches import Rectangle
 from reports import GOAL, START, two_limb_graph
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.figures import write_figure
+from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planner import GOAL_TOLERANCE
 from mlivr_gym.planners.query import Goal
@@ -67,7 +67,7 @@ def label_figure(graph: TwoLimbGraph) -> None:
     figure.suptitle(
         "A walk of two limbs: states $x_k = (s_k, L^k)$", x=0.055, y=0.985, ha="left", fontsize=11
     )
-    write_figure(figure, OUT / "labels.png")
+    save_figure(figure, OUT / "labels.png")
 
 
 def costs_along(graph: TwoLimbGraph, states: list[State]) -> tuple[Array, Array, Array]:

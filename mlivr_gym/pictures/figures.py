@@ -126,24 +126,19 @@ def figure_files(path: str | Path) -> tuple[Path, Path]:
 
 
 def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
-    """Write a figure as PNG and SVG, with 3-D axes unclipped; see `write_figure`."""
+    """Write a figure as PNG and SVG; each file is written completely or not at all.
+
+    The same figure always gives the same bytes: the files contain no random ids and no dates. The
+    path names either file, see `figure_files`; without `vector` no SVG is written. 3-D axes are not
+    clipped. Raises a `FileError` if a file cannot be written.
+    """
+    from matplotlib import rc_context
+
     for axes in figure.axes:
         if axes.name == "3d":
             # The clip box of 3-D axes is a central square that is narrower than the module.
             for artist in axes.get_children():
                 artist.set_clip_on(False)
-    write_figure(figure, path, vector=vector)
-
-
-def write_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
-    """Write a figure as PNG and SVG; each file is written completely or not at all.
-
-    The same figure always gives the same bytes: the files contain no random ids and no dates. The
-    path names either file, see `figure_files`; without `vector` no SVG is written. Raises a
-    `FileError` if a file cannot be written.
-    """
-    from matplotlib import rc_context
-
     png, svg = figure_files(path)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
