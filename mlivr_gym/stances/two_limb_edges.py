@@ -13,7 +13,7 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
 from mlivr_gym.transitions.edge import Edge
-from mlivr_gym.transitions.records import StanceArrays
+from mlivr_gym.transitions.records import StanceArrays, StepRecord
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.step_check import StepChecks
 
@@ -97,7 +97,7 @@ class TwoLimbEdges:
             return
         both = np.concatenate([before, after])
         self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-        steps = self._steps(before, after)
+        steps = self._steps(support, before, after)
         self.checks.check(steps, self.stances, self._world)
         found = TwoLimbEdge.rows(len(support))
         found["known"] = 1
@@ -122,10 +122,14 @@ class TwoLimbEdges:
             new = new[np.unique(entry[new], return_index=True)[1]]
         return support[new], before[new], after[new]
 
-    def _steps(self, before: IntArray, after: IntArray) -> Any:
-        """Return rows of `StepRecord` to be checked."""
-        sets = self.stances.branch_sets
-        return self.checks.steps(self.stances, before, after, sets[before] & sets[after])
+    def _steps(self, support: IntArray, before: IntArray, after: IntArray) -> Any:
+        """Return rows of `StepRecord` to be checked, in half the time of `StepChecks.steps`."""
+        steps, sets = StepRecord.rows(len(support)), self.stances.branch_sets
+        steps["limb"], steps["before"], steps["after"] = 1 - support, before, after
+        held = self.table.points[before, support]
+        steps["pivot"] = self.checks.solver.grasps["point"][held]
+        steps["branches"][:, :2] = sets[before] & sets[after]
+        return steps
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> None:
         """Store the results of steps, rows of `TwoLimbEdge`, in both directions."""
@@ -256,7 +260,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         kept: IntArray = free["kept"].astype(np.int64)
         close = np.flatnonzero(self.close[before] | self.close[after])
         support, free = support[close], free[close]
-        steps, rows = self._steps(before[close], after[close]), np.arange(len(close))
+        steps, rows = self._steps(support, before[close], after[close]), np.arange(len(close))
         steps["recheck"], steps["kept"][rows, support] = True, free["kept"]
         steps["on_arc"], steps["line_branches"] = free["on_arc"], free["line_branches"]
         steps["folds"][:, 0], steps["folds"][:, 1] = free["fold_on_line"], free["fold_on_arc"]
