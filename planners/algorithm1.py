@@ -30,7 +30,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.query import EXPANSIONS, Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -59,7 +59,7 @@ def algorithm1(
     heuristic: str = "consistent",
     *,
     inflation: float = 1.0,
-    limit: int = 10_000_000,
+    limit: int = EXPANSIONS,
     progress: Callable[[int], None] | None = None,
 ) -> SearchTree:
     """Search from a state to any stance at the goal.

@@ -25,6 +25,7 @@ from mlivr_gym.planners.planning_result import (
     PlanningResult,
 )
 from mlivr_gym.planners.query import (
+    EXPANSIONS,
     GOAL_TOLERANCE,
     MAX_EXPANSIONS,
     QUERY,
@@ -98,7 +99,7 @@ class Planner:
         goal_face: str | None = None,
         start_pose: Sequence[Any] | None = None,
         start_joints: Sequence[Any] | Array | None = None,
-        limit: int = 10_000_000,
+        limit: int = EXPANSIONS,
         time_limit: float | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> PlanningResult:

@@ -30,6 +30,9 @@ METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
 GOAL_TOLERANCE = 0.2
 """Radius of the goal region in the paper [m]."""
 
+EXPANSIONS = 10_000_000
+"""Number of states that a search expands at most by default."""
+
 MAX_EXPANSIONS = 10**30
 """Largest limit of expansions that can be requested; compiled searches count in 64 bits."""
 

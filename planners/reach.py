@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.planners.query import MAX_EXPANSIONS, QUERY
+from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS, QUERY
 from mlivr_gym.schema import Integer, OrNone
 from mlivr_gym.stances.critical import edges_of, parts_of
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -40,7 +40,7 @@ def reach_from(
     graph: StanceGraph,
     start: Sequence[str | int] | State,
     most_steps: int | None = None,
-    limit: int = 10_000_000,
+    limit: int = EXPANSIONS,
     progress: Callable[[int], None] | None = None,
 ) -> Reach:
     """Return after how many steps each point can be grasped from a start.

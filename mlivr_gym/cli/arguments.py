@@ -15,7 +15,7 @@ from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners.costs import HEURISTICS
-from mlivr_gym.planners.query import MAX_EXPANSIONS, METHODS
+from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS, METHODS
 from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
 from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
 from mlivr_gym.schema import Choice, FieldPath, Integer, Numbers, Validator
@@ -208,7 +208,7 @@ def query_arguments() -> argparse.ArgumentParser:
     )
     text = "search for a plan, and improve it, for at most S seconds"
     option(parser, "--time-limit S", text, type=float)
-    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000, LIMIT)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", EXPANSIONS, LIMIT)
     return parser
 
 

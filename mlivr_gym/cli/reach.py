@@ -10,7 +10,7 @@ from mlivr_gym.cli.arguments import LIMIT, Add, chosen_graph, chosen_task, comma
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.pictures.figures import figure_files
-from mlivr_gym.planners.query import MAX_EXPANSIONS
+from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS
 from mlivr_gym.planners.reach import NOT_REACHED, reach_from
 from mlivr_gym.schema import Integer
 
@@ -26,7 +26,7 @@ def add_command(add: Add) -> None:
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     text, steps = "maximum number of steps (default: no limit)", Integer(0, MAX_EXPANSIONS)
     option(parser, "--most-steps K", text, valid=steps)
-    option(parser, "--limit LIMIT", "maximum number of states expanded", 200_000, LIMIT)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", EXPANSIONS, LIMIT)
     option(parser, "--picture FILE", "draw the points to a PNG file and an SVG file of that name")
 
 

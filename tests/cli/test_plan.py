@@ -1,11 +1,14 @@
 """The command `plan`."""
 
+import inspect
 import json
 
 import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
+from mlivr_gym.cli.arguments import search_options
+from mlivr_gym.cli.main import _parser
 from mlivr_gym.fastest import step_reactions
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Plan, Planner
@@ -19,6 +22,12 @@ def test_plan_with_defaults(run):
     plan = Planner(stance_graph()).plan(setup["start"], setup["goal"], "base").unwrap()
     assert code == 0
     assert f": {len(plan.steps)} steps, {plan.base_translation:.3f} m" in out
+
+
+def test_the_command_searches_as_far_as_the_function():
+    defaults = inspect.signature(Planner.plan).parameters
+    args = _parser(["plan"]).parse_args(["plan"])
+    assert search_options(args) == {name: defaults[name].default for name in search_options(args)}
 
 
 def test_plan_writes_plan_and_picture(run, tmp_path, jem):
