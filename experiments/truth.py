@@ -2,7 +2,7 @@
 
     python experiments/truth.py [--walks 10000] [--workers 2] [--out results]
 
-* `walks`: random walks of legal steps must give complete motions.
+* `walks`: random walks of valid steps must give complete motions.
 * `execution`: random walks, and single steps from random states, are carried out in MuJoCo.
 * `optimality`: costs of plans are compared with SciPy's Dijkstra over `successors`; `limbs`: the
   same for three and four limbs on small maps.

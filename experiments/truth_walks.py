@@ -1,4 +1,4 @@
-"""Check that legal walks can be executed and that plans are optimal; parts of `truth.py`."""
+"""Check that walks of valid steps can be executed and plans are optimal; parts of `truth.py`."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def whole_graph() -> TwoLimbGraph:
 
 
 def random_walk(graph: StanceGraph, rng: np.random.Generator, steps: int = STEPS) -> list[State]:
-    """Return the states of a walk of random legal steps."""
+    """Return the states of a walk of random valid steps."""
     states = [random_state(graph, rng)]
     for _ in range(steps):
         steps_from = graph.successors(states[-1])
@@ -90,7 +90,7 @@ def executed_step(task: int) -> dict[str, Any]:
 
 
 def study_walks(number: int, workers: int) -> dict[str, Any]:
-    """Count the random walks of legal steps that have all their steps and a motion."""
+    """Count the random walks of valid steps that have all their steps and a motion."""
     rows = study_rows("truth_walks:walk", number, workers)
     return {
         "walks": number,

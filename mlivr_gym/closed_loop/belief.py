@@ -195,11 +195,11 @@ class Belief:
 
     @property
     def caution(self) -> Caution:
-        """How large sensed boxes are now."""
+        """How large sensed boxes are now, and how many hits they need."""
         return CAUTIONS[self._caution]
 
     def tighten(self) -> bool:
-        """Let sensed boxes be smaller or fewer from now on; return whether they can."""
+        """Take the next of `CAUTIONS` from now on; return whether there is one."""
         if self._caution == len(CAUTIONS) - 1:
             return False
         before, self._caution = self.caution, self._caution + 1
@@ -232,8 +232,8 @@ class Belief:
     def will_touch(self, trajectory: Trajectory, sample: int, present: Configuration) -> bool:
         """Return whether the robot soon touches something if it stays as far from a trajectory.
 
-        It should be at a sample of the trajectory, and is in its present configuration. Cubes with
-        enough hits count for as much as is likely, and as near to the robot as they are.
+        It should be at a sample of the trajectory, and is in its present configuration. What counts
+        is the map, and obstacles with the extent of the last of `CAUTIONS`, however close they are.
         """
         path, cells = self.path(trajectory), self._cubes["cell"]
         low, high = path.bounds_ahead(sample)
@@ -258,8 +258,8 @@ class Belief:
     ) -> tuple[Box, ...]:
         """Return boxes that contain the hits in chosen cubes and the margin about them.
 
-        They may contain other cubes that are there. Their ids count from a number. They are as
-        large as by a caution, by default the present one.
+        They may contain other cubes that are there. Their ids count from a number. A caution, by
+        default the present one, decides how large they are.
         """
         margin, _, is_denoised = caution or self.caution
         if not chosen.any():

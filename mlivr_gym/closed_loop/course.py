@@ -44,8 +44,8 @@ class Course:
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
-        If neither exists, a plan is sought among smaller boxes, see `Belief.tighten`, and then,
-        unless it is proved that there is none, for `PATIENCE` times as long.
+        If neither exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`, and
+        then, unless it is proved that there is none, for `PATIENCE` times as long.
         """
         self._belief.update_graph()
         result = self._plan_from(state, 1.0)

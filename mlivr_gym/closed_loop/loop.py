@@ -321,7 +321,7 @@ class _Loop:
             record.crew_distance = min(before, self._evasion.distance_during(executed.recording))
 
     def _move(self, prepared: PreparedStep, wait: float) -> bool:
-        """Wait, and take a step, or go back if its point cannot be grasped; return if it can."""
+        """Wait, take a step, and go back if it fails; return whether it ended with a grasp."""
         executor, grasps = self._executor, prepared.trajectory.grasps
         limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
         point = int(grasps[-1, limb])

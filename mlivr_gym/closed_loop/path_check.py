@@ -20,13 +20,13 @@ CHECK_PERIOD = 0.1
 """Time between two configurations of a trajectory that are compared with boxes [s]."""
 
 HORIZON = 1.0
-"""Time for which a robot is taken to stay as far from its trajectory as it is [s]."""
+"""Time for which a robot is assumed to stay as far from its trajectory as it is [s]."""
 
 TOUCH = 0.001
 """Distance from a box that counts as a touch [m]."""
 
 LARGEST_DEVIATION = 0.05
-"""Distance that a part of a robot is taken to be away from its trajectory at most [m]."""
+"""Largest distance from its trajectory that is assumed of any part of a robot [m]."""
 
 
 class PathCheck:
