@@ -3,7 +3,7 @@
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.belief import CAUTIONS, Belief
 from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.planners import Planner
 
@@ -61,7 +61,7 @@ def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
     state = moves.after(start, moves.find(limb, graph.grasp_map.index(point)))
     late = planner.plan(start, GOAL, limit=1)
     assert late.plan is None
-    answers, asked = iter([best, *[late] * 5]), []
+    answers, asked = iter([best, *[late] * (len(CAUTIONS) + 2)]), []
 
     def plan_from(_, patience):
         asked.append(patience)
@@ -73,6 +73,6 @@ def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
     course.replan(state)
     assert (course.plan, course.taken, asked) == (best.plan, 1, [1.0, 1.0])
     graph.occupy([best.unwrap().actions[1][1]])
-    course.replan(state)  # twice among smaller boxes, and then for longer
+    course.replan(state)  # among smaller boxes, too, and then for longer
     graph.vacate()
-    assert (course.plan, asked[2:]) == (None, [1.0, 1.0, 1.0, PATIENCE])
+    assert (course.plan, asked[2:]) == (None, [1.0] * len(CAUTIONS) + [PATIENCE])
