@@ -29,8 +29,8 @@ Part = dict[str, Any]
 
 def walks_text(part: Part) -> str:
     """Return the paragraph on random walks."""
-    return f"""**Legal steps are executable.** {part["walks"]} random walks of {part["steps"]} \
-legal steps on the JEM with collisions: {part["went_on"]} reach their last step, \
+    return f"""**Valid steps are executable.** {part["walks"]} random walks of {part["steps"]} \
+valid steps on the JEM with collisions: {part["went_on"]} reach their last step, \
 {part["put_together"]} have a complete motion. Swings: {counted(part["swings"])}.
 """
 

@@ -197,7 +197,7 @@ def query_arguments() -> argparse.ArgumentParser:
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
     option(parser, "--regrasp-price M", text, type=float)
     option(parser, "--method METHOD", "search method", "astar", Choice(METHODS))
-    text = "lower bound of the cost to the goal (default: relaxed for two limbs, else consistent)"
+    text = "estimate of the cost to the goal (default: relaxed for two limbs, else consistent)"
     option(parser, "--heuristic HEURISTIC", text, valid=Choice(HEURISTICS))
     option(
         parser,

@@ -36,8 +36,8 @@ def add_command(add: Add) -> None:
         run,
         "Walk to a goal in MuJoCo and replan at every grasp, and where a path turns out to be "
         "blocked. Boxes given with --unknown and points given with --refusing are there, but the "
-        "robot does not know them: it sees boxes with the depth cameras of its body, and notices "
-        "a refused grasp. Boxes given with --box are known.",
+        "robot does not know them: it sees boxes with the depth cameras of its body and "
+        "grippers, and notices a refused grasp. Boxes given with --box are known.",
         ("world", "obstacles", "walk"),
     )
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)

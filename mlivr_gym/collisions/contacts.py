@@ -97,7 +97,7 @@ def contacts(
 
     Penetrating pairs are included. All pairs are compared except `ALLOWED_COLLISIONS`. The body is
     its exact box here; the compiled checks compare boxes with capsules that contain the body
-    instead, see `limb_shapes.cube_capsules`. Of each limb at a grasp, `grasps` has limb, point [m]
+    instead, see `limb_shapes.box_capsules`. Of each limb at a grasp, `grasps` has limb, point [m]
     and surface normal in the world: its gripper may touch the boxes behind the surface. Raises a
     `SettingError` if the configuration is not one of the robot.
     """

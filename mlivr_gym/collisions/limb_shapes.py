@@ -110,7 +110,7 @@ class RobotModel(Record):
     base_capsule_count: int
     """Number of capsules that cover everything that moves with the base."""
     base_capsules: Annotated[Rows[BodyCapsule], (MOST_MOUNTS + 4,)]
-    """These capsules, compared with boxes: four about the body (`cube_capsules`) and the mounts."""
+    """These capsules, compared with boxes: four about the body (`box_capsules`) and the mounts."""
 
 
 class ShapesOfLimb(NamedTuple):

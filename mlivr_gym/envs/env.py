@@ -150,7 +150,7 @@ class MlivrEnv(StanceGraphEnv):
     ## Arguments
     | argument | default | meaning |
     |---|---|---|
-    | `robot` | `"mlivr2"` | name, path of a JSON file, `RobotSpec`, or plain data |
+    | `robot` | `"mlivr2"` | name, path of a JSON, URDF or MJCF file, `RobotSpec`, or plain data |
     | `cargo` | None | `Cargo` on the body, or `{"mass": kg, "size": m}`; None: that of the robot |
     | `map` | None | name in `PLACES`, path of a file, `GraspMap`, or plain data; None: the JEM |
     | `manipulability` | True | whether stances must meet both thresholds |

@@ -120,7 +120,7 @@ class LayoutTasks:
 
 
 def _step_values(tables: StepTables, goal: Array, tolerance: float) -> TableValues:
-    """Return the fewest steps to a goal [m]."""
+    """Return the fewest steps to a goal position [m]."""
     return TableValues(tables, in_goal_region(tables, goal[None], tolerance), Cost.named("steps"))
 
 

@@ -57,7 +57,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     an entry for each sub-environment that took an action, a generator once for each one that is
     reset. Each sub-environment draws its tasks and grasp failures from a stream of its own. With
     seed s, sub-environment i does exactly what a `MlivrEnv` with seed s + i does under the same
-    actions, over any number of episodes. `tasks="random"` is refused.
+    actions, over any number of episodes. The tasks `"random"` and `"clutter"` are refused.
 
     By default a sub-environment whose episode has ended is reset on the next step, which ignores
     its action and returns reward 0. If `autoreset_mode` is `"Disabled"`, `reset_mask` resets it.

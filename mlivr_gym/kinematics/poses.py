@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Pose(Record):
-    """Where a frame is in another one; a name says which, as in `base_in_world`."""
+    """Where a frame is in another one; a name says which, as in `base_in_mount`."""
 
     position: Vector
     """Its origin [m]."""

@@ -12,13 +12,14 @@ from mlivr_gym.arrays import Array, IntArray
 
 FAILURES = (
     "missed grasp", "refused grasp", "blocked path", "saturation", "collision", "lost hold",
-    "joint limit", "divergence", "no swing", "no clear time",
+    "joint limit", "divergence", "no swing",
 )  # fmt: skip
 """Kinds of failure.
 
 * `"missed grasp"`: at the end of the approach the gripper is too far from its point, or turned.
 * `"refused grasp"`: the gripper is at its point, but nothing can be grasped there.
-* `"blocked path"`: the limb turned back, since something new was seen on its path.
+* `"blocked path"`: the limb turned back, since something new was seen on its path, or since it
+  would touch something with the robot as far off its trajectory as it is.
 * `"saturation"`: the torque of a joint was at its limit for too long.
 * `"collision"`: two shapes touch.
 * `"lost hold"`: a grasp was loaded with more than it holds.
@@ -26,8 +27,6 @@ FAILURES = (
 * `"divergence"`: the state is no longer finite.
 * `"no swing"`: nothing was simulated, because no swing or no trajectory of the step was found; only
   steps that are chosen one by one, see `step_executor`, fail in this way.
-* `"no clear time"`: nothing was simulated, because a crew member would come too close to the robot
-  where it is, whenever the step begins; only in a closed loop.
 """
 
 

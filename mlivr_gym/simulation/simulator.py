@@ -157,7 +157,7 @@ class Simulation(SimulatedRobot):
         (origin, point), ids, time = ends, self.grasp_map.ids, self.time
         limb, phase = self.points.index(FREE), PHASES[len(PHASES) - 1 - int(back.phase[sample])]
         returned = self._reach(back, (point, origin), self._plan_step, begin=sample)
-        message = f"limb {limb} turned back on its way to point {ids[point]!r}, which is blocked"
+        message = f"limb {limb} turned back on its way to point {ids[point]!r}: its path is blocked"
         blocked = Failure("blocked path", time, self._plan_step, phase, limb, message, {})
         return SimulatedInterval(
             Recording.join([executed.recording, returned.recording]),

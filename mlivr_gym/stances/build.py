@@ -32,7 +32,8 @@ def stance_graph(
     Parameters
     ----------
     grasp_map
-        The map, the path of its JSON file, or plain data; by default the measured JEM.
+        Name of a map that ships, path of a JSON or CSV file, map, or plain data; by default the
+        measured JEM.
     robot
         Name, path of a JSON, URDF or MJCF file, plain data, or description.
     settings

@@ -20,7 +20,7 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 GROUP_EDGE = 0.3
-"""Edge of the cubes of space whose obstacles are compared with positions as one box, by reach."""
+"""Edge of cubes whose obstacles are compared with positions as one box; 1 is the reach."""
 
 OBSTACLE_CELL_EDGE = 0.6
 """Edge of the grid cells of obstacles [m]; affects the speed only."""

@@ -95,7 +95,7 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
 
 
 def function_run(kind: str, levels: dict[str, Any]) -> Callable[[int], Row]:
-    """Return the function of a function with its levels.
+    """Return the function of a user with the levels as its arguments.
 
     Raises
     ------
