@@ -129,6 +129,7 @@ def markdown(data: dict[str, Any]) -> str:
     two = [row for row in data["rows"] if row["method"] not in (BOUNDS, *LIMBED)]
     for row in sorted(two, key=lambda row: (row["labs"], row["method"])):
         name = "`station`" if row["station"] else f"row of {row['labs']} labs"
+        name += row.get("mark", "")
         if "fault" in row:
             rows.append((name, NOTHING, row["method"], row["fault"], *[NOTHING] * 6))
             continue
@@ -160,10 +161,7 @@ found: it is not proved that no plan outside the corridor is shorter.
 
 The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the corridor the station \
 takes {reached}, elapsed.
-The machine has two cores, on which other programs ran, so elapsed times would be shorter on an
-idle one, those at a load of 7 to 11 a fraction; processor time is the sum over threads. Rows with
-bound 1.0 were measured at that load, but those of 10 labs, *whole*, and 20 labs from end to end
-with an earlier search at one of 4 to 5. The largest rows have no *whole*.
+Processor time is the sum over threads. The largest rows have no *whole*. {data.get("remark", "")}
 
 ![Processor time and memory against the number of points](whole_station.png)
 
