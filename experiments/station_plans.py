@@ -46,6 +46,9 @@ ALCOVE = "node/aft/"
 BOUNDS = "bounds"
 """Name of the measurement of lower bounds."""
 
+LIMIT = 10**9
+"""Number of states that a search expands at most."""
+
 LENGTH = 8.5
 """Length of a lab [m]."""
 
@@ -74,11 +77,11 @@ def measured(labs: int, method: str, began: float) -> dict[str, Any]:
     read_at = time.time()
     start, goal = query(labs, SHORT if method == TO_TENTH else labs)
     if method in ("corridor", TO_TENTH):
-        found = plan_in_corridor(world, start, goal)
+        found = plan_in_corridor(world, start, goal, limit=LIMIT)
         graph, result = found.graph, found.result
     else:
         graph = stance_graph(world)
-        result = Planner(graph).plan(start, goal, "steps")
+        result = Planner(graph).plan(start, goal, "steps", limit=LIMIT)
     used = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "modules": labs or 10,

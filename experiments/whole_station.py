@@ -26,8 +26,8 @@ from matplotlib.figure import Figure
 from reports import NOTHING, ROOT, counted, experiment, study_rows, table
 from station_plans import BOUNDS, LIMBED, LIMBED_TIME, LIMBED_TOLERANCE, SHORT, STARTS, TO_TENTH
 
-TIME_LIMIT, OLDER_BOUND = 600.0, 1.2
-"""Time after which a process is ended [s]; bound of the rows of an older version."""
+TIME_LIMIT = 600.0
+"""Time after which a process is ended [s]."""
 
 LABS = (2, 5, 10, 20, 40, 80, 114)
 """Numbers of labs in a row."""
@@ -129,14 +129,13 @@ def markdown(data: dict[str, Any]) -> str:
     two = [row for row in data["rows"] if row["method"] not in (BOUNDS, *LIMBED)]
     for row in sorted(two, key=lambda row: (row["labs"], row["method"])):
         name = "`station`" if row["station"] else f"row of {row['labs']} labs"
-        name += row.get("mark", "")
         if "fault" in row:
             rows.append((name, NOTHING, row["method"], row["fault"], *[NOTHING] * 6))
             continue
         rows.append(
             (
                 name, row["points"], row["method"], row["points_used"], row["steps"] or "no plan",
-                f"{row.get('bound', OLDER_BOUND)}",
+                f"{row['bound']}",
                 f"{row['import_s'] + row['map_s']:.1f} + {row['plan_s']:.1f}",
                 f"{row['wall_s']:.1f}", f"{row['processor_s']:.1f}", f"{row['memory_gb']:.2f}",
             )
@@ -146,21 +145,20 @@ def markdown(data: dict[str, Any]) -> str:
         "whole process [s] | processor time [s] | memory [GB]"
     )
     reached = (
-        f"{ten['processor_s']:.1f} s of processor time and {ten['memory_gb']:.2f} GB; import "
-        f"and reading the map take {ten['import_s'] + ten['map_s']:.1f} s"
+        f"{ten['wall_s']:.1f} s and {ten['memory_gb']:.2f} GB; of these, import and reading the "
+        f"map take {ten['import_s'] + ten['map_s']:.1f} s"
     )
     return f"""# A whole station
 
 One plan of two limbs from the first to the last module, or to the tenth, each by a process of its
 own that has no cached table; machine code is compiled before. A plan is proved to have at most
-*bound* times the fewest steps possible on the points that are used; rows with {OLDER_BOUND} are of
-an older version, which on the `station` did not prove 1.0 within 500 s. *Whole* computes the
-stances of the whole map. *Corridor* (`planners.corridor.plan_in_corridor`) computes those near a
+*bound* times the fewest steps possible on the points that are used. *Whole* computes the stances of
+the whole map. *Corridor* (`planners.corridor.plan_in_corridor`) computes those near a
 route over cells that hold points, and widens the corridor, up to the whole map, until a plan is
 found: it is not proved that no plan outside the corridor is shorter.
 
 The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the corridor the station \
-takes {reached}, elapsed.
+takes {reached}.
 Processor time is the sum over threads. The largest rows have no *whole*. {data.get("remark", "")}
 
 ![Processor time and memory against the number of points](whole_station.png)

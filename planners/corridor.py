@@ -81,7 +81,7 @@ def plan_in_corridor(
     Returns
     -------
     CorridorPlan
-        The result in the first corridor that has a plan, or in which the time limit was reached,
+        The result in the first corridor that has a plan, or in which a limit was reached,
         otherwise that of the whole map. Its plan is one of the whole map, of which it has the
         fingerprint.
 
@@ -123,8 +123,7 @@ def plan_in_corridor(
                 result.plan.world, map_fingerprint=world.fingerprint, occupied=tuple(taken)
             )
             result = replace(result, plan=replace(result.plan, world=made))
-        is_late = result.reason == LIMIT_REACHED and options.get("time_limit") is not None
-        if result.plan is not None or is_late:
+        if result.plan is not None or result.reason == LIMIT_REACHED:
             return CorridorPlan(result, graph, False)
     whole = stance_graph(world, robot, settings)
     whole.add_obstacles(obstacles)

@@ -110,9 +110,10 @@ def test_only_the_whole_map_proves_that_there_is_no_plan(jem):
     assert len(found.graph.grasp_map) == len(apart)
 
 
-def test_the_time_limit_is_that_of_all_corridors(jem):
+@pytest.mark.parametrize("limit", [{"time_limit": 0.0}, {"limit": 1}])
+def test_where_a_limit_is_reached_no_wider_corridor_is_searched(jem, limit):
     """In a wider one the search would only take longer."""
-    found = plan_in_corridor("jem", START, GOAL, time_limit=0.0)
+    found = plan_in_corridor("jem", START, GOAL, **limit)
     assert found.result.reason == "limit reached"
     assert len(found.graph.grasp_map) < len(jem)
 
