@@ -129,6 +129,9 @@ def read_description(
         data.qpos[address : address + 7] = model.qpos0[address : address + 7]
     mujoco.mj_kinematics(model, data)
     joints = _joint_data(mujoco, model, found, (speeds, torques))
+    if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
+        endless = (-FARTHEST_TURN, FARTHEST_TURN)
+        joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
     name = tree.get("name") or tree.get("model") or path.stem
     visuals |= placed_meshes(model, pictures)
     return Description(name, model, data, joints, tuple(missing), _fields(fields), visuals)
@@ -143,10 +146,12 @@ def _parsed(text: str) -> ElementTree.Element:
         tree = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise RobotError(f"the file is not XML: {error}") from None
+    if any(part.tag.startswith("xacro.") for part in tree.iter()):
+        raise RobotError("the file has elements of xacro; expand it first: xacro FILE > robot.urdf")
     if tree.tag not in ("robot", "mujoco"):
         raise RobotError(
             f"the file's outermost element is <{tree.tag}>; it must be <robot> (URDF) or "
-            "<mujoco> (MJCF); expand a xacro file first"
+            "<mujoco> (MJCF)"
         )
     return tree
 

@@ -12,7 +12,6 @@ from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.joint_chain import HeldJoint, JointChain
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
-from mlivr_gym.schema import NAME, FieldPath, ListOf, Tuples
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
@@ -86,32 +85,24 @@ def arms_of(
 def with_held_joints(
     file: Description,
     arms: tuple[FileArm, ...],
-    names: str | Sequence[str] | None,
-    angles: float | Sequence[float],
+    names: Sequence[str] | None,
+    angles: Sequence[float],
 ) -> tuple[FileArm, ...]:
     """Return arms with the joints that are held set apart, and bring these to their angles [rad].
 
-    Each arm of seven joints holds the one that is named, for all or each, by default the third.
-    Joint angles of the file's data are changed. Raises a `RobotError` if a name is none of an arm's
-    seven joints, or an angle lies outside the joint's limits.
+    Each arm of seven joints holds the one that is named, for all or each, by default the third, at
+    the angle [rad] for all or each. Joint angles of the file's data are changed. Raises a
+    `RobotError` if a name is none of an arm's seven joints, an angle lies outside the joint's
+    limits, or a joint is named of an arm that holds none.
     """
     import mujoco
 
-    joint, turn = (FieldPath(name, RobotError) for name in ("held_joint", "held_angle"))
-    if names is None or isinstance(names, str):
-        named = None if names is None else (names,) * len(arms)
-    else:
-        named = ListOf(NAME).read(names, joint)
-    single = isinstance(angles, (int, float))
-    given = (Tuples().read(angles, turn),) if single else ListOf(Tuples()).read(angles, turn)
-    for field, count in (("held_joint", len(arms if named is None else named)),
-                         ("held_angle", len(arms) if len(given) == 1 else len(given))):  # fmt: skip
-        if count != len(arms):
-            raise RobotError(f"{field} has {count} entries; the file has {len(arms)} limbs")
-    out = tuple(
-        _with_held_joint(file, arm, None if named is None else named[k], given[k % len(given)])
-        for k, arm in enumerate(arms)
-    )
+    each = []
+    for field, given in (("held_joint", names or (None,)), ("held_angle", angles)):
+        if len(given) not in (1, len(arms)):
+            raise RobotError(f"{field} has {len(given)} entries; the file has {len(arms)} limbs")
+        each.append([given[k % len(given)] for k in range(len(arms))])
+    out = tuple(_with_held_joint(file, *one) for one in zip(arms, *each, strict=True))
     mujoco.mj_kinematics(file.model, file.data)
     return out
 

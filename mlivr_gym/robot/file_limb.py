@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -46,7 +47,7 @@ class LimbOptions:
 
     tool_length: float | None
     rotor_inertia: float | None
-    capsules: tuple[Capsule, ...] | str | None
+    capsules: Sequence[Capsule] | str | None
 
 
 @dataclass(frozen=True)
@@ -215,7 +216,7 @@ def limb_of(
         capsules, excess = stretched_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
-        capsules, excess = options.capsules, {}
+        capsules, excess = tuple(options.capsules), {}
     chain = _chain_in_base(joints, limb, found)
     error = _position_error(chain, limb, found, file.joints[arm.joints[-1]].name)
     if error > 1e-4:

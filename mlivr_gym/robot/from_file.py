@@ -14,19 +14,22 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mlivr_gym.arguments import FileName, Reader, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, RobotError, path_shown
 from mlivr_gym.robot.build_checks import check_build
-from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.capsules import CAPSULE, Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
 from mlivr_gym.robot.file_arms import arms_of, with_held_joints
 from mlivr_gym.robot.file_body import FileBody, body_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.mounts import Mount
+from mlivr_gym.robot.mounts import MOST_CAPSULES, Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.values import Triple
+from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
+from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
@@ -35,6 +38,34 @@ UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
 
 R = TypeVar("R", bound=DerivedFigures)
+
+LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
+"""Validator of a length [m] that may be None."""
+
+
+def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
+    if isinstance(value, str):
+        return Choice(("ur5e",)).read(value, place)
+    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
+
+
+VALIDATORS: Validators = {
+    "path": FileName(),
+    "limbs": OrNone(Integer(2, MOST_LIMBS)),
+    "tips": OrNone(ListOf(NAME, 1)),
+    "tool_frame": OrNone(OneOrEach(NAME)),
+    "tool_length": LENGTH,
+    "mount_radius": LENGTH,
+    "body_size": OrNone(SizeOrEdges()),
+    "speed_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s"))),
+    "torque_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m"))),
+    "rotor_inertia": OrNone(Tuples((), 0.0, 1e3, "kg m^2")),
+    "held_joint": OrNone(OneOrEach(NAME)),
+    "held_angle": OneOrEach(Tuples()),
+    "capsules": OrNone(Reader(_capsules)),
+    "package_dirs": ListOf(FileName()),
+}
+"""Validators of the arguments of `read_robot`."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +145,7 @@ def robot_of_file(
     return robot
 
 
+@checked(VALIDATORS, RobotError)
 def read_robot(
     path: str | Path,
     *,
@@ -197,11 +229,11 @@ def read_robot(
     >>> file = read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
     >>> file.capsule_excess[0]["forearm"]  # doctest: +SKIP
     """
-    options = LimbOptions(tool_length, rotor_inertia, _listed(capsules))
-    frames = (tool_frame,) if isinstance(tool_frame, str) else tool_frame
+    options = LimbOptions(tool_length, rotor_inertia, capsules)
     try:
         file = read_description(path, package_dirs, speed_limits, torque_limits)
-        arms = with_held_joints(file, arms_of(file, tips, frames), held_joint, held_angle)
+        held = held_joint, np.ravel(held_angle).tolist()
+        arms = with_held_joints(file, arms_of(file, tips, tool_frame), *held)
         if len(arms) == 1:
             return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
                 "limbs": 2 if limbs is None else limbs,
@@ -224,19 +256,13 @@ def read_robot(
         raise RobotError(f"robot {path_shown(path)}: {fault}") from None
 
 
-def _listed(capsules: Sequence[Capsule] | str | None) -> tuple[Capsule, ...] | str | None:
-    if isinstance(capsules, str) and capsules != "ur5e":
-        raise RobotError(f"capsules is {capsules!r}; it must be 'ur5e', or a list of capsules")
-    return capsules if capsules is None or isinstance(capsules, str) else tuple(capsules)
-
-
 def _of_one_arm(
     file: Description, limb: FileLimb, fields: dict[str, Any], build: dict[str, Any]
 ) -> RobotFile:
     """Return a robot of equal arms mounted evenly round a box."""
     if build["mount_radius"] is None:
         build["mount_radius"] = 0.5 * float(np.max(build["body_size"])) + _stand_off(limb)
-    count = build["limbs"] if isinstance(build["limbs"], int) else 1
+    count = build["limbs"]
     return RobotFile(
         _fields(file, (limb,), fields, build),
         (limb.joint_names,) * count,

@@ -26,9 +26,7 @@ from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.export import as_mjcf, as_urdf
 from mlivr_gym.robot.failed_joints import mounts_with_failed_joint
-from mlivr_gym.robot.from_file import robot_of_file
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -44,12 +42,10 @@ from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks, without_em
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
+from mlivr_gym.robot.validators import MOST_LIMBS as MOST_LIMBS
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
-
-MOST_LIMBS = 8
-"""Largest number of limbs of a robot."""
 
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
 """Stands for the folds of the limb's family, `Limb.default_folds`."""
@@ -244,12 +240,14 @@ class RobotSpec(DerivedFigures):
         RobotError
             If the file cannot be read, or describes a robot that is not supported.
         """
+        from mlivr_gym.robot.from_file import robot_of_file  # above, it were a source of kernels
+
         return robot_of_file(path, cls.from_dict, options)
 
     @classmethod
     def from_mjcf(cls, path: str | Path, **options: Any) -> RobotSpec:
         """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
-        return robot_of_file(path, cls.from_dict, options)
+        return cls.from_urdf(path, **options)
 
     def with_failed_joint(self, limb: int, joint: int, angle: float) -> RobotSpec:
         """Return the robot with a joint of a seven-joint limb locked at an angle.
@@ -294,6 +292,8 @@ class RobotSpec(DerivedFigures):
         FileError
             If the file cannot be written.
         """
+        from mlivr_gym.robot.export import as_mjcf
+
         return as_mjcf(self, self.to_dict(), path)
 
     def to_urdf(self, path: str | Path | None = None) -> str:
@@ -301,6 +301,8 @@ class RobotSpec(DerivedFigures):
 
         Its capsules are those of URDF 1.2.
         """
+        from mlivr_gym.robot.export import as_urdf
+
         return as_urdf(self, self.to_dict(), path)
 
 

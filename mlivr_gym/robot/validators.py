@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.schema import FieldPath, Tuples
+from mlivr_gym.schema import FieldPath, ListOf, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 APART = (
@@ -21,6 +21,9 @@ APART = (
 
 SMALLEST_BODY = 1e-3
 """Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
+
+MOST_LIMBS = 8
+"""Largest number of limbs of a robot."""
 
 MOST_FOLDS = 4
 """Largest number of entries of `RobotSpec.folds`."""
@@ -64,8 +67,25 @@ class SizeOrEdges:
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return a float, or a tuple of three; three equal edges are those of a cube."""
-        several = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)
-        if not several:
+        if not _is_list(value):
             return self.edge.read(value, place)
         edges = self.edges.read(value, place)
         return edges[0] if len(set(edges)) == 1 else edges
+
+
+@dataclass(frozen=True)
+class OneOrEach:
+    """Validator of one value for all, or of a list with one for each."""
+
+    kind: Validator[Any]
+    """Validator of each value."""
+
+    def read(self, value: object, place: FieldPath) -> tuple[Any, ...]:
+        """Return a tuple of the values, of one if a single value is given."""
+        if _is_list(value):
+            return ListOf(self.kind).read(value, place)
+        return (self.kind.read(value, place),)
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)

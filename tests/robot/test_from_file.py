@@ -1,6 +1,8 @@
 """Robots from URDF and MJCF: Pinocchio and MuJoCo tell where flanges are and how links move."""
 
 import json
+import math
+import re
 
 import mujoco
 import numpy as np
@@ -163,12 +165,12 @@ def in_millimetres(text):
         (replaced("", ""), {"mount_radius": 40.0}, r"limbs 0 and 1 are mounted 80.* m apart"),
         (replaced("", ""), {"body_size": 0.5, "mount_radius": 0.01}, "inside the body, a box of"),
         (replaced("", ""), {"tool_frame": "hand"}, "no link or site 'hand'; it has links base"),
-        (replaced("", ""), {"limbs": 1}, "limbs is 1"),
         (replaced("", ""), {"wheels": 2}, "unknown field 'wheels'"),
         (replaced("<sphere", "<mesh filename='package://gone/a.stl'/><sphere"), {},
          "6 meshes of collision shapes .* the first is 'package://gone/a.stl'; .*package_dirs"),
         (replaced("<robot", "<model"), {}, "not XML"),
         (lambda _: "<sdf/>", {}, "outermost element is <sdf>; it must be <robot>"),
+        (replaced("<link", '<xacro:arm prefix=""/><link'), {}, "elements of xacro; expand it"),
     ],
 )  # fmt: skip
 def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options, words):
@@ -177,6 +179,61 @@ def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options,
         RobotSpec.from_urdf(path, **options)
     assert "\n" not in str(caught.value)
     assert "arm.urdf" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"limbs": 1}, "limbs is 1; it must be a whole number from 2 to 8"),
+        ({"limbs": -1}, "limbs is -1; it must be a whole number from 2 to 8"),
+        ({"tips": "link6"}, "tips is 'link6'; it must be a list"),
+        ({"tips": []}, "tips has 0 entries; it must have 1"),
+        ({"tool_frame": 3}, "tool_frame is 3; it must be a text"),
+        ({"tool_length": "long"}, "tool_length is 'long'; it must be a finite number"),
+        ({"tool_length": math.nan}, "tool_length is nan; it must be a finite number"),
+        ({"body_size": "x"}, "body_size is 'x'; it must be a finite number"),
+        ({"mount_radius": -1}, "mount_radius is -1.0; it must be from 0 to 100 m"),
+        ({"speed_limits": "fast"}, "speed_limits is 'fast'; it must be a finite number"),
+        ({"speed_limits": True}, "speed_limits is True; it must be a finite number"),
+        ({"torque_limits": [1, 2, 3, 4, 5, -6]}, r"torque_limits\[5\] is -6.0; it must be from"),
+        ({"torque_limits": 10**400}, "torque_limits is 1000"),
+        ({"rotor_inertia": [1]}, r"rotor_inertia has shape \(1,\), \[1\]"),
+        ({"held_angle": "wide"}, "held_angle is 'wide'; it must be a finite number"),
+        ({"capsules": "ur3e"}, "capsules is 'ur3e'; valid choices are 'ur5e'"),
+        ({"capsules": [1]}, r"capsules\[0\] is 1; it must be an object"),
+        ({"package_dirs": "meshes"}, "package_dirs is 'meshes'; it must be a list"),
+        ({"package_dirs": [1]}, r"package_dirs\[0\] is 1; it must be the path of a file"),
+    ],
+)
+def test_arguments_are_refused_by_name(tmp_path, options, words):
+    path = written(tmp_path, one_arm())
+    with pytest.raises(RobotError, match=f"^{words}"):
+        RobotSpec.from_urdf(path, **options)
+
+
+def test_arguments_may_be_scalars_of_numpy(tmp_path):
+    path = written(tmp_path, one_arm())
+    plain = read_robot(path, limbs=3, tool_length=0.5, held_angle=0.0, rotor_inertia=0.25)
+    given = read_robot(
+        path,
+        limbs=np.int64(3),
+        tool_length=np.float32(0.5),
+        held_angle=np.float32(0.0),
+        rotor_inertia=np.array(0.25),
+    )
+    assert given.fields == plain.fields
+    assert given.joint_names == plain.joint_names
+    assert given.signs.shape == (3, 6)
+
+
+def test_a_joint_of_an_mjcf_without_a_range_turns_without_end(tmp_path):
+    text = robot_spec("mlivr2").to_mjcf()
+    endless = re.sub(r'(name="limb0/joint6"[^>]*?) range="[^"]*"', r"\1", text)
+    assert endless != text
+    limbs = [robot_spec(written(tmp_path, t, "r.xml")).every_limb[0] for t in (text, endless)]
+    spans = [np.diff(limb.joint_limits[5])[0] for limb in limbs]
+    assert spans[0] == pytest.approx(4 * np.pi)
+    assert spans[1] > 100.0  # as a continuous joint of a URDF
 
 
 def test_limbs_that_meet_at_rest_are_refused(tmp_path):
