@@ -87,15 +87,17 @@ class Text:
 
     least: int = 1
     """Minimum number of characters."""
+    most: int = MAX_TEXT_LENGTH
+    """Maximum number of characters."""
 
     def read(self, value: object, place: FieldPath) -> str:
         """Return the text; a lone surrogate, for example, is refused: no file could hold it."""
         if (
             not isinstance(value, str)
-            or not self.least <= len(value) <= MAX_TEXT_LENGTH
+            or not self.least <= len(value) <= self.most
             or not value.isprintable()
         ):
-            kind = f"a text of {self.least} to {MAX_TEXT_LENGTH} printable characters"
+            kind = f"a text of {self.least} to {self.most} printable characters"
             raise place.refused(value, kind)
         return value
 

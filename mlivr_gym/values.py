@@ -34,6 +34,9 @@ MAX_PARTS = 10_000
 MAX_TEXT_LENGTH = 200
 """Maximum number of characters of a name."""
 
+MAX_REMARK_LENGTH = 4000
+"""Maximum number of characters of a remark, or of the path of a file."""
+
 
 def check_unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None:
     """Check that no id appears twice.

@@ -29,7 +29,7 @@ from mlivr_gym.robot.mounts import MOST_CAPSULES, Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
 from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
+from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, Triple
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
@@ -364,4 +364,4 @@ def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
     if fitted:
         told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
     text = "; ".join(told)
-    return "".join(c if c.isprintable() else " " for c in text)[:200]
+    return "".join(c if c.isprintable() else " " for c in text)[:MAX_REMARK_LENGTH]

@@ -15,7 +15,6 @@ from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.validators import PairOf, SizeOrEdges
 from mlivr_gym.schema import Choice, Integer, ListOf, Numbers, OrNone, Rotation, Struct, Text
-from mlivr_gym.values import MAX_TEXT_LENGTH
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 """The version of JSON Schema."""
@@ -52,7 +51,7 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
         case PairOf():
             return {"enum": [list(pair) for pair in kind.pairs]}
         case Text():
-            return {"type": "string", "minLength": kind.least, "maxLength": MAX_TEXT_LENGTH}
+            return {"type": "string", "minLength": kind.least, "maxLength": kind.most}
         case Choice():
             return {"enum": list(kind.options)}
         case Integer():

@@ -45,7 +45,7 @@ from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, Si
 from mlivr_gym.robot.validators import MOST_LIMBS as MOST_LIMBS
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
+from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
 """Stands for the folds of the limb's family, `Limb.default_folds`."""
@@ -333,7 +333,7 @@ ROBOT = Struct(
         "apart": ListOf(PairOf(APART), 0, len(APART)),
         "body_centre": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
         "body_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
-        "source": Text(0),
+        "source": Text(0, MAX_REMARK_LENGTH),
         "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
         "cargo": OrNone(CARGO),
     },

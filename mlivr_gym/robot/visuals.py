@@ -17,7 +17,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Text, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
+from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, Triple
 
 MESH_FORMATS = (".stl", ".obj", ".msh")
 """Endings of mesh files that MuJoCo reads."""
@@ -82,7 +82,7 @@ VISUAL = Struct(
     Visual,
     {
         "link": Choice(LINKS),
-        "file": Text(1),
+        "file": Text(1, MAX_REMARK_LENGTH),
         "position": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
         "quaternion": Tuples((4,), -1.0 - 1e-9, 1.0 + 1e-9),
         "scale": Tuples((3,), most=LARGEST_SCALE),

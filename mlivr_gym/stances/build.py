@@ -76,11 +76,17 @@ def _why_empty(graph: TwoLimbGraph) -> str:
             f"{graph.robot.mount_radius:g} m from the axis reach two points"
         )
     touching = ", ".join(
-        f"{count} touch {TOUCHED[REMOVED[name]]}" for name, count in graph.removed.items() if count
+        f"{count} touch {TOUCHED[REMOVED[name][0]]}"
+        for name, count in graph.removed.items()
+        if count
     )
-    return (
-        f"of {graph.reachable} stances in reach none meets w_m >= {graph.limb_threshold:g} and "
-        f"w_b >= {graph.base_threshold:g} with limbs that can depart at w_m >= "
-        f"{graph.settings.path_floor:g}"
-        + (f"; of those that meet the thresholds {touching}" if touching else "")
+    thresholds = (
+        f"w_m >= {graph.limb_threshold:g} and w_b >= {graph.base_threshold:g} with limbs that can "
+        f"depart at w_m >= {graph.settings.path_floor:g}"
     )
+    if touching:
+        return (
+            f"of {graph.reachable} stances in reach none is left; of those that meet {thresholds} "
+            f"{touching}"
+        )
+    return f"of {graph.reachable} stances in reach none meets {thresholds}"

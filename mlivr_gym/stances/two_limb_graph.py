@@ -36,8 +36,8 @@ from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-REMOVED = {"self": SELF, "cabin": CABIN, "handrail": HANDRAIL}
-"""Causes of collisions that remove a stance from the graph."""
+REMOVED = {"self": (SELF,), "cabin": (CABIN, OBSTACLE), "handrail": (HANDRAIL,)}
+"""Causes of collisions that remove a stance from the graph; obstacles are here those of the map."""
 NO_STEPS: IntArray = np.zeros((0, 4), dtype=np.int64)
 
 
@@ -119,7 +119,7 @@ class TwoLimbGraph(StanceGraph):
         )
         no_departure = (stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum()
         counts = [len(self.pairs), int(postures.reachable.sum()), int(no_departure)]
-        counts += [int((postures.cause[~node] == cause).sum()) for cause in REMOVED.values()]
+        counts += [int(np.isin(postures.cause[~node], causes).sum()) for causes in REMOVED.values()]
         points = np.ascontiguousarray(self.pairs[node])
         return TwoLimbStances(points, postures.take(node), dict(zip(COUNTS, counts, strict=True)))
 

@@ -226,6 +226,12 @@ def test_arguments_may_be_scalars_of_numpy(tmp_path):
     assert given.signs.shape == (3, 6)
 
 
+def test_what_a_file_left_open_is_told_whole_however_long_its_name(tmp_path):
+    text = one_arm().replace('<robot name="arm">', f'<robot name="{"x" * 199}">')
+    source = robot_spec(written(tmp_path, text)).source
+    assert "rotor inertias of 0.1 kg m^2 assumed" in source
+
+
 def test_a_joint_of_an_mjcf_without_a_range_turns_without_end(tmp_path):
     text = robot_spec("mlivr2").to_mjcf()
     endless = re.sub(r'(name="limb0/joint6"[^>]*?) range="[^"]*"', r"\1", text)

@@ -7,7 +7,7 @@ from branches import angles_on, arm_of
 from held_points import assert_held
 from paper import NO_COLLISIONS
 
-from mlivr_gym import GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
+from mlivr_gym import Box, GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path, base_poses
 from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
@@ -190,6 +190,15 @@ def test_a_map_with_too_many_pairs_of_points_is_refused_before_they_are_made(jem
 def test_thresholds_that_no_stance_meets_are_named(ladder):
     with pytest.raises(RobotError, match=r"none meets w_m >= 0.5"):
         stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))
+
+
+def test_stances_that_all_touch_something_are_counted(ladder):
+    """The same stances are left without the check of collisions."""
+    free = len(stance_graph(ladder, settings=Settings(collisions=False)))
+    full = Box.between("full", "obstacle", (-2.0, -2.0, 0.1), (4.0, 2.0, 3.0))
+    words = rf"none is left; of those that meet w_m >= 0.1 .* w_m >= 0.03 {free} touch "
+    with pytest.raises(RobotError, match=words):
+        stance_graph(replace(ladder, boxes=(*ladder.boxes, full)))
 
 
 def test_points_may_be_held_at_once_from_the_separation_of_grippers_to_the_span():
