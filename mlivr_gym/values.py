@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError
@@ -48,6 +49,22 @@ def check_unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None
         if name in seen:
             raise error(f"{kind} {name!r} appears more than once")
         seen.add(name)
+
+
+class EqualByData:
+    """Equality of records that hold arrays: they are equal if their plain data are."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the record as plain data."""
+        raise NotImplementedError
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the other one is of the same type and has equal data."""
+        return isinstance(other, type(self)) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        """Return a hash; equal records are shown by the same text."""
+        return hash(repr(self))
 
 
 def as_triple(array: Array) -> Triple:

@@ -97,7 +97,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        args = _parser(given).parse_args(given)
+        args, unknown = _parser(given).parse_known_args(given)
+        if unknown:
+            args.commands[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     except MlivrError as error:
         print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
         if "--json" in given:  # the parser may have stopped before this option

@@ -17,6 +17,7 @@ from mlivr_gym.motion.plan_checks import check_motion, check_totals
 from mlivr_gym.motion.plan_files import plan_data, read_parts
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
 from mlivr_gym.schema import Anything, OrNone
+from mlivr_gym.values import EqualByData
 from mlivr_gym.world.grasp_map import GraspMap
 
 READ: Validators = {
@@ -27,8 +28,8 @@ READ: Validators = {
 """Schema of the arguments from which a plan is read."""
 
 
-@dataclass(frozen=True, repr=False)
-class Plan:
+@dataclass(frozen=True, repr=False, eq=False)
+class Plan(EqualByData):
     """A sequence of K stances with the committed steps between them.
 
     Attributes

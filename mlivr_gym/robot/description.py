@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from mlivr_gym.errors import RobotError, path_shown
+from mlivr_gym.errors import RobotError
 from mlivr_gym.files import LARGEST_FILE
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.visuals import BodyMesh, mesh_file, mjcf_meshes, placed_meshes, urdf_meshes
@@ -95,9 +95,9 @@ def read_description(
         text = path.read_text(encoding="utf-8") if size <= LARGEST_FILE else ""
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise RobotError(f"cannot read robot {path_shown(path)}: {reason}") from None
+        raise RobotError(f"the file cannot be read: {reason}") from None
     if not text:
-        raise RobotError(f"robot {path_shown(path)} is empty or larger than {LARGEST_FILE} bytes")
+        raise RobotError(f"the file is empty or larger than {LARGEST_FILE} bytes")
     tree = _parsed(text)
     found: dict[str, float] = {}
     missing: list[str] = []

@@ -361,16 +361,16 @@ def _shipped(name: str) -> RobotSpec:
 _PLACE = FieldPath("robot", RobotError)
 
 
-def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLACE) -> RobotSpec:
+def robot_spec(
+    robot: str | Path | RobotSpec | dict[str, Any], place: FieldPath = _PLACE
+) -> RobotSpec:
     """Return a robot by name, from a file, from plain data, or as it is.
 
     Parameters
     ----------
     robot
         The name of a robot that ships, the path of a JSON, URDF (`.urdf`) or MJCF file (`.xml`,
-        `.mjcf`), plain data (`RobotSpec.to_dict`), or a robot.
-    place
-        Where the value stands, for the message of an error.
+        `.mjcf`), plain data (`RobotSpec.to_dict`), or a robot; `place` is where it stands.
 
     Raises
     ------
@@ -388,8 +388,8 @@ def robot_spec(robot: str | RobotSpec | dict[str, Any], place: FieldPath = _PLAC
         return place.build(RobotSpec.from_dict, robot)
     if isinstance(robot, str) and robot in ROBOTS:
         return _shipped(robot)
-    if isinstance(robot, str) and os.path.isfile(robot):
-        return RobotSpec.load(robot)
+    if isinstance(robot, (str, os.PathLike)) and os.path.isfile(robot):
+        return RobotSpec.load(os.fspath(robot))
     raise RobotError(
         f"unknown robot {shortened(robot)}; valid names are {', '.join(ROBOTS)}, "
         "or give the path of a JSON, URDF or MJCF file"

@@ -29,7 +29,7 @@ from mlivr_gym.errors import (
 )
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples, are_rotations
-from mlivr_gym.values import check_unique
+from mlivr_gym.values import EqualByData, check_unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.joining import joined_fields, placed_maps
@@ -63,8 +63,8 @@ STANCE = WithError(StanceError, ListOf(Reader(_point)))
 """Points by id or index, such as that of each limb."""
 
 
-@dataclass(frozen=True, repr=False)
-class GraspMap:
+@dataclass(frozen=True, repr=False, eq=False)
+class GraspMap(EqualByData):
     """Graspable points and the surroundings they belong to.
 
     Attributes

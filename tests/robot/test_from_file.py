@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -224,6 +225,16 @@ def test_arguments_may_be_scalars_of_numpy(tmp_path):
     assert given.fields == plain.fields
     assert given.joint_names == plain.joint_names
     assert given.signs.shape == (3, 6)
+
+
+def test_a_file_is_named_once_and_may_be_a_path(tmp_path):
+    path = written(tmp_path, one_arm())
+    assert robot_spec(Path(path)) == robot_spec(str(path))
+    for content in (b"", b"\xff"):
+        Path(path).write_bytes(content)
+        with pytest.raises(RobotError) as caught:
+            robot_spec(path)
+        assert str(caught.value).count("arm.urdf") == 1
 
 
 def test_what_a_file_left_open_is_told_whole_however_long_its_name(tmp_path):

@@ -67,6 +67,14 @@ def test_points_and_segments_load_from_a_file(tmp_path):
     assert loaded.fingerprint != jem_map().fingerprint
 
 
+def test_maps_are_equal_if_their_data_are(jem):
+    again = GraspMap.from_dict(jem.to_dict())
+    assert again == jem
+    assert len({again, jem}) == 1
+    assert jem != jem.subset(np.arange(len(jem)) > 0, jem.name)
+    assert jem != 0
+
+
 def test_rounding_does_not_make_another_map(jem):
     """The last digits of turned boxes differ between machines; a plan serves on all of them."""
     nudged = [
