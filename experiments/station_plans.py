@@ -43,6 +43,25 @@ goal behind the hatch [m]."""
 ALCOVE = "node/aft/"
 """First letters of the points that they hold at the start, before the hatch."""
 
+NODES = "mlivr4, handrails that ship", "mlivr4, with handrails around closed hatches"
+"""Names of measurements: four limbs from a module through two hatches of a node of the map
+`station` into the next, by its handrails, and with eight more."""
+
+NODE = (0.3, -0.9), (5.8, 3.6)
+"""Lower and upper corner, x and y, of the points that they use [m]; there are three on each seat
+track, with the last letters `LAST`."""
+
+LAST = (":2", ":4", ":6")
+
+FROM_COLUMBUS = (
+    "columbus2/aft end/0-:0", "columbus2/handrail node1+:3",
+    "columbus2/handrail node1+:0", "columbus2/aft end/1+:0",
+)  # fmt: skip
+"""Their start, inside the hatch of a module like Columbus."""
+
+INTO_LAB = (5.0, 0.0, 0.0)
+"""Their goal in the lab [m]."""
+
 BOUNDS = "bounds"
 """Name of the measurement of lower bounds."""
 
@@ -136,6 +155,62 @@ def through_a_hatch(method: str) -> dict[str, Any]:
     }
 
 
+def around_closed() -> list[dict[str, Any]]:
+    """Return four handrails around each of the hatches that a node may have in deck and overhead.
+
+    They are those of `node1` of the map `station`, like the two beside each of its other hatches.
+    """
+    import numpy as np
+    from station_modules import HALF, PORTS, TRACK_HEIGHT, flanking
+
+    (axis, side, up), found = np.eye(3), []
+    for face, out in (("deck", -up), ("overhead", up)):
+        middle = PORTS * axis + (HALF + TRACK_HEIGHT) * out
+        for along, name in ((axis, "y"), (side, "x")):
+            found += flanking("node1", f"{face} {name}", middle, out, up=along)
+    return found
+
+
+def through_a_node(method: str, began: float) -> dict[str, Any]:
+    """Return how a plan of four limbs ends, over a table of all nodes, see `NODES`."""
+    import numpy as np
+
+    from mlivr_gym.planners.corridor import around
+    from mlivr_gym.robot.specification import robot_spec
+    from mlivr_gym.simulation.execution import execute
+    from mlivr_gym.stances.table_build import build_table
+
+    robot = robot_spec(method.split(", ")[0])
+    parts = [{"id": "all", "map": "station"}]
+    added = {"segments": around_closed(), "spacing": 0.2} if method == NODES[1] else {}
+    world = as_map({"name": "station", "parts": parts, **added})
+    low, high = NODE
+    keep = ((world.positions[:, :2] > low) & (world.positions[:, :2] < high)).all(axis=1)
+    is_track = [point.startswith("all/lab1/") and point.count("/") == 2 for point in world.ids]
+    is_track &= np.array(["handrail" not in point for point in world.ids])
+    keep &= ~is_track | np.array([point.endswith(LAST) for point in world.ids])
+    graph = stance_graph(around(world, keep, robot), robot)
+    build_table(graph)
+    assert graph.table is not None
+    start = [f"all/{point}" for point in FROM_COLUMBUS]
+    found = Planner(graph).plan(
+        start, INTO_LAB, "steps", goal_tolerance=LIMBED_TOLERANCE, time_limit=LIMBED_TIME
+    )
+    used, plan = resource.getrusage(resource.RUSAGE_SELF), found.plan
+    return {
+        "points": len(graph.grasp_map),
+        "nodes": len(graph.table.points),
+        "end": found.reason or "plan found",
+        "steps": None if plan is None else len(plan.steps),
+        "bound": None if plan is None else plan.statistics.bound,
+        "search_s": found.search_time,
+        "wall_s": time.time() - began,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "memory_gb": used.ru_maxrss / 1e6,
+        "walked": None if plan is None else execute(graph, plan).failure is None,
+    }
+
+
 def lower_bounds() -> dict[str, Any]:
     """Return lower bounds of the steps across the station, and the steps of plans."""
     import numpy as np
@@ -165,6 +240,8 @@ def figures(labs: int, method: str, began: float) -> dict[str, Any]:
     """Return the figures that a method gives."""
     if method == BOUNDS:
         return lower_bounds()
+    if method in NODES:
+        return through_a_node(method, began)
     if method in LIMBED:
         return through_a_hatch(method)
     return measured(labs, method, began)

@@ -7,7 +7,8 @@ code and bytecode are compiled before.
 Stations are rows of labs (`station_modules.py`), and the station that ships. The plan of
 two limbs leads from the first to the last module, on the graph of the whole map and in a corridor.
 It has the fewest steps possible on the points that are used, which is proved. Three and four limbs
-go from a node into a module like Columbus, through a hatch. Writes
+go from a node into a module like Columbus, through a hatch, and four limbs from there through a
+node into a lab. Writes
 `whole_station.json`, `whole_station.md` and `whole_station.png`; takes half an hour.
 """
 
@@ -24,7 +25,16 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from reports import NOTHING, ROOT, counted, experiment, study_rows, table
-from station_plans import BOUNDS, LIMBED, LIMBED_TIME, LIMBED_TOLERANCE, SHORT, STARTS, TO_TENTH
+from station_plans import (
+    BOUNDS,
+    LIMBED,
+    LIMBED_TIME,
+    LIMBED_TOLERANCE,
+    NODES,
+    SHORT,
+    STARTS,
+    TO_TENTH,
+)
 
 TIME_LIMIT = 600.0
 """Time after which a process is ended [s]."""
@@ -70,7 +80,7 @@ def all_measured(most: int) -> dict[str, Any]:
         "corridor": [0, *labs],
         "whole": [0, *(n for n in labs if n <= MOST_WHOLE)],
         TO_TENTH: [n for n in labs if n > SHORT],
-    } | {method: [0] for method in (BOUNDS, *LIMBED)}
+    } | {method: [0] for method in (BOUNDS, *LIMBED, *NODES)}
     in_process(0, 2, "corridor")  # compiles
     rows = []
     for method in (method for method, some in todo.items() if some):
@@ -103,6 +113,37 @@ def limbed_table(rows: list[dict[str, Any]]) -> str:
     return table(head, limbed)
 
 
+def nodes_section(rows: list[dict[str, Any]]) -> str:
+    """Return the section on four limbs through a node."""
+    head = (
+        "handrails | points | nodes | how the search ends | steps | bound | search [s] | "
+        "whole process [s] | processor time [s] | memory [GB] | carried out"
+    )
+    shown = [
+        (
+            row["method"].split(", ")[1], row["points"], f"{row['nodes']:,}", row["end"],
+            row["steps"] or NOTHING, f"{row['bound']:.2f}" if row["bound"] else NOTHING,
+            f"{row['search_s']:.1f}", f"{row['wall_s']:.0f}", f"{row['processor_s']:.0f}",
+            f"{row['memory_gb']:.2f}",
+            {True: "yes", False: "no", None: NOTHING}[row["walked"]],
+        )
+        for row in rows
+        if row["method"] in NODES
+    ]  # fmt: skip
+    return f"""## Four limbs through a node
+
+From inside the hatch of a module like Columbus, through a node of the `station` and its hatch at a
+right angle, into the next lab, by the points between, three on each seat track of the lab. The
+table of all nodes on these points is built first, which takes most of the time. The node has
+nothing to hold in deck and overhead between its hatches. Node 2 has hatches there, too (NASA: six
+ports), which the node leaves out. *Around closed hatches*: with four handrails around each of these
+two, of the length and at the distance that are assumed at the others; they are no part of the map
+`station`. No plan of four limbs over ten modules is known: the other nodes, and the hatch of the
+JEM, are not tried.
+
+{table(head, shown)}"""
+
+
 def bounds_section(rows: list[dict[str, Any]]) -> str:
     """Return the section on lower bounds, if they were measured."""
     for least in (row for row in rows if row["method"] == BOUNDS):
@@ -126,7 +167,7 @@ def markdown(data: dict[str, Any]) -> str:
     """Return the report."""
     rows = []
     ten = next(r for r in data["rows"] if r["station"] and r["method"] == "corridor")
-    two = [row for row in data["rows"] if row["method"] not in (BOUNDS, *LIMBED)]
+    two = [row for row in data["rows"] if row["method"] not in (BOUNDS, *LIMBED, *NODES)]
     for row in sorted(two, key=lambda row: (row["labs"], row["method"])):
         name = "`station`" if row["station"] else f"row of {row['labs']} labs"
         if "fault" in row:
@@ -173,6 +214,10 @@ and a bound of 1.00 that no plan has fewer steps. The handrails beside the hatch
 *without*: the same map, if it had none.
 
 {limbed_table(data["rows"])}
+With the handrails four limbs pass the hatch from some starts; steps do not connect the
+other starts with these.
+
+{nodes_section(data["rows"])}
 `experiments/whole_station.py` makes this page.
 """
 
