@@ -43,7 +43,7 @@ class LazyTable(ABC):
     table
         The table; nodes and edges that were checked have the branches that remain in this world.
     checked_edges
-        Edges that were checked.
+        Edges that were checked and keep other branches than the table tells.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
@@ -62,10 +62,7 @@ class LazyTable(ABC):
         self.is_unchecked = np.zeros(len(table.points), dtype=np.bool_)
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
-    def unchecked(self, edges: IntArray) -> IntArray:
-        """Return those of the given edges that were not checked, each once."""
-        return np.asarray(np.unique(edges[~self.checked_edges.contains(edges)]))
-
+    @abstractmethod
     def check_nodes(
         self, rows: IntArray, limit: int | None = None, centre: Array | None = None
     ) -> bool:
@@ -80,11 +77,6 @@ class LazyTable(ABC):
         centre
             Position [m], shape (3,); the nodes closest to it are checked first.
         """
-        return False
-
-    @abstractmethod
-    def check_edges(self, edges: IntArray) -> None:
-        """Check those edges that were not checked yet."""
 
     @abstractmethod
     def branch_sets_after(
@@ -101,24 +93,14 @@ class LazyTable(ABC):
         """
 
     def checked_branch_sets(self, path: NodePath) -> NDArray[np.uint64] | None:
-        """Return the branches that limbs may be on along a path whose edges were checked.
+        """Check the edges of a path; return the branches that limbs may be on along it.
 
         Returns
         -------
         NDArray[np.uint64] | None
             The branch sets, see `limb_branch_sets`, shape (k + 1,); None if a limb keeps no branch.
         """
-        table, limbs = self.table, self.table.limbs
-        (before, i), (after, j), _ = edge_ends(table, path.edges)
-        kept = unpacked(self.checked_edges.kept_on(path.edges), limbs - 1)
-        leaves, grasps = (unpacked(table.releasable[rows], limbs) for rows in (before, after))
-        branch_sets = [unpacked(path.branch_sets[:1], limbs)[0]]
-        for k in range(len(path.edges)):
-            of_supports = np.roll(branch_sets[-1], -i[k] - 1)[:-1] & kept[k]
-            if not of_supports.all() or not branch_sets[-1][i[k]] & leaves[k, i[k]]:
-                return None
-            branch_sets.append(np.roll(np.append(of_supports, grasps[k, j[k]]), j[k] + 1))
-        return packed(np.array(branch_sets)) if branch_sets[-1].all() else None
+        return path.branch_sets
 
     @abstractmethod
     def state_path(
@@ -138,34 +120,24 @@ class LazyTable(ABC):
 
 
 class LazyTwoLimbTable(LazyTable):
-    """Table of two limbs, whose stance graph stores the nodes and edges itself."""
+    """Table of two limbs, whose stance graph stores what was checked."""
 
     label_independent = True
 
-    def __init__(self, graph: TwoLimbGraph, before: LazyTwoLimbTable | None) -> None:
-        """Start with the nodes and edges that the graph knows, and what was blocked `before`.
-
-        An edge that needs a line swing may be possible again among more obstacles: a limb that can
-        no longer fold may be released on another branch.
-        """
+    def __init__(self, graph: TwoLimbGraph) -> None:
+        """Start with the nodes and edges that the graph knows."""
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
-        self.lasting = self.table.joined
-        """Edges but for those that are blocked as long as nothing is taken away."""
         if graph.obstacles or graph.occupied or not self.is_complete:
-            branch_sets = packed(graph.steps.branch_sets)
-            releasable = self.table.releasable & branch_sets
-            lasts = before is not None and graph.has_all_since(before.version)
-            self.lasting = (before.lasting if before is not None and lasts else self.lasting).copy()
-            joined = self.lasting.copy()
+            joined, releasable = self.table.joined.copy(), self.table.releasable.copy()
+            clear_bits(joined, graph.blocked_edges)
             self.table = self.table._replace(
-                branch_sets=branch_sets, releasable=releasable, joined=joined
+                branch_sets=np.empty_like(releasable), releasable=releasable, joined=joined
             )
-            if not self.is_complete and graph.settings.transitions:
-                self._record_nodes(np.flatnonzero(graph.steps.releases["known"].any(axis=1)))
+            self._record_nodes(slice(None))
 
-    def _record_nodes(self, rows: IntArray) -> None:
-        """Copy the branches of checked nodes, and those on which limbs can be released."""
+    def _record_nodes(self, rows: slice | IntArray) -> None:
+        """Copy the branches of nodes, and those on which limbs can be released if it is known."""
         steps, table = self.graph.steps, self.table
         able = np.where(steps.releases["known"][rows], steps.releases["branches"][rows], ALL)
         table.branch_sets[rows] = packed(steps.branch_sets[rows])
@@ -181,36 +153,20 @@ class LazyTwoLimbTable(LazyTable):
             self._record_nodes(rows)
         return bool((self.table.branch_sets[rows] != before).any())
 
-    def check_edges(self, edges: IntArray) -> None:
-        """Check those edges that were not checked yet, in both directions."""
-        unchecked = self.unchecked(edges)
-        if self.is_complete or not len(unchecked):
-            return
-        (before, limb), (after, _), reverse = edge_ends(self.table, unchecked)
-        support = 1 - limb
-        kept = self.graph.kept_branches(support, before, after).astype(np.uint64)
-        self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
-            after, reverse, kept
-        )
-        blocked = kept == 0
-        clear_bits(self.table.joined, np.concatenate([unchecked, reverse])[np.tile(blocked, 2)])
-        blocked &= self.graph.is_folded(support, before, after)
-        clear_bits(self.lasting, np.concatenate([unchecked, reverse])[np.tile(blocked, 2)])
-        self._record_nodes(np.concatenate([before, after]))
-
     def branch_sets_after(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
     ) -> NDArray[np.uint64]:
         """Check edges, see `LazyTable.branch_sets_after`."""
-        self.check_edges(edges)
-        (before, limb), (end, _), _ = edge_ends(self.table, edges)
-        rows = np.arange(len(edges))
+        (before, limb), (end, _), reverse = edge_ends(self.table, edges)
+        kept, rows = self.graph.kept_branches(1 - limb, before, end), np.arange(len(edges))
+        clear_bits(self.table.joined, np.concatenate([edges[kept == 0], reverse[kept == 0]]))
+        self._record_nodes(np.concatenate([before, end]))
         found, leaves, grasps = (
             unpacked(one, 2)
             for one in (branch_sets, self.table.releasable[before], self.table.releasable[end])
         )
         can_leave = found[rows, limb] & leaves[rows, limb] != 0
-        found[rows, 1 - limb] &= self.checked_edges.kept_on(edges).astype(np.int64)
+        found[rows, 1 - limb] &= kept
         found[rows, limb] = grasps[rows, limb]
         after = packed(found)
         after[~can_leave | ~found.all(axis=1)] = 0
@@ -273,7 +229,7 @@ class LazyNodeTable(LazyTable):
 
     def check_edges(self, edges: IntArray) -> None:
         """Check those edges that were not checked yet, in both directions."""
-        unchecked = self.unchecked(edges)
+        unchecked = np.unique(edges[~self.checked_edges.contains(edges)])
         if not len(unchecked):
             return
         (before, i), (after, j), reverse = edge_ends(self.table, unchecked)
@@ -283,6 +239,21 @@ class LazyNodeTable(LazyTable):
         self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
             after, reverse, kept
         )
+
+    def checked_branch_sets(self, path: NodePath) -> NDArray[np.uint64] | None:
+        """Check the edges of a path, see `LazyTable.checked_branch_sets`."""
+        self.check_edges(path.edges)
+        table, limbs = self.table, self.table.limbs
+        (before, i), (after, j), _ = edge_ends(table, path.edges)
+        kept = unpacked(self.checked_edges.kept_on(path.edges), limbs - 1)
+        leaves, grasps = (unpacked(table.releasable[rows], limbs) for rows in (before, after))
+        branch_sets = [unpacked(path.branch_sets[:1], limbs)[0]]
+        for k in range(len(path.edges)):
+            of_supports = np.roll(branch_sets[-1], -i[k] - 1)[:-1] & kept[k]
+            if not of_supports.all() or not branch_sets[-1][i[k]] & leaves[k, i[k]]:
+                return None
+            branch_sets.append(np.roll(np.append(of_supports, grasps[k, j[k]]), j[k] + 1))
+        return packed(np.array(branch_sets)) if branch_sets[-1].all() else None
 
     def branch_sets_after(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
@@ -386,14 +357,10 @@ def branch_sets_along(
     return found
 
 
-def make_lazy_table(graph: StanceGraph, before: LazyTable | None = None) -> LazyTable | None:
-    """Return the nodes of a graph in the present world, or None if the graph has no table.
-
-    What was found in the world before still holds if nothing was taken away since.
-    """
+def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
+    """Return the nodes of a graph in the present world, or None if the graph has no table."""
     if isinstance(graph, TwoLimbGraph):
-        assert before is None or isinstance(before, LazyTwoLimbTable)
-        return LazyTwoLimbTable(graph, before)
+        return LazyTwoLimbTable(graph)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
         return LazyNodeTable(graph, graph.table)
     return None

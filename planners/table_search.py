@@ -343,8 +343,7 @@ class TableSearch(PathSearch):
     def _checked_walk(self, path: NodePath, stage: SearchStage) -> StatePath | None:
         """Check the edges of a path unless its search did; return its states, None if one fails."""
         lazy_table, branch_sets = self._lazy_table, path.branch_sets
-        if not (lazy_table.is_complete or stage.parameters.check_when_popped):
-            lazy_table.check_edges(path.edges)
+        if not stage.parameters.check_when_popped:
             kept = lazy_table.checked_branch_sets(path)
             if kept is None:
                 return None

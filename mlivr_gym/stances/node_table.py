@@ -72,7 +72,8 @@ class NodeTable(NamedTuple):
     start: NDArray[np.int32]
     """Start of each support set in `members`, and the end of all, shape (r + 1,)."""
     members: NDArray[np.int32]
-    """Nodes by support set, `row * N + limb`, if the limb can be released, shape (start[-1],)."""
+    """Nodes by support set, `row * N + limb`, shape (start[-1],); with more than two limbs only if
+    the limb can be released."""
     offset: IntArray
     """Start of each support set in the bits of `joined`, and the end of all, shape (r + 1,)."""
     joined: NDArray[np.uint64]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,24 +44,10 @@ class TwoLimbEdges:
         self.checks, settings = checks, checks.solver.settings
         self.collisions, self.stances = settings.collisions, stances
         self.close, self.unchecked = np.zeros((2, len(stances.points)), dtype=np.bool_)
-        self._world = checks.world(None)
-        self._unknown_edges: Any = None
-        self.stored: list[IntArray] = []
-        """Indices of the edges that were stored among obstacles."""
+        self.free, self._world = self, checks.world(None)
+        self._stored: list[IntArray] = []
         self.table = table_of_rows(stances, m, settings.transitions, edges)
         self.is_complete = not settings.transitions or self.table.edges is edges
-
-    def unknown_edges(self) -> Any:
-        """Return edges of which none is known, in place of those returned before.
-
-        To allocate them takes longer than to plan.
-        """
-        if self._unknown_edges is None:
-            self._unknown_edges = TwoLimbEdge.rows(len(self.table.edges))
-        for stored in self.stored:
-            self._unknown_edges["known"][stored] = 0
-        self.stored.clear()
-        return self._unknown_edges
 
     def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
@@ -80,14 +67,28 @@ class TwoLimbEdges:
         path_kind = ARC if on_arc else STRAIGHT
         return Edge(path_kind, int(fold), int(entry["line_branches"]), kept)
 
+    @property
+    def blocked(self) -> IntArray:
+        """Indices of edges that were checked among obstacles and are no steps, shape (k,)."""
+        index = np.concatenate([np.zeros(0, dtype=np.int64), *(i for _, _, i in self._stored)])
+        return np.asarray(index[self.table.edges["kept"][index] == 0])
+
+    @cached_property
+    def edges_among_obstacles(self) -> Any:
+        """Edges among the present obstacles; to allocate them takes longer than to plan."""
+        return TwoLimbEdge.rows(len(self.table.edges))
+
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
 
     def check_releases(self, todo: IntArray) -> None:
         """Compute releases once, given by stances and limbs, shape (k, 2)."""
         todo = todo[~self.stances.releases["known"][todo[:, 0], todo[:, 1]]]
-        if len(todo) > 1:
-            todo = np.unique(todo, axis=0)
+        if len(todo):
+            self._release(np.stack(np.divmod(np.unique(2 * todo[:, 0] + todo[:, 1]), 2), axis=1))
+
+    def _release(self, todo: IntArray) -> None:
+        """Compute releases that are not known, each once."""
         self.checks.release(self.stances, todo, self._world)
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
@@ -131,14 +132,14 @@ class TwoLimbEdges:
         steps["branches"][:, :2] = sets[before] & sets[after]
         return steps
 
-    def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> None:
-        """Store the results of steps, rows of `TwoLimbEdge`, in both directions."""
+    def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
+        """Store results of steps, rows of `TwoLimbEdge`, both ways; return the indices, (2, k)."""
         there, back = self.index(support, before, after), self.index(support, after, before)
         self.table.edges[there] = found
         first, last = found["line_branches"] // 8, found["line_branches"] % 8
         found["line_branches"] = np.where(found["line_branches"] < 0, -1, 8 * last + first)
         self.table.edges[back] = found
-        self.stored += there, back
+        return np.stack([there, back])
 
 
 class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
@@ -148,58 +149,71 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     """
 
     def __init__(
-        self,
-        free: TwoLimbEdges,
-        branch_sets: IntArray,
-        unchecked: BoolArray,
-        close: BoolArray,
+        self, before: TwoLimbEdges, gone: BoolArray, touching: BoolArray, close: BoolArray,
         obstacles: BoxGrid | None,
-    ) -> None:
-        """Start from the steps without obstacles.
+    ) -> None:  # fmt: skip
+        """Start from what was found before some obstacles and occupied points were added.
 
-        Branch sets, shape (n, 2), are empty at points that are occupied or touch an obstacle.
-        `unchecked` tells of which stances some branches may touch an obstacle, `close` which may
-        touch one on a step from or to them, both of shape (n,).
+        Which stances hold a point that is occupied or touches an obstacle is `gone`, of which some
+        branches may touch a new obstacle themselves `touching`, and which may touch one on a step
+        from or to them `close`, each of shape (n,).
         """
-        self.free, self.close, self.unchecked, self._obstacles = free, close, unchecked, obstacles
-        self.stored = free.stored
+        self.free = free = before.free
+        self.close, self.unchecked = before.close | close, before.unchecked | touching
         self.checks, self.collisions = free.checks, free.collisions
-        self._world = self.checks.world(obstacles, obstacles_only=True)
+        self._obstacles, self._world = obstacles, self.checks.world(obstacles, obstacles_only=True)
+        branch_sets = before.table.branch_sets.copy()
+        branch_sets[gone] = 0
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
-        releases = free.stances.releases
-        releases = releases.view(np.uint8).copy().view(releases.dtype)
-        gone = ~branch_sets.any(axis=1)
+        kind = free.stances.releases.dtype
+        releases = before.stances.releases.view(np.uint8).copy()
+        releases[close] = free.stances.releases.view(np.uint8)[close]
+        releases = releases.view(kind)
         releases["branches"][gone] = 0
         releases["known"][gone] = True
         releases["known"][close & ~gone] = False
         self.stances = free.stances._replace(branch_sets=branch_sets, releases=releases)
-        # If no obstacle is close, only the branch sets differ.
-        edges = free.unknown_edges() if close.any() else free.table.edges
-        self.is_complete = free.is_complete and edges is free.table.edges
+        self.is_complete = free.is_complete and not self.close.any()
+        edges = free.table.edges if self.is_complete else free.edges_among_obstacles
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
+        self._stored = free._stored
+        self._forget(close, everything=before.table.edges is not edges)
         no_branch, no_cause = np.full_like(branch_sets, -1), np.zeros(len(close), dtype=np.int64)
         self._postures = CheckedPostures(
             free.table.points, free.stances.base, no_branch, branch_sets, no_cause, np.array([True])
         )
 
+    def _forget(self, close: BoolArray, everything: bool) -> None:
+        """Forget the edges that are to be checked anew, if stances may touch new obstacles, (n,).
+
+        An edge that is blocked stays so, unless the swing limb cannot stay folded: that may be
+        released on another branch among more obstacles.
+        """
+        if not self._stored:
+            return
+        edges = self.free.edges_among_obstacles
+        before, after, index = stored = np.concatenate(self._stored, axis=1)
+        lasts = (edges["kept"][index] == 0) & (edges["line_branches"][index] < 0)
+        lasts = (lasts | ~(close[before] | close[after])) & (not everything)
+        edges["known"][index[~lasts]] = 0
+        self._stored[:] = [stored[:, lasts]]
+
+    def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
+        """Store the results of steps, and which they are; see `TwoLimbEdges`."""
+        index = super()._store(support, before, after, found)
+        stored = np.stack([[before, after], [after, before], index])
+        self._stored.append(stored.reshape(3, -1))
+        return index
+
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
-        if isinstance(chosen, slice):
-            rows = np.arange(len(self.unchecked))[chosen]
-        else:
-            rows = np.unique(chosen)
+        rows = np.unique(np.arange(len(self.unchecked))[chosen])
         rows = rows[self.unchecked[rows]]
         if len(rows) and self._obstacles is not None:
             self.unchecked[rows] = False
             self.checks.solver.remove_touching(rows, self._postures, self._obstacles)
 
-    def check_releases(self, todo: IntArray) -> None:
-        """Compute releases once, given by stances and limbs, shape (k, 2)."""
-        todo = todo[~self.stances.releases["known"][todo[:, 0], todo[:, 1]]]
-        if len(todo):
-            self._check_releases(np.stack(np.divmod(np.unique(2 * todo[:, 0] + todo[:, 1]), 2), 1))
-
-    def _check_releases(self, todo: IntArray) -> None:
+    def _release(self, todo: IntArray) -> None:
         """Compute releases that are not known, each once."""
         releases, branch_sets = self.stances.releases, self.stances.branch_sets
         self.free.check_releases(todo)
@@ -208,16 +222,10 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases[s, limb] = self.free.stances.releases[s, limb]
         blocked = branch_sets[s, 1 - limb] == 0
         releases["branches"][s[blocked], limb[blocked]] = 0
-        close = todo[self.close[s] & ~blocked]
-        self.checks.release(self.stances, close, self._world)
+        super()._release(todo[self.close[s] & ~blocked])
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
-        if self.table.edges is self.free.table.edges:
-            self.free.check_steps(support, before, after)
-            both = np.concatenate([before, after])
-            self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
-            return
         support, before, after = self._unknown(support, before, after)
         if not len(support):
             return

@@ -158,6 +158,11 @@ class TwoLimbGraph(StanceGraph):
         """
         return self._known.table
 
+    @property
+    def blocked_edges(self) -> IntArray:
+        """Numbers of edges of the table that are known to be no steps at present, shape (k,)."""
+        return self._known.blocked
+
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, (k,) each."""
         self._known.check_steps(support, before, after)
@@ -191,11 +196,9 @@ class TwoLimbGraph(StanceGraph):
         closest = self.close_to_obstacles(low, high, around, added)[cell]
         forbidden = self.solver.causes_at_points(box_grid(added)) > 0
         forbidden[list(self.occupied)] = True
-        known, branch_sets = self._known, self._known.table.branch_sets.copy()
-        branch_sets[forbidden[self.points].any(axis=1)] = 0
-        masks = known.unchecked | closest, known.close | close
+        gone = np.asarray(forbidden[self.points].any(axis=1))
         self._known = TwoLimbEdgesAmongObstacles(
-            self._free, branch_sets, *masks, self.obstacle_grid
+            self._known, gone, closest, close, self.obstacle_grid
         )
         if not self.settings.transitions:
             self._known.check_nodes(slice(None))
@@ -333,11 +336,6 @@ class TwoLimbGraph(StanceGraph):
             self.check_steps(*map(np.array, np.broadcast_arrays(support, before, after)))
         index = self._known.index(support, before, after)
         return np.asarray(self.steps.edges["kept"][index], dtype=np.int64)
-
-    def is_folded(self, support: IntArray, before: IntArray, after: IntArray) -> BoolArray:
-        """Return on which steps without obstacles, (k,) each, the swing limb stays folded, (k,)."""
-        edges = self._free.table.edges[self._free.index(support, before, after)]
-        return np.asarray(edges["line_branches"] < 0)
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mlivr_gym import Settings, State, stance_graph
+from mlivr_gym import Box, Settings, State, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -125,3 +125,29 @@ def test_edges_are_told_where_steps_are_not_checked(small_map):
         after = steps.after(state, k).stance
         both = join(graph.posture(state.stance), graph.posture(after))
         assert graph.edge(state, after, both) == implicit.edge(state, after, both)
+
+
+def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map):
+    """Boxes come one by one, each asked about at once, against a graph that has them all."""
+    grown, rng, blocked = stance_graph(small_map), np.random.default_rng(3), []
+    low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
+    boxes = []
+    for k in range(4):
+        centre = rng.uniform(low, high)
+        boxes.append(Box.between(f"b{k}", "obstacle", centre - 0.08, centre + 0.08))
+        grown.add_obstacles(boxes[-1:])
+        if k == 2:
+            grown.occupy([0, 5])
+        known = len(grown._known.blocked)
+        for held in range(2):
+            for point in rng.permutation(np.unique(grown.points[:, held]))[:12].tolist():
+                before, after = grown.edges_of_row(held, point)
+                grown.check_steps(np.full_like(before, held), before, after)
+        blocked.append((known, len(grown._known.blocked)))
+    fresh = stance_graph(small_map)
+    fresh.add_obstacles(boxes)
+    fresh.occupy([0, 5])
+    ours, theirs = step_tables(grown), step_tables(fresh)
+    for name, one, other in zip(ours._fields, ours, theirs, strict=True):
+        np.testing.assert_array_equal(one, other, err_msg=name)
+    assert all(before > 0 for before, _ in blocked[1:])
