@@ -179,23 +179,14 @@ def _run_episode(
     return success, steps, metres, first, spent / max(steps, 1), failed, executed
 
 
-def bootstrap(
-    values: Array, statistic: Callable[[Array], float] = np.mean, seed: int = 0
-) -> tuple[float, float]:
-    """Return the 95 % percentile bootstrap interval of a statistic, or NaN without values.
+def bootstrap(values: Array) -> tuple[float, float]:
+    """Return the 95 % percentile bootstrap interval of a mean, or NaN without values.
 
-    Parameters
-    ----------
-    values
-        Independent values, shape (k,).
-    statistic
-        Function of k values.
-    seed
-        Seed of the resampling.
+    `values` are independent, shape (k,).
     """
     if not len(values):
         return float("nan"), float("nan")
-    rng = np.random.default_rng(seed)
-    drawn = [statistic(values[rng.integers(len(values), size=len(values))]) for _ in range(1000)]
+    rng = np.random.default_rng(0)
+    drawn = [values[rng.integers(len(values), size=len(values))].mean() for _ in range(1000)]
     low, high = np.percentile(drawn, (2.5, 97.5))
     return float(low), float(high)

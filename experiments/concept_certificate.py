@@ -3,7 +3,7 @@
     python experiments/concept_certificate.py
 
 The lower bound of an interval is the highest floor that `kinematics/certificate.py` proves for it.
-Writes `docs/figures/certificate.png` and `.svg`.
+Writes `docs/figures/certificate.svg`, which is shown, and `.png`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python experiments/concept_labels.py
 
-Writes `docs/figures/labels.png` and `.svg`.
+Writes `docs/figures/labels.svg`, which is shown, and `.png`.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class StudyDesign:
     seed: int = 0
 
     @classmethod
-    def from_data(cls, data: object, place: FieldPath | None = None) -> StudyDesign:
+    def from_data(cls, data: object) -> StudyDesign:
         """Return the design that plain data describe, as a TOML file holds them.
 
         Raises
@@ -143,7 +143,7 @@ class StudyDesign:
         MlivrError
             If a field is faulty; the message names it, its value and what would be valid.
         """
-        place = place or FieldPath("", SettingError)
+        place = FieldPath("", SettingError)
         sizes = {"tasks": Integer(1, 10**6), "seed": Integer(0, 2**31)}
         kind: dict[str, Validator[Any]] = {"kind": Text()}
         read = Fields(kind, sizes, others=True).read(data, place)
