@@ -69,7 +69,7 @@ class Mode(NamedTuple):
     """Whether a crew member crosses the cabin."""
 
 
-GENTLE = Setup.of("gentle", "delayed", disturbances=ERRORS)
+CAREFUL = Setup.of("careful", "delayed", disturbances=ERRORS)
 SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
 """Setups of the robot's own controller and of the paper's, with all errors."""
 
@@ -91,7 +91,7 @@ MODES = {
         f"{number} limbs, {name}, all errors": Mode(robot, loop, setup)
         for number, robot in ROBOTS.items()
         for name, loop, setup in (
-            ("cameras", "cameras", GENTLE), ("open loop", "open", GENTLE),
+            ("cameras", "cameras", CAREFUL), ("open loop", "open", CAREFUL),
             ("paper's controller, open loop", "open", SLOW),
         )
     },
@@ -348,7 +348,7 @@ robot that knows everything, in {impossible}.
 encoders {turn:g} degrees off, points {off:g} mm and {angle:g} degrees off, grasps up to
 {ERRORS.stiffness:g} times as stiff or as soft, {ERRORS.acceleration:g} g, {delay:g} ms of delay,
 {refused:g} % of the grasps refused, and the others of `DisturbanceRanges`. The robot's own
-controller is `delayed` at the gentle pace with errors, `full` at the fast one without; the paper's
+controller is `delayed` at the careful pace with errors, `full` at the fast one without; the paper's
 takes 50 s a step. Replanning times are those of one walk on each core. *Open loop* is the first
 plan, carried out without looking. A robot that stopped holds all its points; its proof is about
 what it has sensed, and true if no plan exists from there in the whole module either. Crew members

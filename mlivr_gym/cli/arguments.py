@@ -217,8 +217,8 @@ def walk_arguments() -> argparse.ArgumentParser:
     parser = _parent_parser()
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(parser, "--cost COST", "cost of the plans", "steps", Choice(("steps", "base")))
-    text = "how fast the robot moves: fast, gentle, or station for the arms of a station"
-    option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "station")))
+    text = "how fast the robot moves: fast, gentle, careful, or station for the arms of a station"
+    option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "careful", "station")))
     return parser
 
 

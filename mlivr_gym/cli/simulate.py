@@ -82,10 +82,11 @@ def add_command(add: Add) -> None:
     text = "use start, goal, map and cost of this case of Table I"
     option(parser, "--case CASE", text, valid=Integer(1, len(CASES)))
     text = (
-        "fast: as quick as the default limits allow; gentle: limits with a reserve; station: "
-        "limits of a station's arms; paper: 50 s a step"
+        "fast: as quick as the default limits allow; gentle, careful: limits with a reserve; "
+        "station: limits of a station's arms; paper: 50 s a step"
     )
-    option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "station", "paper")))
+    paces = Choice(("fast", "gentle", "careful", "station", "paper"))
+    option(parser, "--pace PACE", text, "fast", paces)
     text = "duration of every step [s], refused if it breaks a limit (default: the shortest)"
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)

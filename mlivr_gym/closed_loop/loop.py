@@ -209,6 +209,7 @@ class _Loop:
         executor.start(state, first.plan if first.plan.steps else None, self._seed)
         self._check_start()
         executor.simulation.refusing = refusing
+        executor.simulation.is_localised = self._camera is not None
         attempts = 0
         while not record.reason:
             if self._camera is not None:

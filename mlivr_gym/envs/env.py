@@ -165,7 +165,7 @@ class MlivrEnv(StanceGraphEnv):
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
     | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, `"clutter"`, or a `TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
-    | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"station"`, see `Setup.of` |
+    | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"careful"`, `"station"` |
     | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"delayed"`, `"station"` |
     | `disturbances` | None | `"none"`, `"all"`, see `Setup.of`; drawn for each episode |
     | `physics` | None | grasps and failures: None or `"station"`, see `Setup.of` |

@@ -10,7 +10,8 @@ step `align_references` sets the offset such that the references equal the encod
 that hold the same robot then do not work against each other. During departure and swing the offset
 decays, so that errors do not accumulate over steps: that of the free limb, and the part of the
 others that a motion of the base takes back, see `compatible_motions`. The rest of it would load
-grasps against each other. During a `guided` approach the offset of the swing limb follows what a
+grasps against each other. With cameras it decays to the offset that `localisation` finds in place
+of zero. During a `guided` approach the offset of the swing limb follows what a
 sensor on the gripper measures of the point.
 
 A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
@@ -81,7 +82,8 @@ class ControllerParameters(ParameterSet):
         Largest number of approaches to a point. On all but the last the gripper must also be close
         to the point by its own sensor before it grasps.
     delay
-        Delay from a reading to its torque for which the gains are reduced [s].
+        Delay from a reading to its torque for which the gains are reduced [s]. A reading is
+        compared with the reference of its time.
 
     Examples
     --------

@@ -134,6 +134,19 @@ class Grippers:
             contype[self._boxes[ahead + reach <= FLUSH]] &= ~bit
 
 
+def displacement(pose: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Return displacement and rotation vector from one pose to another, shape (6,) [m, rad].
+
+    A pose is a position and a rotation matrix; the result is in world axes.
+    """
+    (position, rotation), (to_position, to_rotation) = pose, other
+    quaternion, twist = np.empty(4), np.empty(6)
+    mujoco.mju_mat2Quat(quaternion, (to_rotation @ rotation.T).ravel())
+    mujoco.mju_quat2Vel(twist[3:], quaternion, 1.0)
+    twist[:3] = to_position - position
+    return twist
+
+
 def can_capture(physics: Physics, distance: float, angle: float) -> bool:
     """Return whether a gripper at this distance [m] and angle [rad] from a point can capture it."""
     return distance <= physics.capture_distance and angle <= physics.capture_angle

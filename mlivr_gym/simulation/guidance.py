@@ -14,7 +14,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.grippers import Grippers
+from mlivr_gym.simulation.grippers import Grippers, displacement
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_controller import JointController
 
@@ -93,12 +93,7 @@ class Guidance:
         data.qpos[:3], data.qpos[3:7] = trajectory.base_positions[k], trajectory.base_quaternions[k]
         data.qpos[7:] = trajectory.joint_positions[k].ravel()
         mujoco.mj_kinematics(self._model, data)
-        position, rotation = self._grippers.displaced_pose(
+        reference = self._grippers.displaced_pose(
             self._point, data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
         )
-        here, turned = self._grippers.pose(self._limb)
-        quaternion, error = np.empty(4), np.empty(6)
-        mujoco.mju_mat2Quat(quaternion, (rotation @ turned.T).ravel())
-        mujoco.mju_quat2Vel(error[3:], quaternion, 1.0)
-        error[:3] = position - here
-        return error
+        return displacement(self._grippers.pose(self._limb), reference)

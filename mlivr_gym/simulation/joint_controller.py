@@ -65,6 +65,7 @@ class JointController:
     """Sampled control of the joints of a simulated robot.
 
     `offset` is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
+    It decays towards `target`, of the same shape, which is zero unless cameras localise the robot.
     """
 
     def __init__(
@@ -88,18 +89,26 @@ class JointController:
         )
         self._period = max(round(controller.period / time_step), 1)
         self._delay = round(disturbance.ranges.delay / time_step)
+        self._known_delay = round(controller.delay / time_step)
         self.reset()
 
     def reset(self) -> None:
-        """Set the offset of the references to zero and forget past readings."""
+        """Set the offset of the references to zero and forget past readings and references."""
         count = len(self._bias)
-        self.offset = np.zeros(count)
+        self.offset, self.target = np.zeros(count), np.zeros(count)
         self._past: deque[tuple[Array, Array]] = deque(maxlen=self._delay + 1)
+        self._wanted: deque[tuple[Array, Array]] = deque(maxlen=self._known_delay + 1)
         self._ticks = 0
 
     def align_references(self, positions: Array) -> None:
         """Set the offset such that the references `positions` equal the encoder readings [rad]."""
-        self.offset = self._data.qpos[7:] + self._bias - positions
+        self.offset = self.readings - positions
+
+    @property
+    def readings(self) -> Array:
+        """Present encoder readings without noise, shape (6 N,) [rad]."""
+        readings: Array = self._data.qpos[7:] + self._bias
+        return readings
 
     @property
     def speeds(self) -> Array:
@@ -114,8 +123,8 @@ class JointController:
         if not recovering:
             return self.offset[None]
         decay = self._model.opt.timestep / self._controller.recovery
-        holding, joints = np.flatnonzero(held).tolist(), self._data.qpos[7:] + self._bias
-        decaying = compatible_motions(self._robot, holding, joints) @ self.offset
+        free = compatible_motions(self._robot, np.flatnonzero(held).tolist(), self.readings)
+        decaying = free @ (self.offset - self.target)
         lost = 1.0 - np.exp(-decay * np.arange(1, count + 1))
         offsets: Array = self.offset - lost[:, None] * decaying
         self.offset = offsets[-1].copy()
@@ -126,8 +135,8 @@ class JointController:
         time, identity = self._controller.delay / DELAY_SHARE, np.eye(len(kd))
         if not time:
             return identity
-        holding, joints = np.flatnonzero(held).tolist(), self._data.qpos[7:] + self._bias
-        inverse = inverse_inertia(self._robot, holding, joints, time * self._damping)
+        holding = np.flatnonzero(held).tolist()
+        inverse = inverse_inertia(self._robot, holding, self.readings, time * self._damping)
         reduced = identity + time * kd[:, None] * inverse
         return np.linalg.inv(reduced).astype(np.float64)
 
@@ -151,16 +160,17 @@ class JointController:
         speed_noise = self._ranges.speed_noise * self._rng.standard_normal((count, joint_count))
         kp = np.ravel([controller.kp_hold if holds else controller.kp_free for holds in held])
         kd = np.ravel([controller.kd_hold if holds else controller.kd_free for holds in held])
-        targets = kp * (reference.positions + self._offsets(count, held, recovering))
-        wanted, share = targets + kd * reference.speeds, self._share(kd, held)
+        targets = reference.positions + self._offsets(count, held, recovering)
+        share = self._share(kd, held)
         q, v, qpos, qvel, ctrl = data.qpos[7:], data.qvel[6:], data.qpos, data.qvel, data.ctrl
         positions, speeds = states[:, 1 : 1 + model.nq], states[:, 1 + model.nq :]
         for k in range(count):
             states[k, 0], positions[k], speeds[k] = data.time, qpos, qvel
             self._past.append((q + noise[k], v + speed_noise[k]))
+            self._wanted.append((targets[k], reference.speeds[k]))
             if self._ticks % self._period == 0:
-                position, speed = self._past[0]
-                error = wanted[k] - kp * position - kd * speed
+                (position, speed), (target, wanted) = self._past[0], self._wanted[0]
+                error = kp * (target - position) + kd * (wanted - speed)
                 ctrl[self._motors] = share @ error + reference.torques[k]
             self._ticks += 1
             mujoco.mj_step(model, data)

@@ -17,12 +17,18 @@ WALK = (
 
 
 @pytest.fixture(scope="module")
-def plan(checked_graph):
-    """One step of 0.4 m, the first of the walk."""
+def long_plan(checked_graph):
+    """The whole walk."""
     states = [checked_graph.state(WALK[0])]
     for stance in WALK[1:]:
         states.append(checked_graph.step_to(states[-1], checked_graph.indices(stance)))
-    return first_steps(plan_of(checked_graph, states, (6.3, 0.5, 0.35), 0.2, "astar"), 1)
+    return plan_of(checked_graph, states, (6.3, 0.5, 0.35), 0.2, "astar")
+
+
+@pytest.fixture(scope="module")
+def plan(long_plan):
+    """One step of 0.4 m, the first of the walk."""
+    return first_steps(long_plan, 1)
 
 
 @pytest.fixture(scope="module")
