@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
+
+if TYPE_CHECKING:
+    from mlivr_gym.stances.stance_graph import StanceGraph
 
 COSTS = ("base", "steps", "weighted")
 """Names of the costs."""

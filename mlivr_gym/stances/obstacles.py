@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
@@ -14,10 +15,11 @@ from mlivr_gym.kinematics.batches import SLACK
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import ListOf, OrNone, Text
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions.step_check import StepChecks
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import GraspMap
+from mlivr_gym.world.grasp_map import STANCE, GraspMap
 
 GROUP_EDGE = 0.3
 """Edge of cubes whose obstacles are compared with positions as one box; 1 is the reach."""
@@ -27,6 +29,9 @@ OBSTACLE_CELL_EDGE = 0.6
 
 CELL_EDGE = 0.1
 """Edge of the cells whose positions are compared with obstacles as one [m]."""
+
+IDS = ListOf(Text())
+"""Validator of ids of boxes."""
 
 
 class ChangingWorld(ABC):
@@ -50,6 +55,7 @@ class ChangingWorld(ABC):
         self.obstacle_grid: BoxGrid | None = None
         """The obstacles as compiled code reads them, None if there are none."""
 
+    @checked({"boxes": ListOf(InstanceOf(Box)), "replaced": IDS})
     def add_obstacles(self, boxes: Sequence[Box], *, replaced: Sequence[str] = ()) -> None:
         """Add boxes, which remove the stances and steps that touch them.
 
@@ -83,6 +89,7 @@ class ChangingWorld(ABC):
         if boxes or replaced:
             self._set_obstacles((*kept, *boxes), self.occupied)
 
+    @checked({"ids": OrNone(IDS)})
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
         """Remove boxes that were added, by default all.
 
@@ -109,12 +116,14 @@ class ChangingWorld(ABC):
                 )
         return tuple(box for box in self.obstacles if box.id not in ids)
 
+    @checked({"points": STANCE})
     def occupy(self, points: Sequence[str | int]) -> None:
         """Make points, given by id or index, unavailable until they are vacated."""
         self._set_obstacles(
             self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
         )
 
+    @checked({"points": OrNone(STANCE)})
     def vacate(self, points: Sequence[str | int] | None = None) -> None:
         """Make points, given by id or index, available again, by default all."""
         if points is None:

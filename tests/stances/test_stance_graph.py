@@ -226,3 +226,17 @@ def test_a_graph_of_a_map_in_a_file_or_as_plain_data(ladder, tmp_path):
         stance_graph(str(tmp_path / "none.json"))
     with pytest.raises(SettingError, match="settings is 3; it must be a Settings"):
         stance_graph(ladder, settings=3)
+
+
+def test_changes_of_the_world_are_refused_by_what_is_wrong_with_them(small_graph):
+    """A text is no list of points, and a file no box; nothing changes."""
+    before = small_graph.version
+    with pytest.raises(StanceError, match="points is 'D3a:3'; it must be a list"):
+        small_graph.occupy("D3a:3")
+    with pytest.raises(StanceError, match="points is 3; it must be a list"):
+        small_graph.vacate(3)
+    with pytest.raises(SettingError, match=r"boxes\[0\] is 'bag.json'; it must be a Box"):
+        small_graph.add_obstacles(["bag.json"])
+    with pytest.raises(SettingError, match="ids is 'bag'; it must be a list"):
+        small_graph.remove_obstacles("bag")
+    assert small_graph.version == before
