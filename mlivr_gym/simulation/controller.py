@@ -65,7 +65,8 @@ class ControllerParameters(ParameterSet):
         Whether the torques of the inverse dynamics and the deflection of the grasps are fed
         forward, see `feedforward.feedforward`.
     align_references
-        Whether the references are set to the encoder readings at the beginning of a step.
+        Whether the references are set to the encoder readings at the beginning of a step, and
+        moved to where cameras see the robot.
     recovery
         Time constant with which the offset of the references decays during departure and
         swing [s].

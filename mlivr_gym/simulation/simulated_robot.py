@@ -60,7 +60,8 @@ class SimulatedRobot:
     The simulation moves the anchors of `model` and changes its contact bits as limbs grasp and
     release. `time` is that since the reset [s], `mass` that of the robot [kg]. The controller knows
     neither the `disturbance` nor the points that are `refusing` all grippers. With
-    `is_localised`, by default off, cameras measure where the robot is, see `localisation`.
+    `is_localised`, by default off, cameras measure where the robot is, see `localisation`, for
+    controllers that align their references.
     """
 
     @checked(
@@ -206,7 +207,8 @@ class SimulatedRobot:
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guided and phase == "approach" and free
-        senses = guides or self.is_localised
+        localises = self.is_localised and self.controller.align_references
+        senses = guides or localises
         period = self.count_time_steps(self.controller.sensor_period) if senses else last - first
         followed = []
         for start in range(first, last, period):
@@ -215,7 +217,7 @@ class SimulatedRobot:
             followed.append(self._joint_controller.run(reference.at(here), held, recovering))
             if senses:
                 mujoco.mj_forward(self.model, self.data)
-            if self.is_localised:
+            if localises:
                 base, readings = self.data.qpos[:7], self._joint_controller.readings
                 self._localisation.measure(base, readings, trajectory, int(here[-1]) + 1)
                 self._joint_controller.target = self._localisation.offset()
