@@ -81,6 +81,8 @@ class Belief:
         The stance graph, whose obstacles and occupied points are those believed.
     refused
         Indices of the points that count as occupied after attempts to grasp them.
+    avoided
+        Indices of the points that count as occupied after paths to them were blocked.
     shapes
         Collision shapes of the robot.
     """
@@ -95,7 +97,8 @@ class Belief:
         noise
             Standard deviation of a measured distance [m].
         """
-        self.graph, self.refused = graph, set[int]()
+        self.graph, self.refused, self.avoided = graph, set[int](), set[int]()
+        self._has_reconsidered = False
         cabin = graph.grasp_map.cabin
         self._origin = cabin[0] - GRID_BORDER
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
@@ -116,6 +119,20 @@ class Belief:
         """Let a point count as occupied, since attempts to grasp it failed."""
         self.refused.add(point)
         self.graph.occupy([point])
+
+    def avoid(self, point: int) -> None:
+        """Let a point count as occupied, since paths to it were blocked."""
+        self.avoided.add(point)
+        self.graph.occupy([point])
+
+    def reconsider(self) -> bool:
+        """Let the points that are avoided be free again, once; return whether there are any."""
+        if self._has_reconsidered or not self.avoided:
+            return False
+        self._has_reconsidered = True
+        self.graph.vacate(sorted(self.avoided))
+        self.avoided.clear()
+        return True
 
     def add_hits(self, hits: Array, model: Any, data: Any) -> int:
         """Take in hits of rays; return the number of cubes that are parts of new obstacles.

@@ -44,12 +44,16 @@ class Course:
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
-        If neither exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`, and
-        then, unless it is proved that there is none, for `PATIENCE` times as long.
+        If neither exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`,
+        with points to which paths were blocked, see `Belief.reconsider`, and then, unless it is
+        proved that there is none, for `PATIENCE` times as long.
         """
-        self._belief.update_graph()
+        belief = self._belief
+        belief.update_graph()
         result = self._plan_from(state, 1.0)
-        while result.plan is None and not self._remains(state) and self._belief.tighten():
+        while result.plan is None and not self._remains(state):
+            if not (belief.tighten() or belief.reconsider()):
+                break
             result = self._plan_from(state, 1.0)
         is_proved = result.reason in PROVED_IMPOSSIBLE
         if result.plan is None and not is_proved and not self._remains(state):

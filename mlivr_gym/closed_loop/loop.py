@@ -9,8 +9,8 @@ what they saw beside the map becomes an obstacle, and the remainder of the walk 
 the branches on which the limbs are. During a step, a limb turns back if something new lies where
 the robot will move, or if the robot is so far off its trajectory that it would touch something. A
 limb that is refused, or misses its point, goes back as well. After the second such attempt the
-point counts as occupied. If no plan is left in the world that the robot believes in, it stops where
-it is and holds all its points.
+point counts as occupied. If no plan is left in the world that the robot believes in, points to
+which paths were blocked are tried once more; then it stops where it is and holds all its points.
 """
 
 from __future__ import annotations
@@ -226,8 +226,8 @@ class _Loop:
                 self._step(plan)
                 attempts += 1
         record.sensed, record.duration = self._belief.boxes(), executor.simulation.time
-        record.state, refused = executor.state, sorted(self._belief.refused)
-        record.refused = tuple(ids[point] for point in refused)
+        record.state, occupied = executor.state, self._belief.refused | self._belief.avoided
+        record.refused = tuple(ids[point] for point in sorted(occupied))
 
     def _check_start(self) -> None:
         """Check that nothing touches the robot at the start."""
@@ -266,7 +266,8 @@ class _Loop:
         computing_time = time.perf_counter() - began
         plan = self._course.plan
         if plan is None:
-            self.record.proved = result.reason in PROVED_IMPOSSIBLE
+            is_proved = result.reason in PROVED_IMPOSSIBLE
+            self.record.proved = is_proved and not self._belief.avoided
             self._end(STOPPED, result.message)
             return None
         remaining = len(plan.steps) - self._course.taken
@@ -345,8 +346,9 @@ class _Loop:
             if while_returning is not None:
                 kind, message = while_returning.kind, while_returning.message
                 self._end(FAILED, f"on the way back, {kind}: {message}")
-            elif self._attempts[point] == ATTEMPTS:
-                self._belief.refuse(point)
+            elif self._attempts[point] % ATTEMPTS == 0:
+                is_blocked = failure.kind == "blocked path"
+                (self._belief.avoid if is_blocked else self._belief.refuse)(point)
         else:
             self._end(FAILED, f"{failure.kind}: {failure.message}")
         return failure is None

@@ -107,6 +107,18 @@ def test_a_point_that_refused_is_occupied(seen, jem):
     belief.graph.vacate()
 
 
+def test_points_to_which_paths_were_blocked_are_free_again_once(seen):
+    belief = seen()
+    assert not belief.reconsider()
+    belief.refuse(7)
+    for again in (True, False):
+        belief.avoid(8)
+        assert belief.graph.occupied == {7, 8}
+        assert belief.reconsider() == again
+        assert belief.graph.occupied == ({7} if again else {7, 8})
+    belief.graph.vacate()
+
+
 def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_updated(seen, plan, jem):
     """The first step of the plan, and a box at the place to which its gripper moves."""
     belief, there = seen(times=0), step_trajectory(seen(times=0).graph, plan, 0, Durations())

@@ -1,5 +1,7 @@
 """The closed loop arrives among things that its map lacks, or stops where it is."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -117,9 +119,8 @@ def test_it_turns_back_before_it_touches_something(graph, plan, monkeypatch):
 
 
 def test_it_stops_where_no_way_is_left(graph, plan):
-    points = {point for stance in plan.stances for point in stance} - set(START)
-    graph.occupy([point for point in graph.grasp_map.ids if point not in {*points, *START}])
-    record = run_closed_loop(graph, START, GOAL, refusing=sorted(points))
+    graph.occupy([point for point in graph.grasp_map.ids if point not in _points(plan)])
+    record = run_closed_loop(graph, START, GOAL, refusing=sorted(_points(plan) - set(START)))
     graph.vacate()
     assert record.outcome == STOPPED
     assert record.reason
@@ -127,6 +128,18 @@ def test_it_stops_where_no_way_is_left(graph, plan):
     assert record.refused  # it tried what the plan offers
     assert record.steps == 0
     assert kinds(record)[-1] == "end"
+
+
+def test_a_stop_at_points_to_which_paths_were_blocked_is_no_proof(graph, plan, monkeypatch):
+    """Nothing is there, and each point is tried once more before the robot stops."""
+    monkeypatch.setattr(Belief, "is_blocked", lambda *_: True)
+    graph.occupy([point for point in graph.grasp_map.ids if point not in _points(plan)])
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
+    graph.vacate()
+    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
+    tried = Counter(event.values["point"] for event in record.events if event.kind == "blocked")
+    assert set(tried) == set(record.refused)
+    assert set(tried.values()) == {2 * ATTEMPTS}
 
 
 def test_a_planner_without_time_to_plan_proves_nothing(jem):
@@ -178,3 +191,8 @@ def test_a_box_that_touches_the_robot_at_the_start_is_named(graph):
 def test_unknown_boxes_need_names_of_their_own(graph):
     with pytest.raises(MlivrError, match="bag"):
         run_closed_loop(graph, START, GOAL, unknown=[BAG, BAG])
+
+
+def _points(plan):
+    """Return the ids of all points of a plan."""
+    return {point for stance in plan.stances for point in stance}
