@@ -240,7 +240,7 @@ class RobotSpec(DerivedFigures):
         RobotError
             If the file cannot be read, or describes a robot that is not supported.
         """
-        from mlivr_gym.robot.from_file import robot_of_file  # above, it were a source of kernels
+        from mlivr_gym.robot.from_file import robot_of_file
 
         return robot_of_file(path, cls.from_dict, options)
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.arguments import InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
 from mlivr_gym.errors import SettingError, ShapeError
@@ -15,7 +15,7 @@ from mlivr_gym.kinematics.batches import SLACK
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import ListOf, OrNone, Text
+from mlivr_gym.schema import FieldPath, ListOf, OrNone, Text
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions.step_check import StepChecks
 from mlivr_gym.world.boxes import Box
@@ -32,6 +32,15 @@ CELL_EDGE = 0.1
 
 IDS = ListOf(Text())
 """Validator of ids of boxes."""
+
+
+def _points(value: object, place: FieldPath) -> tuple[str | int, ...]:
+    is_text = isinstance(value, (str, bytes))
+    return STANCE.read(list(value) if isinstance(value, Iterable) and not is_text else value, place)
+
+
+POINTS = Reader(_points)
+"""Validator of some points by id or index: a list, a set or what else has them one by one."""
 
 
 class ChangingWorld(ABC):
@@ -116,15 +125,15 @@ class ChangingWorld(ABC):
                 )
         return tuple(box for box in self.obstacles if box.id not in ids)
 
-    @checked({"points": STANCE})
-    def occupy(self, points: Sequence[str | int]) -> None:
+    @checked({"points": POINTS})
+    def occupy(self, points: Iterable[str | int]) -> None:
         """Make points, given by id or index, unavailable until they are vacated."""
         self._set_obstacles(
             self.obstacles, self.occupied | {self.grasp_map.index(point) for point in points}
         )
 
-    @checked({"points": OrNone(STANCE)})
-    def vacate(self, points: Sequence[str | int] | None = None) -> None:
+    @checked({"points": OrNone(POINTS)})
+    def vacate(self, points: Iterable[str | int] | None = None) -> None:
         """Make points, given by id or index, available again, by default all."""
         if points is None:
             vacated = self.occupied

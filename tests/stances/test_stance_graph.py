@@ -240,3 +240,6 @@ def test_changes_of_the_world_are_refused_by_what_is_wrong_with_them(small_graph
     with pytest.raises(SettingError, match="ids is 'bag'; it must be a list"):
         small_graph.remove_obstacles("bag")
     assert small_graph.version == before
+    small_graph.occupy({0, 1})
+    small_graph.vacate(point for point in (0, 1))
+    assert not small_graph.occupied
