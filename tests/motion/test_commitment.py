@@ -145,10 +145,11 @@ def test_every_walk_of_legal_steps_is_put_together(checked_graph, world):
     graph, rng, kinds = checked_graph, np.random.default_rng(0), Counter()
     if world == "obstacles":
         ends = rng.uniform(graph.grasp_map.cabin[0], graph.grasp_map.cabin[1], (12, 3))
-        graph.add_obstacles(
+        rods = [
             Box.between(f"rod{k}", "obstacle", end - 0.02, end + rng.uniform(0.03, 0.5, 3))
             for k, end in enumerate(ends)
-        )
+        ]
+        graph.add_obstacles(rods)
     try:
         for _ in range(20):
             motion = check_walk(graph, random_walk(graph, rng, 8))
