@@ -138,9 +138,9 @@ table of all nodes on these points is built first, which takes most of the time.
 nothing to hold in deck and overhead between its hatches. Node 2 has hatches there, too (NASA: six
 ports), which the node leaves out. *Around closed hatches*: with four handrails around each of these
 two, of the length and at the distance that are assumed at the others; they are no part of the map
-`station`. No plan of four limbs over ten modules is known: the other nodes
-are not tried, and through the hatch of the JEM, on whose side nothing is near it, no moves lead on
-the points that were tried.
+`station`. No plan of four limbs over ten modules is known: the other nodes are not tried, and
+through the hatch of the JEM, on whose side nothing is near it, no moves lead on the points that
+were tried.
 
 {table(head, shown)}"""
 

@@ -72,8 +72,8 @@ GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0
 """Limits with a reserve for a robot that differs from the model of the controller."""
 
 CAREFUL = Limits(torque=0.4, grasp_force=12.0, grasp_torque=6.0, surface_speed=0.1)
-"""Limits with half the grasp loads of `GENTLE`, so that a robot whose grasps are three times as
-soft as assumed stays within the clearance of its path."""
+"""Limits with half the grasp loads of `GENTLE`, for a robot whose grasps may be three times as soft
+as assumed and give way the more."""
 
 STATION = Limits(
     torque=0.5, grasp_force=500.0, grasp_torque=2000.0, surface_speed=0.1, rise_time=2.0
