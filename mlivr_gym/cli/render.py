@@ -25,7 +25,7 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.figures import save_image
+from mlivr_gym.pictures.figures import check_ending, save_image
 from mlivr_gym.pictures.plan_figure import configuration_figure
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
@@ -59,6 +59,7 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if requested."""
     _check(args)
+    check_ending(args.out, (".png",))
     check_outputs(args.out, args.mjcf, inputs=input_files(args))
     obstacles: Sequence[Box]
     route = None

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
+from mlivr_gym.errors import path_shown
+from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -119,10 +120,21 @@ def box_faces(box: Box) -> Array:
 
 
 def figure_files(path: str | Path) -> tuple[Path, Path]:
-    """Return the PNG and the SVG file of a figure; `path` names either."""
+    """Return the PNG and the SVG file of a figure; `path` names either.
+
+    Raises a `FileError` if it ends otherwise.
+    """
+    check_ending(path, (".png", ".svg"))
     named = Path(path)
     png, svg = (named.parent / f"{named.stem}{ending}" for ending in (".png", ".svg"))
     return (png, named) if named.suffix.lower() == ".svg" else (named, svg)
+
+
+def check_ending(path: str | Path, endings: Sequence[str]) -> None:
+    """Raise a `FileError` if the name of a picture has an ending that is none of some."""
+    if Path(path).suffix.lower() not in ("", *endings):
+        valid = " and ".join(map(repr, endings))
+        raise FileError(f"cannot write a picture as {path_shown(path)}; valid endings are {valid}")
 
 
 def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
@@ -155,7 +167,11 @@ def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:
-    """Write a picture of shape (height, width, 3) as PNG, completely or not at all."""
+    """Write a picture of shape (height, width, 3) as PNG, completely or not at all.
+
+    Raises a `FileError` if it cannot be written, or has another ending than `.png`.
+    """
+    check_ending(path, (".png",))
     from PIL import Image
 
     buffer = io.BytesIO()

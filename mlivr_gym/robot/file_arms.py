@@ -85,20 +85,20 @@ def arms_of(
 def with_held_joints(
     file: Description,
     arms: tuple[FileArm, ...],
-    names: Sequence[str] | None,
-    angles: Sequence[float],
+    names: Sequence[str | None] | None,
+    angles: Sequence[float | None] | None,
 ) -> tuple[FileArm, ...]:
     """Return arms with the joints that are held set apart, and bring these to their angles [rad].
 
     Each arm of seven joints holds the one that is named, for all or each, by default the third, at
-    the angle [rad] for all or each. Joint angles of the file's data are changed. Raises a
-    `RobotError` if a name is none of an arm's seven joints, an angle lies outside the joint's
-    limits, or a joint is named of an arm that holds none.
+    the angle [rad] for all or each, by default 0. Joint angles of the file's data are changed.
+    Raises a `RobotError` if a name is none of an arm's seven joints, an angle lies outside the
+    joint's limits, or a joint or an angle is given for an arm that holds none.
     """
     import mujoco
 
-    each = []
-    for field, given in (("held_joint", names or (None,)), ("held_angle", angles)):
+    each: list[list[Any]] = []
+    for field, given in (("held_joint", names or (None,)), ("held_angle", angles or (None,))):
         if len(given) not in (1, len(arms)):
             raise RobotError(f"{field} has {len(given)} entries; the file has {len(arms)} limbs")
         each.append([given[k % len(given)] for k in range(len(arms))])
@@ -107,20 +107,25 @@ def with_held_joints(
     return out
 
 
-def _with_held_joint(file: Description, arm: FileArm, name: str | None, angle: float) -> FileArm:
+def _with_held_joint(
+    file: Description, arm: FileArm, name: str | None, angle: float | None
+) -> FileArm:
     """Return an arm with the joint that it holds set apart, and set the joint's angle."""
     joints = [file.joints[joint].name for joint in arm.joints]
     if name is not None and name not in joints:
         raise RobotError(f"held_joint is {name!r}; the limb's joints are {', '.join(joints)}")
     if len(joints) != JOINTS + 1:
-        if name is not None:
-            raise RobotError(
-                f"held_joint is {name!r}; of an arm with {len(joints)} joints none is held"
-            )
+        for field, given in (("held_joint", name), ("held_angle", angle)):
+            if given is not None:
+                raise RobotError(
+                    f"{field} is {given!r}; the limb of joints {', '.join(joints)} holds none of "
+                    "them, as only an arm of seven joints does: give None for this limb"
+                )
         return arm
     index = HELD_JOINT - 1 if name is None else joints.index(name)
     figures = file.joints[arm.joints[index]]
     low, high = figures.limits or (-np.pi, np.pi)
+    angle = 0.0 if angle is None else angle
     if not low <= angle <= high:
         raise RobotError(
             f"held_angle is {angle:g} rad; joint {figures.name!r} turns from {low:g} to "

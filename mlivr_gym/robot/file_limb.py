@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -94,7 +95,10 @@ class FileLimb:
     def is_like(self, other: FileLimb) -> bool:
         """Return whether another limb has the same figures, to the last rounded digit."""
         return (
-            np.allclose(self.limb.lengths, other.limb.lengths, atol=1e-6)
+            self.limb.family_code == other.limb.family_code
+            and self.limb.held_joint == other.limb.held_joint
+            and math.isclose(self.limb.held_angle, other.limb.held_angle, abs_tol=1e-6)
+            and np.allclose(self.limb.lengths, other.limb.lengths, atol=1e-6)
             and np.allclose(self.limb.limits, other.limb.limits, atol=1e-6)
             and _all_alike(self.capsules, other.capsules)
             and _same_dynamics(self.dynamics, other.dynamics)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -60,8 +60,8 @@ VALIDATORS: Validators = {
     "speed_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s"))),
     "torque_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m"))),
     "rotor_inertia": OrNone(Tuples((), 0.0, 1e3, "kg m^2")),
-    "held_joint": OrNone(OneOrEach(NAME)),
-    "held_angle": OneOrEach(Tuples()),
+    "held_joint": OrNone(OneOrEach(OrNone(NAME))),
+    "held_angle": OrNone(OneOrEach(OrNone(Tuples()))),
     "capsules": OrNone(Reader(_capsules)),
     "package_dirs": ListOf(FileName()),
 }
@@ -158,8 +158,8 @@ def read_robot(
     speed_limits: float | Sequence[float] | None = None,
     torque_limits: float | Sequence[float] | None = None,
     rotor_inertia: float | None = None,
-    held_joint: str | Sequence[str] | None = None,
-    held_angle: float | Sequence[float] = 0.0,
+    held_joint: str | Sequence[str | None] | None = None,
+    held_angle: float | Sequence[float | None] | None = None,
     capsules: Sequence[Capsule] | str | None = None,
     package_dirs: Sequence[str | Path] = (),
     **fields: Any,
@@ -199,9 +199,10 @@ def read_robot(
         the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
     held_joint
         Name of the joint that does not move in an arm of seven, or a list with that of each limb;
-        None for the third joint.
+        None for the third joint, and for a limb of six joints.
     held_angle
-        Angle at which it is held, of every limb or of each [rad].
+        Angle at which it is held, of every limb or of each [rad]; None for 0, and for a limb of
+        six joints.
     capsules
         Collision shapes of a limb in its link frames; None for capsules fitted to the collision
         shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths,
@@ -232,8 +233,9 @@ def read_robot(
     options = LimbOptions(tool_length, rotor_inertia, capsules)
     try:
         file = read_description(path, package_dirs, speed_limits, torque_limits)
-        held = held_joint, np.ravel(held_angle).tolist()
-        arms = with_held_joints(file, arms_of(file, tips, tool_frame), *held)
+        arms = arms_of(file, tips, tool_frame)
+        angles = cast("tuple[float | None, ...] | None", held_angle)  # as `OneOrEach` reads it
+        arms = with_held_joints(file, arms, held_joint, angles)
         if len(arms) == 1:
             return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
                 "limbs": 2 if limbs is None else limbs,

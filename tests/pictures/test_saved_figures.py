@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from mlivr_gym.pictures.figures import box_faces, figure_files, save_figure
+from mlivr_gym.files import FileError
+from mlivr_gym.pictures.figures import box_faces, figure_files, save_figure, save_image
 from mlivr_gym.world.boxes import Box
 
 
@@ -43,6 +44,16 @@ def test_a_figure_is_written_twice_and_each_time_alike(tmp_path):
 )
 def test_either_file_names_both(tmp_path, given, files):
     assert figure_files(tmp_path / given) == tuple(tmp_path / name for name in files)
+
+
+@pytest.mark.parametrize("name", ["plan.jpg", "plan.v2", "plan.pdf"])
+def test_a_name_that_promises_another_format_is_refused(tmp_path, name):
+    words = f"cannot write a picture as '.*{name}'; valid endings are '.png'"
+    with pytest.raises(FileError, match=words):
+        save_figure(drawn(), tmp_path / name)
+    with pytest.raises(FileError, match=words):
+        save_image(np.zeros((4, 4, 3), dtype=np.uint8), tmp_path / name)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_figure_that_stands_for_a_rendered_picture_is_one_file(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from robot_texts import UR10E, one_arm, whole_robot, written
+from robot_texts import IIWA14, UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
@@ -213,13 +213,13 @@ def test_arguments_are_refused_by_name(tmp_path, options, words):
 
 
 def test_arguments_may_be_scalars_of_numpy(tmp_path):
-    path = written(tmp_path, one_arm())
-    plain = read_robot(path, limbs=3, tool_length=0.5, held_angle=0.0, rotor_inertia=0.25)
+    path = written(tmp_path, one_arm(frames=IIWA14))
+    plain = read_robot(path, limbs=3, tool_length=0.5, held_angle=0.5, rotor_inertia=0.25)
     given = read_robot(
         path,
         limbs=np.int64(3),
         tool_length=np.float32(0.5),
-        held_angle=np.float32(0.0),
+        held_angle=np.float32(0.5),
         rotor_inertia=np.array(0.25),
     )
     assert given.fields == plain.fields

@@ -13,6 +13,7 @@ from robot_texts import (
     frames_along,
     frames_of,
     one_arm,
+    whole_robot,
     written,
 )
 
@@ -145,8 +146,50 @@ def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
             read_robot(path, **options)
         assert "\n" not in str(caught.value)
     six = written(tmp_path, one_arm(frames=KR16), "six.urdf")
-    with pytest.raises(RobotError, match="held_joint is 'joint3'; of an arm with 6 joints none is"):
-        read_robot(six, held_joint="joint3")
+    for field, value in (("held_joint", "joint3"), ("held_angle", 0.8), ("held_angle", [0.0])):
+        with pytest.raises(RobotError, match=rf"{field} is .*holds none of them, as only"):
+            read_robot(six, **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("arms", "held", "angles"),
+    [
+        ([UR10E, IIWA14], [None, "arm1_joint3"], [None, 0.8]),
+        ([FRANKA, UR10E], ["arm0_joint6", None], [-1.3, None]),
+        ([IIWA14, IIWA14], ["arm0_joint1", "arm1_joint1"], [0.3, 0.9]),
+        ([IIWA14, IIWA14], ["arm0_joint3", "arm1_joint5"], [0.3, 0.9]),
+    ],
+)
+def test_each_arm_of_a_robot_holds_its_own_joint_or_none(tmp_path, arms, held, angles):
+    """The flange of each is where MuJoCo has that of the file, and arms are mounted evenly."""
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[0, :3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    places[1, :3, :3] = [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]
+    places[:, 0, 3] = 0.3, -0.3
+    path = written(tmp_path, whole_robot(places, arms))
+    spec = mujoco.MjSpec.from_file(path)
+    spec.compiler.fusestatic = False
+    theirs, options = spec.compile(), {"held_joint": held, "held_angle": angles}
+    file, robot = read_robot(path, **options), RobotSpec.from_urdf(path, **options)
+    ours, moving = compile_spec(robot_alone(robot)), np.random.default_rng(4).uniform(-2, 2, (2, 6))
+    there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
+    for name, angle in zip(held, angles, strict=True):
+        if name is not None:
+            there.joint(name).qpos = angle
+    for name, angle in zip(np.ravel(file.joint_names), moving.ravel(), strict=True):
+        there.joint(name).qpos = angle
+    here.qpos[:7], here.qpos[7:] = [0, 0, 0, 1, 0, 0, 0], file.from_file_angles(moving).ravel()
+    mujoco.mj_kinematics(theirs, there)
+    mujoco.mj_kinematics(ours, here)
+    for k in range(2):
+        flanges = here.site(f"limb{k}/flange").xpos, there.body(f"arm{k}_tool0").xpos
+        np.testing.assert_allclose(*flanges, atol=1e-8)
+
+
+def test_an_angle_of_an_arm_that_holds_no_joint_is_refused(tmp_path):
+    path = written(tmp_path, whole_robot(np.tile(np.eye(4), (2, 1, 1)), [UR10E, IIWA14]))
+    with pytest.raises(RobotError, match=r"held_angle is 0.8; the limb of joints arm0_joint1"):
+        read_robot(path, held_angle=0.8)
 
 
 def moved(frames, joint, place):
@@ -171,8 +214,9 @@ def moved(frames, joint, place):
     ],
 )  # fmt: skip
 def test_what_the_closed_form_does_not_cover_is_refused_in_one_line(tmp_path, frames, words):
+    held = {"held_angle": 0.5} if len(frames) == 8 else {}
     with pytest.raises(RobotError, match=words) as caught:
-        read_robot(written(tmp_path, one_arm(frames=frames)), held_angle=0.5)
+        read_robot(written(tmp_path, one_arm(frames=frames)), **held)
     assert "\n" not in str(caught.value)
     assert "axes of its joints: joint1" in str(caught.value)
 

@@ -178,15 +178,17 @@ def one_arm(lengths=UR10E, frames=None, **options):
 def whole_robot(places, lengths=UR10E):
     """A URDF of a body with an arm at each of some frames, (4, 4), of one or of several kinds.
 
-    The body is a box of 0.3 m, 0.2 m and 0.1 m.
+    An arm is of the UR form with its lengths, or has the frames of its joints and its flange. The
+    body is a box of 0.3 m, 0.2 m and 0.1 m.
     """
     box = '<collision><geometry><box size="0.3 0.2 0.1"/></geometry></collision>'
     parts = [f'<link name="body">{INERTIAL.format(mass=20.0)}{box}</link>']
-    each = [lengths] * len(places) if np.ndim(lengths) == 1 else lengths
+    each = [lengths] * len(places) if np.isscalar(lengths[0]) else lengths
     for k, (place, mine) in enumerate(zip(places, each, strict=True)):
         parts.append(joint_of(f"mount{k}", "fixed", "body", f"foot{k}", place, ""))
         parts.append(f'<link name="foot{k}"/>')
-        parts.append(arm_urdf(frames_of(mine), prefix=f"arm{k}_", root=f"foot{k}"))
+        frames = frames_of(mine) if np.isscalar(mine[0]) else mine
+        parts.append(arm_urdf(frames, prefix=f"arm{k}_", root=f"foot{k}"))
     return f'<robot name="whole">{"".join(parts)}</robot>'
 
 
