@@ -9,7 +9,7 @@ and compared. The first one is the best of these candidates; no bound on other p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 from typing import NamedTuple
@@ -21,7 +21,6 @@ from mlivr_gym.motion.commitment import Committed, commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.planners.refinement import varied
@@ -57,10 +56,10 @@ class Candidate(NamedTuple):
 
 
 @checked({**QUERY, "timing": TIMING})
-def step_durations(
+def step_reactions(
     graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
-) -> list[float]:
-    """Return the duration of each step of a plan [s].
+) -> list[Reaction]:
+    """Return duration, total impulse and peak force of each step of a plan.
 
     Parameters
     ----------
@@ -76,26 +75,8 @@ def step_durations(
     TimingError
         If durations violate a limit.
     """
-    return [timed.duration for timed in _timed_paths(graph, plan, timing)]
-
-
-@checked({**QUERY, "timing": TIMING})
-def step_reactions(
-    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None = None
-) -> list[Reaction]:
-    """Return duration, total impulse and peak force of each step of a plan.
-
-    Parameters and errors are those of `step_durations`.
-    """
-    return [reaction_of(timed) for timed in _timed_paths(graph, plan, timing)]
-
-
-def _timed_paths(
-    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None
-) -> Iterator[TimedPath]:
-    """Yield each step of a plan with its time scalings."""
-    for index in range(len(plan.steps)):
-        yield timed_path(RegraspPath(graph, planned_regrasp(graph, plan, index)), timing)
+    paths = (RegraspPath(graph, planned_regrasp(graph, plan, k)) for k in range(len(plan.steps)))
+    return [reaction_of(timed_path(path, timing)) for path in paths]
 
 
 @checked({**QUERY, "timing": TIMING})
@@ -125,7 +106,7 @@ def with_least_reaction(
     PlanError
         If the plan belongs to another map or robot, or is not possible in the present world.
     """
-    step_durations(graph, plan, timing)  # refuses durations that violate a limit
+    step_reactions(graph, plan, timing)  # refuses durations that violate a limit
 
     def impulse(regrasp: Regrasp) -> float:
         try:

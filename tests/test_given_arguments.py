@@ -22,12 +22,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation, RecordVideo
 from mlivr_gym.errors import MlivrError, shortened
-from mlivr_gym.fastest import (
-    ranked_plans,
-    step_durations,
-    step_reactions,
-    with_least_reaction,
-)
+from mlivr_gym.fastest import ranked_plans, step_reactions, with_least_reaction
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
@@ -167,7 +162,6 @@ FUNCTIONS = {
     "Planner.cost_to_go": lambda of: (of["planner"].cost_to_go, {"goal": of["goal"]}),
     "Planner.refined": lambda of: (of["planner"].refined, {"plan": of["plan"]}),
     "ranked_plans": lambda of: (ranked_plans, {"planner": of["planner"], **query(of)}),
-    "step_durations": lambda of: (step_durations, walk(of)),
     "step_reactions": lambda of: (step_reactions, walk(of)),
     "with_least_reaction": lambda of: (with_least_reaction, walk(of)),
     "Cost.named": lambda of: (Cost.named, {"cost": "base"}),

@@ -18,6 +18,10 @@ THRESHOLD_COLOUR, FLOOR_COLOUR, TORQUE_COLOUR = "#495057", "#e8a0a0", "#9c36b5"
 """Colours of thresholds, of the path floor and of torques."""
 
 
+MAX_TIMES = 240
+"""Maximum number of times of a plot that is shown."""
+
+
 class Plot(NamedTuple):
     """Curves over a common time axis."""
 
@@ -111,10 +115,10 @@ def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
     return times, [*np.insert(values, [at, at], here, axis=1), line]
 
 
-def thinned(plot: Plot, max_times: int = 240) -> Plot:
-    """Return a plot with at most `max_times` of its times."""
-    if len(plot.times) <= max_times:
+def thinned(plot: Plot) -> Plot:
+    """Return a plot with at most `MAX_TIMES` of its times."""
+    if len(plot.times) <= MAX_TIMES:
         return plot
-    chosen = np.linspace(0, len(plot.times) - 1, max_times).round().astype(np.int64)
+    chosen = np.linspace(0, len(plot.times) - 1, MAX_TIMES).round().astype(np.int64)
     curves = tuple((label, colour, curve[chosen]) for label, colour, curve in plot.curves)
     return plot._replace(times=plot.times[chosen], curves=curves)

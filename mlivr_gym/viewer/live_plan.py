@@ -14,7 +14,7 @@ from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.planners.query import GOAL_TOLERANCE
+from mlivr_gym.planners.query import EXPANSIONS, GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 
@@ -43,7 +43,7 @@ class LiveQuery:
     method: str = "astar"
     heuristic: str | None = None
     inflation: float | None = None
-    limit: int = 200_000
+    limit: int = EXPANSIONS
     time_limit: float | None = None
 
     @classmethod
