@@ -4,7 +4,7 @@ A step is an edge of the stance graph only if the support limbs can follow the b
 to the second posture, on a straight line or on an arc about the held grasps, see `base_path`, with
 every joint in its window, see `arm.in_window`. That `w_m` stays above a floor is proved, see
 `certificate`; joint angles are checked at samples, the ends of `FEW` intervals of the path, or of
-`MANY` if a joint turns by more than an eighth of a turn in one of the few.
+`MANY` if a joint turns by more than an eighth of a turn in one of the few, or comes near a limit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_flip
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, Arm, in_window
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, TURN, Arm, in_window
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import SINGULAR_TOO
@@ -28,6 +28,13 @@ FEW, MANY = (cast(int, k) for k in np.array([4, 32]))
 
 FAR = 0.25 * np.pi
 """Turn of a joint over one of `FEW` intervals above which there are `MANY` [rad]."""
+
+REFINED, MARGIN = 1.0, 0.25
+"""Distances from a joint limit, in units of the largest change of a joint's turn between intervals.
+
+Closer than `REFINED` there are `MANY` intervals, whose samples keep `MARGIN`: a joint that turns
+back between samples passes them by an eighth of that change if its angle is a parabola.
+"""
 
 
 class Track(Record):
@@ -41,6 +48,10 @@ class Track(Record):
     """The largest so far [rad]."""
     farthest: float
     """The largest turn of a joint over one interval so far [rad]."""
+    turn: Joints
+    """The turns over the last interval [rad]; NaN for none yet."""
+    bend: float
+    """The largest change of a joint's turn from one interval to the next so far [rad]."""
     base: Pose
     """Base in the world."""
 
@@ -57,7 +68,8 @@ def begin(track: Track) -> None:
     """Start without joint angles."""
     for joint in range(6):
         track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
-    track.farthest = 0.0
+        track.turn[joint] = np.nan
+    track.farthest = track.bend = 0.0
 
 
 @kernel
@@ -80,7 +92,11 @@ def follow(
             track.low[joint] = min(track.low[joint], q)
             track.high[joint] = max(track.high[joint], q)
             if last == last:
-                track.farthest = max(track.farthest, abs(q - last))
+                turn, earlier = q - last, track.turn[joint]
+                track.farthest = max(track.farthest, abs(turn))
+                if earlier == earlier:
+                    track.bend = max(track.bend, abs(turn - earlier))
+                track.turn[joint] = turn
     return True
 
 
@@ -118,23 +134,41 @@ def in_windows(
             continue
         begin(track)
         there = follow(limb, flange, path, branch, FEW, track)
-        if there and track.farthest > FAR:
+        if there and (track.farthest > FAR or _needs_more(limb.arm, track)):
             begin(track)
             there = follow(limb, flange, path, branch, MANY, track)
         for flip in range(2):
-            if not (there and _fits(limb.arm, track, np.pi * flip)):
+            if not (there and _fits(limb.arm, track, np.pi * flip, MARGIN)):
                 branch_set = without_flip(branch_set, branch, flip)
     return branch_set
 
 
 @kernel
-def _fits(arm: Arm, track: Track, half_turn: float) -> bool:
-    """Return whether every joint stayed in its window, joint 6 turned by `half_turn` [rad]."""
+def _needs_more(arm: Arm, track: Track) -> bool:
+    """Return whether a joint that stayed in its window at samples may leave it in between."""
+    for flip in range(2):
+        half_turn = np.pi * flip
+        if _fits(arm, track, half_turn, 0.0) and not _fits(arm, track, half_turn, REFINED):
+            return True
+    return False
+
+
+@kernel
+def _fits(arm: Arm, track: Track, half_turn: float, share: float) -> bool:
+    """Return whether every joint stayed in its window, joint 6 turned by `half_turn` [rad].
+
+    From ends of windows that are joint limits it must stay away by `share` of the bend. A window of
+    a whole turn has none: a joint that leaves it has another winding at the next sample.
+    """
     for joint in range(6):
+        least, most = arm.window[joint, 0], arm.window[joint, 1]
+        margin = share * track.bend if most - least < TURN - 4.0 * LIMIT_TOLERANCE else 0.0
         shift = half_turn if joint == 5 else 0.0
-        first = in_window(track.low[joint] + shift, arm.window[joint, 0])
+        first = in_window(track.low[joint] + shift, least)
         last = first + track.high[joint] - track.low[joint]
-        if last > arm.window[joint, 1] + LIMIT_TOLERANCE:
+        if last > most - margin + LIMIT_TOLERANCE:
+            return False
+        if margin > 0.0 and first < least + margin - LIMIT_TOLERANCE:
             return False
     return True
 

@@ -25,6 +25,7 @@ from hypothesis import strategies as st
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.holding import (
+    FEW,
     MANY,
     Holding,
     Track,
@@ -132,3 +133,26 @@ def test_joint_limits_take_branches_away():
         tight[2, 1] = low[2] + 0.3 * (high[2] - low[2])
         if high[2] - low[2] > 1e-3:
             assert inside(tight, 1 << bit) == 0
+
+
+def test_joints_that_turn_back_at_a_limit_between_samples_leave_it():
+    """The extremes of a path in 2000 intervals, against limits between them and those of few."""
+    passed = 0
+    for seed in range(60):
+        path = path_between(random_ends(seed), STRAIGHT)
+        branches = certified(path)
+        for bit in (bit for bit in range(8) if branches >> bit & 1):
+            coarse, fine = (followed(path, bit, samples) for samples in (int(FEW), 2000))
+            beyond = fine["high"] - coarse["high"], coarse["low"] - fine["low"]
+            for joint in np.flatnonzero(np.maximum(*beyond) > 1e-4):
+                limits = np.stack([fine["low"] - 0.5, fine["high"] + 0.5], axis=1)
+                side = int(beyond[0][joint] > beyond[1][joint])
+                inward = (1 - 2 * side) * np.array([0.5, 0.0, -1.0]) * beyond[1 - side][joint]
+                found = []
+                for limit in (fine["low"], fine["high"])[side][joint] + inward:
+                    limits[joint, side] = limit
+                    arm = mounted(replace(LIMB, joint_limits=tuple(map(tuple, limits.tolist()))))
+                    found.append(called(in_windows)(arm, FLANGE, path, 1 << bit, Track.row()))
+                assert found[0] == 0
+                passed += found[2] != 0
+    assert passed > 10
