@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import Reader, WithError
+from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
@@ -208,47 +208,34 @@ class RobotSpec(DerivedFigures):
         return ROBOT.read(given, FieldPath("", RobotError))
 
     @classmethod
-    def load(cls, path: str | Path) -> RobotSpec:
+    def load(cls, path: str | Path, **options: Any) -> RobotSpec:
         """Read a robot from a JSON, URDF or MJCF file.
-
-        A robot without a name is called like the file.
-
-        Raises
-        ------
-        RobotError
-            If the file cannot be read or a field is faulty.
-        """
-        name = Path(path).stem
-        if Path(path).suffix.lower() in SUFFIXES:
-            return cls.from_urdf(path)
-        return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
-
-    @classmethod
-    def from_urdf(cls, path: str | Path, **options: Any) -> RobotSpec:
-        """Read a robot from a URDF file.
 
         Parameters
         ----------
         path
-            The file.
+            The file; a robot without a name is called like it.
         **options
-            Arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
-            `speed_limits`, and further fields of a robot.
+            Fields of a robot that come before those of the file, and for a URDF or MJCF file
+            arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
+            `speed_limits`.
 
         Raises
         ------
         RobotError
-            If the file cannot be read, or describes a robot that is not supported.
+            If the file cannot be read, a field is faulty, or the robot is not supported.
         """
-        from mlivr_gym.robot.from_file import robot_of_file
+        path = FileName().read(path, FieldPath("path", RobotError))
+        name = Path(path).stem
+        if Path(path).suffix.lower() in SUFFIXES:
+            from mlivr_gym.robot.from_file import robot_of_file
 
-        return robot_of_file(path, cls.from_dict, options)
+            return robot_of_file(path, cls.from_dict, options)
+        return load(path, "robot", RobotError, lambda data: cls.from_dict(data | options, name))
 
-    @classmethod
-    def from_mjcf(cls, path: str | Path, **options: Any) -> RobotSpec:
-        """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
-        return cls.from_urdf(path, **options)
-
+    @checked(
+        {"limb": Integer(0, MOST_LIMBS), "joint": Integer(1, 7), "angle": ANY_NUMBER}, RobotError
+    )
     def with_failed_joint(self, limb: int, joint: int, angle: float) -> RobotSpec:
         """Return the robot with a joint of a seven-joint limb locked at an angle.
 
