@@ -55,7 +55,8 @@ NODES_CHECKED_AROUND = 200
 """Number of nodes that are checked around a node of a path that touches an obstacle."""
 
 NODES_CHECKED_AROUND_GOAL = 20_000
-"""Number of nodes that are checked around the goal if no path is found soon; it grows as well."""
+"""Number of nodes that are checked around the goal if no path is found soon, where it grows, and
+at most between two readings of the clock."""
 
 FIRST_EXPANSION_LIMIT = 50
 """Labels that a search expands before one from the other end improves the lower bounds."""
@@ -174,7 +175,11 @@ class TableSearch(PathSearch):
             rows = np.flatnonzero(lazy_table.is_unchecked & (bounds.h < np.inf))
             if not len(rows):
                 return
-            lazy_table.check_nodes(rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]])
+            rows = rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]]
+            for first in range(0, chosen, NODES_CHECKED_AROUND_GOAL):
+                if self.is_late:
+                    return
+                lazy_table.check_nodes(rows[first : first + NODES_CHECKED_AROUND_GOAL])
             is_goal, chosen = bounds.h == 0.0, 2 * chosen
             bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts)
             stage = stage._replace(max_searches=2 * (stage.max_searches or 1))

@@ -1,6 +1,7 @@
 """Searches over the table of all nodes against the plain search of the stance graph."""
 
 import itertools
+import time
 from contextlib import suppress
 
 import numpy as np
@@ -12,6 +13,7 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
+from mlivr_gym.planners.lazy_table import LazyNodeTable
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
@@ -223,6 +225,32 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
     found = list(cut_off(first, table, np.random.default_rng(4), 10, 1))
     proved = sum(search.lower_bound == np.inf for search in found)
     assert 2 < proved < len(found)
+
+
+def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
+    """By a clock that each of them moves on by nine seconds."""
+    first, table = known
+    if table.limbs == 2:
+        pytest.skip("two limbs are searched from either end")
+    taken, check, clock = [0.0], LazyNodeTable.check_nodes, time.perf_counter
+
+    def slow(lazy_table, rows):
+        taken[0] += 9.0 * len(rows)
+        return check(lazy_table, rows)
+
+    none = table_search.OBSTACLE_STAGES[0].parameters._replace(max_expansions=0)
+    probe = table_search.OBSTACLE_STAGES[0]._replace(parameters=none)
+    monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
+    monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
+    monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
+    monkeypatch.setattr(LazyNodeTable, "check_nodes", slow)
+    monkeypatch.setattr(time, "perf_counter", lambda: clock() + taken[0])
+    late = []
+    for search in cut_off(first, table, np.random.default_rng(4), 20, 1):
+        late.append(taken[0] - search.search.time_limit)
+        taken[0] = 0.0
+    assert sum(seconds > 0.0 for seconds in late) > 2
+    assert max(late) < 5 * 9.0
 
 
 def test_bounds_rest_on_what_steps_may_keep_at_most(known):
