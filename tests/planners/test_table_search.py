@@ -249,7 +249,7 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     for search in cut_off(first, table, np.random.default_rng(4), 20, 1):
         late.append(taken[0] - search.search.time_limit)
         taken[0] = 0.0
-    assert sum(seconds > 0.0 for seconds in late) > 2
+    assert sum(seconds > 0.0 for seconds in late) > 1
     assert max(late) < 5 * 9.0
 
 
