@@ -41,12 +41,7 @@ class Walk(NamedTuple):
 
 
 def plan_of(
-    graph: StanceGraph,
-    states: Sequence[State],
-    goal: Array,
-    tolerance: float,
-    method: str,
-    expanded: int = 0,
+    graph: StanceGraph, states: Sequence[State], goal: Array, tolerance: float, method: str
 ) -> Plan | None:
     """Return the plan along a walk, or None if one of its steps cannot be committed.
 
@@ -57,5 +52,5 @@ def plan_of(
         return None
     x, y, z = (float(value) for value in goal)
     query = Query((x, y, z), tolerance, "steps", None, method, "none")
-    statistics = Statistics(float(len(motion.steps)), expanded, expanded)
+    statistics = Statistics(float(len(motion.steps)), expanded=0, generated=0)
     return Plan(query, World.of(graph), motion, statistics)
