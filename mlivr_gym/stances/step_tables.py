@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table, fill_rows
 from mlivr_gym.stances.table_steps import steps_of_state
@@ -71,7 +70,7 @@ _on_all_points: WeakKeyDictionary[TwoLimbGraph, StepTables] = WeakKeyDictionary(
 """Steps of graphs without obstacles and occupied points."""
 
 
-def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTables:
+def step_tables(graph: StanceGraph) -> StepTables:
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 
     Steps that are not known are checked, and stored in the cache folder, see `table_build`.
@@ -87,9 +86,9 @@ def step_tables(graph: StanceGraph, progress: Progress | None = None) -> StepTab
         occupied[list(graph.occupied)] = True
         return without_points(known, occupied) if graph.occupied else known
     if graph.obstacles or graph.occupied:
-        fill_rows(graph, progress)
+        fill_rows(graph)
     elif not graph.is_complete:
-        build_table(graph, progress)
+        build_table(graph)
     start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
     most = int((graph.steps.degree**2).sum())
     after, kept = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.uint16)
