@@ -51,7 +51,7 @@ class FollowedPath(NamedTuple):
         """Return what remains of the path from a state on it, None if it cannot be followed.
 
         It has minimum cost unless a limb that can no longer fold may be released on another branch
-        instead; `TableSearch.proves` rules that out.
+        instead, see `has_lost_only`; `TableSearch.proves` may rule that out, too.
         """
         place = next((k for k, state in enumerate(self.states) if _includes(state, start)), None)
         is_valid = search.goal.key == self.goal and graph.has_all_since(self.version)
@@ -65,6 +65,11 @@ class FollowedPath(NamedTuple):
             states.append(state)
         cost = search.goal.cost.of_path(graph.postures_of(states).base_position)
         return SearchResult(GOAL_REACHED, tuple(states), cost, 0, 0, np.zeros((0, 2, 3)), bound=1.0)
+
+    def has_lost_only(self, graph: StanceGraph) -> bool:
+        """Return whether the graph has lost steps since at most, of all that were known then."""
+        is_next = graph.version == self.version + 1 and not graph.has_gained
+        return graph.version == self.version or is_next
 
 
 def _includes(state: State, other: State) -> bool:
@@ -106,12 +111,16 @@ class GraphSearcher:
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            remainder, table_search = None, TableSearch(lower_bounds, search, start)
-            if graph.obstacles and search.heuristic == "relaxed" and self._followed is not None:
-                remainder = self._followed.remainder(graph, search, start)
-            if remainder is not None and table_search.proves(remainder.cost):
-                found: SearchResult | None = remainder
-            else:
+            found, followed = None, self._followed
+            table_search = TableSearch(lower_bounds, search, start)
+            if graph.obstacles and search.heuristic == "relaxed" and followed is not None:
+                found = followed.remainder(graph, search, start)
+            is_cheapest = (
+                found is not None
+                and followed is not None
+                and (table_search.proves(found.cost) or followed.has_lost_only(graph))
+            )
+            if not is_cheapest:
                 found = run_search(table_search)
             if found is not None and found.bound == 1.0:
                 self._followed = FollowedPath(found.states, search.goal.key, graph.version)

@@ -14,9 +14,12 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
 from mlivr_gym.transitions.edge import Edge
-from mlivr_gym.transitions.records import StanceArrays, StepRecord
+from mlivr_gym.transitions.records import StanceArrays, StepRecord, WorldRecord
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.step_check import StepChecks
+
+MOST_REPEATED = 800
+"""Number of releases up to which all are computed again after obstacles were added."""
 
 
 class TwoLimbEdges:
@@ -72,6 +75,11 @@ class TwoLimbEdges:
         """Indices of edges that were checked among obstacles and are no steps, shape (k,)."""
         index = np.concatenate([np.zeros(0, dtype=np.int64), *(i for _, _, i in self._stored)])
         return np.asarray(index[self.table.edges["kept"][index] == 0])
+
+    @cached_property
+    def has_gained(self) -> bool:
+        """Whether the last change may have opened a step; see `ChangingWorld`."""
+        return True
 
     @cached_property
     def edges_among_obstacles(self) -> Any:
@@ -145,18 +153,20 @@ class TwoLimbEdges:
 class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     """Releases computed and edges checked among obstacles and occupied points.
 
-    Only the motions of the steps without obstacles are checked, and only close to them.
+    Only the motions of the steps without obstacles are checked, and only close to them. If all
+    motions of a release or an edge that was known before the last obstacles are clear of these,
+    too, it is as before; else it is checked among all.
     """
 
     def __init__(
         self, before: TwoLimbEdges, gone: BoolArray, touching: BoolArray, close: BoolArray,
-        obstacles: BoxGrid | None,
+        obstacles: BoxGrid | None, added: BoxGrid,
     ) -> None:  # fmt: skip
         """Start from what was found before some obstacles and occupied points were added.
 
         Which stances hold a point that is occupied or touches an obstacle is `gone`, of which some
         branches may touch a new obstacle themselves `touching`, and which may touch one on a step
-        from or to them `close`, each of shape (n,).
+        from or to them `close`, each of shape (n,). The added obstacles are among the `obstacles`.
         """
         self.free = free = before.free
         self.close, self.unchecked = before.close | close, before.unchecked | touching
@@ -164,6 +174,8 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         self._obstacles, self._world = obstacles, self.checks.world(obstacles, obstacles_only=True)
         branch_sets = before.table.branch_sets.copy()
         branch_sets[gone] = 0
+        self._added = self.checks.world(added, obstacles_only=True)
+        self._before = before.stances.releases
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
         kind = free.stances.releases.dtype
         releases = before.stances.releases.view(np.uint8).copy()
@@ -177,26 +189,32 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         edges = free.table.edges if self.is_complete else free.edges_among_obstacles
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
         self._stored = free._stored
-        self._forget(close, everything=before.table.edges is not edges)
+        self._edges_before = self._forgotten(close, everything=before.table.edges is not edges)
         no_branch, no_cause = np.full_like(branch_sets, -1), np.zeros(len(close), dtype=np.int64)
         self._postures = CheckedPostures(
             free.table.points, free.stances.base, no_branch, branch_sets, no_cause, np.array([True])
         )
 
-    def _forget(self, close: BoolArray, everything: bool) -> None:
+    def _forgotten(self, close: BoolArray, everything: bool) -> tuple[IntArray, Any]:
         """Forget the edges that are to be checked anew, if stances may touch new obstacles, (n,).
 
         An edge that is blocked stays so, unless the swing limb cannot stay folded: that may be
-        released on another branch among more obstacles.
+        released on another branch among more obstacles. Returned are the numbers of those that were
+        not blocked and are forgotten, in order, and what was known, rows of `TwoLimbEdge`.
         """
+        index, found = np.zeros(0, dtype=np.int64), TwoLimbEdge.rows(0)
         if not self._stored:
-            return
+            return index, found
         edges = self.free.edges_among_obstacles
         before, after, index = stored = np.concatenate(self._stored, axis=1)
         lasts = (edges["kept"][index] == 0) & (edges["line_branches"][index] < 0)
         lasts = (lasts | ~(close[before] | close[after])) & (not everything)
         edges["known"][index[~lasts]] = 0
         self._stored[:] = [stored[:, lasts]]
+        index = np.unique(index[~lasts & (edges["kept"][index] != 0) & (not everything)])
+        found = edges[index]
+        found["known"] = 1
+        return index, found
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
         """Store the results of steps, and which they are; see `TwoLimbEdges`."""
@@ -222,7 +240,36 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases[s, limb] = self.free.stances.releases[s, limb]
         blocked = branch_sets[s, 1 - limb] == 0
         releases["branches"][s[blocked], limb[blocked]] = 0
-        super()._release(todo[self.close[s] & ~blocked])
+        super()._release(self._changed_releases(todo[self.close[s] & ~blocked]))
+
+    @cached_property
+    def has_gained(self) -> bool:
+        """Whether a limb may have got another branch to be released on by the last obstacles.
+
+        It then cannot fold. If none has, what was known to be blocked before them is blocked now.
+        """
+        before, now = self._before, self.stances.releases
+        todo = before["known"] & ~now["known"] & (before["branches"] != 0)
+        if before is self.free.stances.releases or todo.sum() > MOST_REPEATED:
+            return True
+        self.check_releases(np.argwhere(todo))
+        return bool((now["branches"][todo] & ~before["branches"][todo]).any())
+
+    def _changed_releases(self, todo: IntArray) -> IntArray:
+        """Return those releases that are not as before the last obstacles, or were unknown, (k, 2).
+
+        The others are filled in.
+        """
+        releases, before = self.stances.releases, self._before[todo[:, 0], todo[:, 1]]
+        known = before["known"]
+        s, limb = todo[known].T
+        without = releases[s, limb]
+        releases[s, limb] = before[known]
+        self.checks.release(self.stances, todo[known], self._added)
+        differs = _differ(releases[s, limb], before[known])
+        releases[s[differs], limb[differs]] = without[differs]
+        known[known] = ~differs
+        return np.asarray(todo[~known])
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, shape (k,)."""
@@ -231,6 +278,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             return
         self.free.check_steps(support, before, after)
         self.check_nodes(np.concatenate([before, after]))
+        support, before, after = self._changed_steps(support, before, after)
         sets, moving, releases = self.stances.branch_sets, 1 - support, self.stances.releases
         found = self.free.table.edges[self.index(support, before, after)]
         found["kept"] &= (sets[before, support] & sets[after, support]).astype(np.uint16)
@@ -245,7 +293,8 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             releases[unknown] = self.free.stances.releases[unknown]
             releases["known"][unknown] = False
         for _ in range(2):
-            found["kept"][able] = self._kept(support[able], before[able], after[able], free[able])
+            steps = support[able], before[able], after[able]
+            found["kept"][able] = self._kept(*steps, free[able], self._world)
             able = able[found["kept"][able] != 0]
             ends = after[able], moving[able]
             assumed = releases["branches"][ends], releases["folds"][ends]
@@ -254,16 +303,40 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         found["on_arc"] &= found["kept"]
         self._store(support, before, after, found)
 
+    def _changed_steps(
+        self, support: IntArray, before: IntArray, after: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Return those steps that are not as before the last obstacles, or were no edges then.
+
+        The others are stored.
+        """
+        numbers, rows = self._edges_before
+        index = self.index(support, before, after)
+        if not len(numbers):
+            return support, before, after
+        place = np.minimum(np.searchsorted(numbers, index), len(numbers) - 1)
+        known = np.flatnonzero(numbers[place] == index)
+        found, steps = rows[place[known]], (support[known], before[known], after[known])
+        for end in steps[1:]:
+            self._released(end, 1 - steps[0])
+        same = self._kept(*steps, found, self._added) == found["kept"]
+        self._store(steps[0][same], steps[1][same], steps[2][same], found[same])
+        support, before, after = np.delete(np.stack([support, before, after]), known[same], axis=1)
+        return support, before, after
+
     def _released(self, s: IntArray, limb: IntArray) -> tuple[IntArray, IntArray]:
         """Return the branches and folds of releases, which are computed once, shape (k,)."""
         self.check_releases(np.stack([s, limb], axis=1))
         releases = self.stances.releases
         return releases["branches"][s, limb], releases["folds"][s, limb]
 
-    def _kept(self, support: IntArray, before: IntArray, after: IntArray, free: Any) -> IntArray:
-        """Return the branches kept on steps of some edges without obstacles, shape (k,).
+    def _kept(
+        self, support: IntArray, before: IntArray, after: IntArray, free: Any, world: WorldRecord
+    ) -> IntArray:
+        """Return the branches that edges keep among the obstacles of a world, shape (k,).
 
-        The releases are those known so far.
+        What they keep without them is given by rows of `TwoLimbEdge`. The releases are those known
+        so far.
         """
         kept: IntArray = free["kept"].astype(np.int64)
         close = np.flatnonzero(self.close[before] | self.close[after])
@@ -272,6 +345,12 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         steps["recheck"], steps["kept"][rows, support] = True, free["kept"]
         steps["on_arc"], steps["line_branches"] = free["on_arc"], free["line_branches"]
         steps["folds"][:, 0], steps["folds"][:, 1] = free["fold_on_line"], free["fold_on_arc"]
-        self.checks.check(steps, self.stances, self._world)
+        self.checks.check(steps, self.stances, world)
         kept[close] = steps["kept"][rows, support]
         return kept
+
+
+def _differ(releases: Any, others: Any) -> BoolArray:
+    """Return which releases differ in branches or folds, rows of `ReleaseRecord`, shape (k,)."""
+    branches = releases["branches"] != others["branches"]
+    return np.asarray(branches | (releases["folds"] != others["folds"]))

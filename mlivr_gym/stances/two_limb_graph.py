@@ -24,7 +24,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.obstacles import cells_of_positions
+from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, cells_of_positions
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -146,6 +146,11 @@ class TwoLimbGraph(StanceGraph):
         self._known.is_complete = is_complete
 
     @property
+    def has_gained(self) -> bool:
+        """Whether the last change may have opened a step; see `ChangingWorld`."""
+        return self._known.has_gained
+
+    @property
     def is_complete_without_obstacles(self) -> bool:
         """Whether every step is known, without obstacles and occupied points."""
         return self._free.is_complete
@@ -194,11 +199,12 @@ class TwoLimbGraph(StanceGraph):
         cell, low, high = self._cells
         close = self.close_to_obstacles(low, high, reach, added)[cell]
         closest = self.close_to_obstacles(low, high, around, added)[cell]
-        forbidden = self.solver.causes_at_points(box_grid(added)) > 0
+        new = box_grid(added, OBSTACLE_CELL_EDGE)
+        forbidden = self.solver.causes_at_points(new) > 0
         forbidden[list(self.occupied)] = True
         gone = np.asarray(forbidden[self.points].any(axis=1))
         self._known = TwoLimbEdgesAmongObstacles(
-            self._known, gone, closest, close, self.obstacle_grid
+            self._known, gone, closest, close, self.obstacle_grid, new
         )
         if not self.settings.transitions:
             self._known.check_nodes(slice(None))

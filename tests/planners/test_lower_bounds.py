@@ -1,5 +1,7 @@
 """Lower bounds over all nodes: against networkx, and kept for further plans."""
 
+from types import SimpleNamespace
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.searches import FollowedPath
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
@@ -255,3 +258,14 @@ def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(c
         graph.remove_obstacles()
     assert followed > 3
     assert searched > 8
+
+
+@pytest.mark.parametrize(
+    ("changes", "has_gained", "lost_only"),
+    [(0, True, True), (1, False, True), (1, True, False), (2, False, False)],
+)
+def test_what_is_known_of_one_change_is_known_of_no_other(changes, has_gained, lost_only):
+    """A graph tells of its last change alone whether a limb has got another branch."""
+    path, graph = FollowedPath((), (), 7), SimpleNamespace(version=7 + changes)
+    graph.has_gained = has_gained
+    assert path.has_lost_only(graph) == lost_only

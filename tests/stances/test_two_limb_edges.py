@@ -132,9 +132,9 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
     grown, rng, blocked = stance_graph(small_map), np.random.default_rng(3), []
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
     boxes = []
-    for k in range(4):
-        centre = rng.uniform(low, high)
-        boxes.append(Box.between(f"b{k}", "obstacle", centre - 0.08, centre + 0.08))
+    for k in range(10):
+        centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.1, 3)
+        boxes.append(Box.between(f"b{k}", "obstacle", centre - half, centre + half))
         grown.add_obstacles(boxes[-1:])
         if k == 2:
             grown.occupy([0, 5])
@@ -151,3 +151,30 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
     for name, one, other in zip(ours._fields, ours, theirs, strict=True):
         np.testing.assert_array_equal(one, other, err_msg=name)
     assert all(before > 0 for before, _ in blocked[1:])
+
+
+def test_a_graph_tells_when_an_obstacle_gives_a_limb_another_branch(small_map, monkeypatch):
+    """Against the releases of a graph that has all boxes from the start."""
+    monkeypatch.setattr("mlivr_gym.stances.two_limb_edges.MOST_REPEATED", 10**6)
+    grown, rng, told = stance_graph(small_map), np.random.default_rng(8), []
+    every = np.stack(np.divmod(np.arange(2 * len(grown)), 2), axis=1)
+    low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
+    for trial in range(6):
+        grown.remove_obstacles()
+        boxes, before = [], None
+        for k in range(5):
+            centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
+            boxes.append(Box.between(f"b{trial}{k}", "obstacle", centre - half, centre + half))
+            grown.add_obstacles(boxes[-1:])
+            fresh = stance_graph(small_map)
+            fresh.add_obstacles(boxes)
+            fresh.check_releases(every)
+            now = fresh.releasable.copy()
+            if before is not None:
+                gained = bool((now & ~before)[before != 0].any())
+                assert grown.has_gained == gained
+                told.append(gained)
+            grown.check_releases(every)
+            np.testing.assert_array_equal(grown.releasable, now)
+            before = now
+    assert min(told.count(True), told.count(False)) >= 3
