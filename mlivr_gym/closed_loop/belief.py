@@ -6,25 +6,25 @@ Counts are kept: what was seen lasts. Where the robot is at present there is not
 that may be nearer to it than the clearance are left out as long as it is there.
 
 The graph and the check of a path are told only what they do not know yet: cubes that have become
-obstacles, or whose hits have spread.
+obstacles, or whose hits have spread. So the graph may be told what the cameras see during a step,
+and the robot plans on while it moves.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtri
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.closed_loop.known_boxes import KnownBoxes
-from mlivr_gym.closed_loop.path_check import PathCheck
+from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.simulation.disturbances import robot_body_ids
-from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.mesh_boxes import merged_cells
 
@@ -46,6 +46,12 @@ class Caution(NamedTuple):
 CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))
 """The first holds as long as there is a plan; then the robot has to be less cautious."""
 
+FOR_PROOFS = Caution(-0.005, 3, True)
+"""What a proof that there is no plan rests on: boxes that are smaller than what was sensed."""
+
+THINNEST = 1e-4
+"""Least half of an edge of a sensed box [m]."""
+
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
 
@@ -63,13 +69,12 @@ _CUBES = np.dtype(
         ("cell", np.int64, 3),  # index along each axis of the grid
         ("count", np.int64),  # number of hits
         ("is_sure", np.bool_),  # whether it has enough hits
-        ("low", np.float64, 3), ("high", np.float64, 3),  # extent of the hits [m]
-        ("known_low", np.float64, 3), ("known_high", np.float64, 3),  # extent that is known [m]
-        ("is_fresh", np.bool_),  # whether the path is to be checked against it
-        ("is_pending", np.bool_),  # whether the graph is to take it in
+        ("extent", np.float64, (2, 3)),  # of the hits: their negative minimum, and maximum [m]
+        ("graph_extent", np.float64, (2, 3)),  # what the graph was told of it
+        ("path_extent", np.float64, (2, 3)),  # what the check of the present path was told of it
         ("is_in_graph", np.bool_),
     ]
-)  # fmt: skip
+)
 
 
 class Belief:
@@ -110,8 +115,9 @@ class Belief:
         self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with enough hits
         self._is_told_of = np.zeros(shape, dtype=np.bool_)  # at most `APART` from an obstacle
         self._cubes = np.zeros(0, dtype=_CUBES)
-        self._is_there = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle at present
-        self._box_count, self._noise, self._caution = 0, noise, 0
+        self._is_solid = np.zeros(0, dtype=np.bool_)  # whether a cube is an obstacle
+        self._is_there = self._is_solid  # and not at the robot at present
+        self._box_count, self._noise, self._caution = 0, noise, CAUTIONS[0]
         self._is_outdated = False  # whether all boxes of the graph must be replaced
         self._path: PathCheck | None = None
 
@@ -134,7 +140,7 @@ class Belief:
         self.avoided.clear()
         return True
 
-    def add_hits(self, hits: Array, model: Any, data: Any) -> int:
+    def add_hits(self, hits: Array, present: Configuration) -> int:
         """Take in hits of rays; return the number of cubes that are parts of new obstacles.
 
         New obstacles are more than `APART` cubes away from all that were seen before. The graph is
@@ -144,36 +150,41 @@ class Belief:
         ----------
         hits
             Measured positions of surfaces in the module frame [m], shape (k, 3).
-        model, data
-            The simulation, for the present configuration of the robot.
+        present
+            The present configuration of the robot.
         """
         unexplained, cells = self._known.unexplained(hits)
         rows = self._rows(cells)
         cubes = self._cubes
         np.add.at(cubes["count"], rows, 1)
-        np.minimum.at(cubes["low"], rows, unexplained)
-        np.maximum.at(cubes["high"], rows, unexplained)
-        least = max(self.caution.margin, LEAST_GROWTH)
-        grown = cubes["known_low"] - cubes["low"] > least
-        grown |= cubes["high"] - cubes["known_high"] > least
-        cubes["is_fresh"] |= grown.any(axis=1)
-        cubes["is_pending"] |= cubes["is_fresh"]
+        np.maximum.at(cubes["extent"], rows, np.stack([-unexplained, unexplained], axis=1))
         self._find_sure()
-        self._is_there = self._is_beside[tuple(cubes["cell"].T)]
-        solid = np.flatnonzero(self._is_there)
-        centres = self._origin + CUBE * (cubes["cell"][solid] + 0.5)
-        reach = 0.5 * np.sqrt(3.0) * CUBE + CAUTIONS[0].margin + self.graph.settings.clearance
-        self._is_there[solid[_close_to_robot(centres, reach, model, data)]] = False
+        self._is_there = self._apart_from(present)
         there = cubes["cell"][self._is_there]
         new = there[~self._is_told_of[tuple(there.T)]]
         _mark_around(new, APART, self._is_told_of)
         return len(new)
 
     def _find_sure(self) -> None:
-        """Find the cubes that have got enough hits, and mark those beside them."""
+        """Find the cubes that have got enough hits, those beside them, and so the obstacles."""
         cubes, is_sure = self._cubes, self._cubes["count"] >= self.caution.hits
         _mark_around(cubes["cell"][is_sure & ~cubes["is_sure"]], 1, self._is_beside)
         cubes["is_sure"] = is_sure
+        self._is_solid = self._is_beside[tuple(cubes["cell"].T)]
+
+    def _apart_from(self, configuration: Configuration) -> BoolArray:
+        """Return which cubes are obstacles and not at the robot in a configuration, shape (k,)."""
+        there, solid = self._is_solid.copy(), np.flatnonzero(self._is_solid)
+        reach = 0.5 * np.sqrt(3.0) * CUBE + CAUTIONS[0].margin + self.graph.settings.clearance
+        centres = self._origin + CUBE * (self._cubes["cell"][solid] + 0.5)
+        first, second = robot_axes(self.graph.robot, self.shapes, configuration).swapaxes(0, 1)
+        along = second - first
+        square = np.maximum(np.sum(along * along, axis=1), 1e-12)
+        share = np.sum((centres[:, None] - first) * along, axis=2) / square
+        nearest = first + np.clip(share, 0.0, 1.0)[..., None] * along
+        away = np.linalg.norm(centres[:, None] - nearest, axis=2) - robot_radii(self.shapes)
+        there[solid[(away <= reach).any(axis=1)]] = False
+        return there
 
     def _rows(self, cells: IntArray) -> IntArray:
         """Return the rows of cubes, shape (k, 3); a cube that has none yet gets one."""
@@ -184,20 +195,22 @@ class Belief:
             self._row[tuple(fresh.T)] = len(self._cubes) + np.arange(len(fresh))
             added = np.zeros(len(fresh), dtype=_CUBES)
             added["cell"] = fresh
-            added["low"] = added["known_low"] = np.inf
-            added["high"] = added["known_high"] = -np.inf
+            added["extent"] = added["graph_extent"] = added["path_extent"] = -np.inf
             self._cubes = np.concatenate([self._cubes, added])
         rows: IntArray = self._row[where]
         return rows
 
-    def update_graph(self) -> None:
-        """Let the graph have the obstacles that are believed now.
+    def update_graph(self, state: State) -> None:
+        """Let the graph have the obstacles that are believed now, but for a robot in a state.
 
         It is told of what has come up. Only where obstacles must go, since the robot is there, all
-        are replaced.
+        are replaced. The state has one branch for each limb, unless nothing was sensed yet.
         """
-        cubes, there, replaced = self._cubes, self._is_there, list[str]()
-        new = there & cubes["is_pending"]
+        if not len(self._cubes):
+            return
+        cubes, replaced = self._cubes, list[str]()
+        there = self._apart_from(self.graph.configuration(state))
+        new = there & self._has_grown("graph_extent")
         if self._is_outdated or (cubes["is_in_graph"] & ~there).any():
             self._is_outdated = False
             before = (box.id for box in self.graph.obstacles)
@@ -207,44 +220,49 @@ class Belief:
             self._box_count += len(boxes)
             self.graph.add_obstacles(boxes, replaced=replaced)
         cubes["is_in_graph"] = there
-        cubes["is_pending"] &= ~there
-        self._mark_known(there)
+        cubes["graph_extent"][~there] = -np.inf
+        cubes["graph_extent"][new] = cubes["extent"][new]
+
+    def _has_grown(self, known: str) -> BoolArray:
+        """Return which cubes have grown beyond an extent that is known, shape (k,)."""
+        least = max(self.caution.margin, LEAST_GROWTH)
+        grown = self._cubes["extent"] - self._cubes[known] > least
+        return np.asarray(grown.any(axis=(1, 2)))
 
     @property
     def caution(self) -> Caution:
         """How large sensed boxes are now, and how many hits they need."""
-        return CAUTIONS[self._caution]
+        return self._caution
 
     def tighten(self) -> bool:
         """Take the next of `CAUTIONS` from now on; return whether there is one."""
-        if self._caution == len(CAUTIONS) - 1:
+        if self._caution == CAUTIONS[-1]:
             return False
-        before, self._caution = self.caution, self._caution + 1
-        if self.caution.hits > before.hits:
-            self._is_beside[:], self._cubes["is_sure"] = False, False
-            self._find_sure()
-            self._is_there &= self._is_beside[tuple(self._cubes["cell"].T)]
-        self._is_outdated = True
-        self.update_graph()
+        self._take(CAUTIONS[CAUTIONS.index(self._caution) + 1])
         return True
 
-    def _mark_known(self, chosen: BoolArray) -> None:
-        """Mark the extents of cubes as known to the graph or to the step that is executed."""
-        cubes = self._cubes
-        cubes["known_low"][chosen], cubes["known_high"][chosen] = (
-            cubes["low"][chosen],
-            cubes["high"][chosen],
-        )
-        cubes["is_fresh"] &= ~chosen
+    def shrink(self) -> None:
+        """Take `FOR_PROOFS` from now on."""
+        self._take(FOR_PROOFS)
+
+    def _take(self, caution: Caution) -> None:
+        """Take another caution; `update_graph` then replaces all boxes."""
+        if caution.hits > self._caution.hits:
+            self._is_beside[:], self._cubes["is_sure"] = False, False
+        self._caution, self._is_outdated = caution, True
+        self._find_sure()
+        self._is_there &= self._is_solid
 
     def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
         """Return whether the robot comes closer than the clearance to what is new after a sample.
 
-        New is what was sensed since the last call or `update_graph`.
+        New is what was sensed since the last call, or on the first one of a trajectory, what the
+        graph does not have.
         """
-        fresh = self._cubes["is_fresh"] & self._is_there
-        self._mark_known(fresh)
-        return self.path(trajectory).is_blocked(self._boxes_of(fresh, fresh), first)
+        path, cubes = self.path(trajectory), self._cubes
+        fresh = self._has_grown("path_extent") & self._is_there
+        cubes["path_extent"][fresh] = cubes["extent"][fresh]
+        return path.is_blocked(self._boxes_of(fresh, fresh), first)
 
     def will_touch(self, trajectory: Trajectory, sample: int, present: Configuration) -> bool:
         """Return whether the robot soon touches something if it stays as far from a trajectory.
@@ -261,9 +279,13 @@ class Belief:
         return path.will_touch((*self._known_boxes, *seen), sample, present)
 
     def path(self, trajectory: Trajectory) -> PathCheck:
-        """Return the check of a trajectory; that of the last one is kept."""
+        """Return the check of a trajectory; that of the last one is kept.
+
+        A trajectory that is not the last one was planned among what the graph has.
+        """
         if self._path is None or self._path.trajectory is not trajectory:
             self._path = PathCheck(self.graph, self.shapes, trajectory)
+            self._cubes["path_extent"] = self._cubes["graph_extent"]
         return self._path
 
     def boxes(self) -> tuple[Box, ...]:
@@ -292,14 +314,12 @@ class Belief:
         for first, last in merged_cells(is_chosen, row >= 0):
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
             cubes = self._cubes[row[where].ravel()]
-            low, high = cubes["low"].min(axis=0), cubes["high"].max(axis=0)
-            if is_denoised:
-                excess = self._noise * _outermost(int(cubes["count"].sum()))
-                inwards = np.minimum(excess, 0.5 * (high - low))
-                low, high = low + inwards, high - inwards
-            corners.append((low, high))
+            below, high = cubes["extent"].max(axis=0)
+            half = 0.5 * (high + below)
+            excess = self._noise * _outermost(int(cubes["count"].sum())) if is_denoised else 0.0
+            inwards = np.minimum(np.minimum(excess, half) - margin, half - THINNEST)
+            corners.append((inwards - below, high - inwards))
         low, high = np.array(corners).swapaxes(0, 1)
-        low, high = low - margin, high + margin
         return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)
 
 
@@ -314,20 +334,3 @@ def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:
     offsets = np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3)
     marked = np.clip((cells[:, None] + offsets).reshape(-1, 3), 0, np.array(grid.shape) - 1)
     grid[tuple(marked.T)] = True
-
-
-def _close_to_robot(centres: Array, reach: float, model: Any, data: Any) -> BoolArray:
-    """Return which centres of cubes, shape (k, 3), lie within `reach` [m] of the robot."""
-    close = np.zeros(len(centres), dtype=np.bool_)
-    for geom in np.flatnonzero(np.isin(model.geom_bodyid, robot_body_ids(model))):
-        local = (centres - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        size = model.geom_size[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX:
-            # Checks against boxes take the body for capsules that contain it.
-            away = np.linalg.norm(np.maximum(np.abs(local) - size, 0.0), axis=1)
-            away -= (np.sqrt(2.0) - 1.0) * float(size.max())
-        else:  # a capsule along its z axis
-            local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
-            away = np.linalg.norm(local, axis=1) - size[0]
-        close |= away <= reach
-    return close

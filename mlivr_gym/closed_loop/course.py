@@ -3,11 +3,15 @@
 A plan of a search with a time limit may be longer than what remains of the one before, and so may
 the next one; a robot that follows each could go back and forth. It therefore keeps the remainder of
 its plan as long as that is cheaper than the new plan and still possible.
+
+While a limb swings, the robot plans on from the state in which it will arrive, so that little is
+left to do when it has arrived.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.planners import Plan, PlanningResult
@@ -19,6 +23,17 @@ PATIENCE = 4.0
 
 ROUNDING = 1e-9
 """Difference of two costs that is due to rounding."""
+
+
+class _Forecast(NamedTuple):
+    """What was planned for a state before the robot was in it."""
+
+    state: State
+    """The state."""
+    version: int
+    """Version of the graph in which it was planned."""
+    result: PlanningResult
+    """What was found."""
 
 
 class Course:
@@ -40,6 +55,32 @@ class Course:
         self._belief, self._graph, self._plan_from = belief, belief.graph, plan_from
         self.plan: Plan | None = None
         self.taken, self.is_new = 0, False
+        self._forecast: _Forecast | None = None
+
+    def plan_ahead(self, state: State) -> bool:
+        """Plan from a state in which the robot will be; return whether anything was to be done."""
+        self._belief.update_graph(state)
+        if self._foreseen(state) is not None:
+            return False
+        self._forecast = _Forecast(state, self._graph.version, self._plan_from(state, 1.0))
+        return True
+
+    def _foreseen(self, state: State) -> PlanningResult | None:
+        """Return what was planned ahead for a state in the graph as it is, or None."""
+        found = self._forecast
+        if found is None or found.state != state or found.version != self._graph.version:
+            return None
+        return found.result
+
+    def _search(self, state: State, patience: float = 1.0) -> PlanningResult:
+        """Plan from a state in what is believed now."""
+        self._belief.update_graph(state)
+        return self._plan_from(state, patience)
+
+    def proves(self, state: State) -> bool:
+        """Return whether no plan from a state exists, be all that was sensed a little smaller."""
+        self._belief.shrink()
+        return self._search(state, PATIENCE).reason in PROVED_IMPOSSIBLE
 
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
@@ -49,15 +90,15 @@ class Course:
         proved that there is none, for `PATIENCE` times as long.
         """
         belief = self._belief
-        belief.update_graph()
-        result = self._plan_from(state, 1.0)
+        belief.update_graph(state)
+        result = self._foreseen(state) or self._plan_from(state, 1.0)
         while result.plan is None and not self._remains(state):
             if not (belief.tighten() or belief.reconsider()):
                 break
-            result = self._plan_from(state, 1.0)
+            result = self._search(state)
         is_proved = result.reason in PROVED_IMPOSSIBLE
         if result.plan is None and not is_proved and not self._remains(state):
-            result = self._plan_from(state, PATIENCE)
+            result = self._search(state, PATIENCE)
         new = result.plan
         self.is_new = new is not None and (self._is_cheaper(new) or not self._remains(state))
         if self.is_new:

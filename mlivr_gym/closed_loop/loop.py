@@ -18,7 +18,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import cycle
+from itertools import count, cycle
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,9 @@ In each of them the controller may approach several times, see `ControllerParame
 
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""
+
+LOOKS = 4
+"""Number of looks during a step after which the robot plans on from where the step leads."""
 
 INFLATION = 2.0
 """Suboptimality bound of the plans of more than two limbs, with a time limit."""
@@ -225,7 +228,8 @@ class _Loop:
             else:
                 self._step(plan)
                 attempts += 1
-        record.sensed, record.duration = self._belief.boxes(), executor.simulation.time
+        record.sensed = record.sensed or self._belief.boxes()
+        record.duration = executor.simulation.time
         record.state, occupied = executor.state, self._belief.refused | self._belief.avoided
         record.refused = tuple(ids[point] for point in sorted(occupied))
 
@@ -241,21 +245,26 @@ class _Loop:
         simulation, belief = self._executor.simulation, self._belief
         model, data = simulation.model, simulation.data
         hits = camera.measure(model, data, self.graph.robot, self._rng, pixels)
-        if belief.add_hits(hits, model, data):
+        if belief.add_hits(hits, self._executor.configuration):
             self._note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
-    def _watch(self) -> PathWatch:
-        """Return what looks ahead during a step: the cameras."""
-        camera, fields = self._camera, cycle(FIELDS)
+    def _watch(self, after: State) -> PathWatch:
+        """Return what looks ahead during a step to a state: the cameras, and the planner."""
+        camera, fields, looks = self._camera, cycle(FIELDS), count(1)
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
             if camera is None:
                 return False
             self._sense(camera, next(fields))
-            present = self._executor.configuration
-            return self._belief.is_blocked(trajectory, sample) or self._belief.will_touch(
+            present, belief = self._executor.configuration, self._belief
+            if belief.is_blocked(trajectory, sample) or belief.will_touch(
                 trajectory, sample, present
-            )
+            ):
+                return True
+            began = time.perf_counter()
+            if next(looks) % LOOKS == 0 and self._course.plan_ahead(after):
+                self.record.times_ahead.append(time.perf_counter() - began)
+            return False
 
         return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
 
@@ -267,7 +276,10 @@ class _Loop:
         plan = self._course.plan
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE
-            self.record.proved = is_proved and not self._belief.avoided
+            self.record.sensed = self._belief.boxes()
+            self.record.proved = (
+                is_proved and not self._belief.avoided and self._course.proves(state)
+            )
             self._end(STOPPED, result.message)
             return None
         remaining = len(plan.steps) - self._course.taken
@@ -330,7 +342,7 @@ class _Loop:
         name = self.graph.grasp_map.ids[point]
         if wait:
             self._note("waits", duration=wait)
-        _, executed = executor.take(prepared, self._watch(), wait)
+        _, executed = executor.take(prepared, self._watch(prepared.after), wait)
         self._measure(executed)
         failure = executed.failure
         if failure is None:

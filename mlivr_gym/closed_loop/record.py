@@ -64,6 +64,8 @@ class ClosedLoopRecord:
         The state of the stance graph after the last step; None if no step could be planned.
     refused
         Ids of the points that count as occupied, since limbs did not get to them or were refused.
+    times_ahead
+        Computing time of each plan that was made during a step, from where it leads [s].
     peak_force
         Largest force of a grasp [N].
     duration
@@ -83,6 +85,7 @@ class ClosedLoopRecord:
     sensed: tuple[Box, ...] = ()
     state: State | None = None
     refused: tuple[str, ...] = ()
+    times_ahead: list[float] = field(default_factory=list)
     peak_force: float = 0.0
     duration: float = 0.0
     crew_distance: float | None = None

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CAUTIONS, CUBE, Belief, _outermost
+from mlivr_gym.closed_loop.belief import CAUTIONS, CUBE, FOR_PROOFS, Belief, _outermost
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.motion.time_scaling import Durations
@@ -32,8 +32,8 @@ def seen(jem, plan):
         belief, rng = Belief(graph, CAMERA.noise), np.random.default_rng(5)
         for _ in range(times):
             hits = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
-            belief.add_hits(hits, simulation.model, simulation.data)
-        belief.update_graph()
+            belief.add_hits(hits, plan.configuration(0))
+        belief.update_graph(graph.state(points))
         return belief
 
     yield look
@@ -65,13 +65,24 @@ def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, pl
     # The extent of hits, which are noise away from the box at most, and the margin.
     margin = CAUTIONS[0].margin
     assert margin < farthest(boxes) <= np.sqrt(3.0) * margin + 5.0 * CAMERA.noise
+    state = belief.graph.state(plan.stances[0])
     for caution in CAUTIONS[1:]:
         assert belief.tighten()
+        belief.update_graph(state)
         tight = belief.graph.obstacles
         assert len(tight) == len(boxes)
         deviations = 1.5 if caution.is_denoised else 5.0  # of the outermost hits
         assert farthest(tight) <= np.sqrt(3.0) * caution.margin + deviations * CAMERA.noise
     assert not belief.tighten()
+    belief.shrink()
+    belief.update_graph(state)
+    shrunk = belief.graph.obstacles
+    assert len(shrunk) == len(tight)
+    for one, other in zip(shrunk, tight, strict=True):
+        less = np.array(other.half) - one.half
+        most = caution.margin - FOR_PROOFS.margin
+        assert ((less > 0.0) & (less < most + 1e-9)).all()
+        assert less[np.array(one.half) > most] == pytest.approx(most)
     here = plan.motion.base_positions[0]
     face = np.array([[3.2, y, z] for y in np.arange(-0.4, 0.41, 0.1) for z in (-0.4, -0.2, 0.0)])
     covered = np.min([gaps(face, box) for box in boxes], axis=0)
@@ -119,43 +130,42 @@ def test_points_to_which_paths_were_blocked_are_free_again_once(seen):
     belief.graph.vacate()
 
 
-def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_updated(seen, plan, jem):
+def test_a_path_is_blocked_by_what_was_seen_since_it_was_planned(seen, plan, jem):
     """The first step of the plan, and a box at the place to which its gripper moves."""
     belief, there = seen(times=0), step_trajectory(seen(times=0).graph, plan, 0, Durations())
     hand = jem.positions[jem.index(plan.steps[0].to_point)]
     normal = jem.normals[jem.index(plan.steps[0].to_point)]
     places = hand + 0.12 * normal + 0.01 * np.random.default_rng(1).normal(size=(300, 3))
-    simulation = Setup().simulation(jem, belief.graph.robot, ())
-    simulation.reset(
-        *plan.configuration(0), [jem.index(point) for point in plan.stances[0]],
-    )  # fmt: skip
-    last = len(there.times) - 1
+    here, last = plan.configuration(0), len(there.times) - 1
     assert not belief.is_blocked(there, 0)
-    belief.add_hits(places, simulation.model, simulation.data)
+    belief.add_hits(places, here)
+    # The graph may be told of it during a step, and the path is blocked all the same.
+    belief.update_graph(belief.graph.state(plan.stances[0]))
+    assert belief.graph.obstacles
     assert belief.is_blocked(there, 0)
     assert not belief.is_blocked(there, 0)  # seen before
-    belief.add_hits(places + 0.05 * normal, simulation.model, simulation.data)
-    belief.update_graph()
-    assert belief.graph.obstacles
-    assert not belief.is_blocked(there, 0)  # the graph knows it
-    belief.add_hits(places + np.array([0.0, 0.0, 4.0]), simulation.model, simulation.data)
-    assert not belief.is_blocked(there, last)  # far away
+    again = there.at(np.arange(last + 1))
+    assert not belief.is_blocked(again, 0)  # it was planned among what the graph has
+    belief.add_hits(places + 0.05 * normal, here)
+    assert belief.is_blocked(again, 0)
+    belief.add_hits(places + np.array([0.0, 0.0, 4.0]), here)
+    assert not belief.is_blocked(again, last)  # far away
 
 
-def test_two_hits_are_an_obstacle_as_long_as_there_is_a_plan(seen, plan, jem):
+def test_two_hits_are_an_obstacle_as_long_as_there_is_a_plan(seen, plan):
     belief = seen(times=0)
-    simulation = Setup().simulation(jem, belief.graph.robot, ())
-    simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
+    state = belief.graph.state(plan.stances[0])
     twice, often = np.array([[4.0, 0.0, 0.0]]), np.array([[4.0, 0.5, 0.5]])
     hits = np.concatenate([*[twice] * 2, *[often] * 3])
-    belief.add_hits(hits, simulation.model, simulation.data)
-    belief.update_graph()
+    belief.add_hits(hits, plan.configuration(0))
+    belief.update_graph(state)
     for caution in CAUTIONS:
         held = [box.bounds for box in belief.graph.obstacles]
         for place, count in ((twice, 2), (often, 3)):
             is_held = any(((low <= place[0]) & (place[0] <= high)).all() for low, high in held)
             assert is_held == (count >= caution.hits)
         assert belief.tighten() == (caution != CAUTIONS[-1])
+        belief.update_graph(state)
 
 
 def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, jem):

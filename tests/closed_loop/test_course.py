@@ -6,6 +6,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.belief import CAUTIONS, Belief
 from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 
@@ -76,3 +77,43 @@ def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
     course.replan(state)  # among smaller boxes, too, and then for longer
     graph.vacate()
     assert (course.plan, asked[2:]) == (None, [1.0] * len(CAUTIONS) + [PATIENCE])
+
+
+def test_what_was_planned_ahead_is_followed_if_nothing_has_changed(graph):
+    planner, asked = Planner(graph), []
+
+    def plan_from(state, _):
+        asked.append(state)
+        return planner.plan(state, GOAL)
+
+    course, start = Course(Belief(graph, 0.003), plan_from), graph.state(START)
+    first = course.replan(start).unwrap()
+    limb, point = first.actions[0]
+    moves = graph.successors(start)
+    state = moves.after(start, moves.find(limb, graph.grasp_map.index(point)))
+    assert course.plan_ahead(state)
+    assert not course.plan_ahead(state)  # nothing is left to do
+    course.taken += 1
+    rest = course.replan(state).unwrap()
+    assert asked == [start, state]
+    assert rest.cost == pytest.approx(planner.plan(state, GOAL).unwrap().cost)
+    assert course.plan_ahead(start)
+    graph.occupy([first.actions[1][1]])
+    try:
+        assert course.plan_ahead(start)
+        graph.vacate()
+        course.replan(start)
+    finally:
+        graph.vacate()
+    assert asked == [start, state, start, start, start]
+
+
+def test_a_proof_holds_among_boxes_that_are_a_little_smaller(graph):
+    """A search that finds a plan as soon as boxes are smaller proves nothing."""
+    belief, planner = Belief(graph, 0.003), Planner(graph)
+    state = graph.state(START)
+    impossible, possible = planner.plan(state, (9.5, 1.0, 1.0)), planner.plan(state, GOAL)
+    assert impossible.reason in PROVED_IMPOSSIBLE
+    for answer, proved in ((impossible, True), (possible, False)):
+        course = Course(belief, lambda *_, answer=answer: answer)
+        assert course.proves(state) == proved
