@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
@@ -51,12 +52,12 @@ def check_unique(ids: Sequence[str], kind: str, error: type[MlivrError]) -> None
         seen.add(name)
 
 
-class EqualByData:
+class EqualByData(ABC):
     """Equality of records that hold arrays: they are equal if their plain data are."""
 
+    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return the record as plain data."""
-        raise NotImplementedError
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other one is of the same type and has equal data."""
