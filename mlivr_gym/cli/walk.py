@@ -119,7 +119,7 @@ LINES = {
     "holds": "holds all points, since no step leads away from a crew member",
     "step": "limb {limb} takes {point} in {duration:.1f} s",
     "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
-    "blocked": "limb {limb} has turned back, its path to {point} is blocked",
+    "blocked": "limb {limb} has no way to {point} ({failure})",
     "end": "{outcome}",
 }
 """The line that tells each kind of event, with its values."""

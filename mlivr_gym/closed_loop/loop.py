@@ -295,7 +295,8 @@ class _Loop:
         branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
         prepared = executor.prepared(limb, point, branch_sets)
         if isinstance(prepared, Failure):
-            self._end(STOPPED, prepared.message)
+            self._note("blocked", limb=limb, point=name, failure=prepared.kind)
+            self._belief.avoid(point)
             return
         wait: float | None = 0.0
         if self._crew:

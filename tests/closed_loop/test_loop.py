@@ -12,6 +12,8 @@ from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.step_executor import StepExecutor
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 CAMERA = DepthCamera(period=0.5)
@@ -54,6 +56,23 @@ def test_a_refused_point_is_tried_again_then_avoided(graph, plan):
     assert all(point != event.values["point"] for event in record.events if event.kind == "step")
     assert graph.occupied == frozenset()  # the graph is as it was
     assert graph.obstacles == ()
+
+
+def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
+    limb, point = plan.actions[0]
+    prepared = StepExecutor.prepared
+
+    def without(executor, moving, to, *rest):
+        if to == graph.grasp_map.index(point):
+            return Failure("no swing", 0.0, 0, "departure", moving, "no swing was found", {})
+        return prepared(executor, moving, to, *rest)
+
+    monkeypatch.setattr(StepExecutor, "prepared", without)
+    record = run_closed_loop(graph, START, GOAL)
+    assert record.outcome == ARRIVED
+    assert record.refused == (point,)
+    blocked = [event.values for event in record.events if event.kind == "blocked"]
+    assert blocked == [{"limb": limb, "point": point, "failure": "no swing"}]
 
 
 def test_it_sees_what_is_in_its_way_and_goes_round(graph):
