@@ -24,7 +24,7 @@ print(f"{three.name}: {result.message}")
 
 # A robot from a file: here a URDF that the package writes; your own serves as well.
 robot_spec("mlivr2").to_urdf("two_arms.urdf")
-described = RobotSpec.load("two_arms.urdf", name="two arms")
+described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
 print(f"{described.name}: lengths {described.limb.lengths} m, masses {described.dynamics_source}")
 graph = stance_graph(robot=described)
 result = Planner(graph).plan(("D2a:4", "D2b:4"), (3.5, 0.0, -0.1), "steps")

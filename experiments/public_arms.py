@@ -38,7 +38,7 @@ ARMS: dict[str, tuple[str, float, dict[str, Any]]] = {
          "body_size": 0.2, "heights": (0.4, 0.44, 0.48, 0.52)},
     ),
 }  # fmt: skip
-"""File in the package, threshold of `w_m`, and arguments of `RobotSpec.load`."""
+"""File in the package, threshold of `w_m`, and arguments of `RobotSpec.from_urdf`."""
 
 DRAWS = 60
 """Pairs of stances that are drawn until a plan of `STEPS` steps is found."""
@@ -81,7 +81,7 @@ def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
     """Return what is measured of a robot, and its pictures."""
     file, threshold, options = ARMS[name]
     robots = share / "example-robot-data" / "robots"
-    robot = RobotSpec.load(
+    robot = RobotSpec.from_urdf(
         robots / file, package_dirs=[share], capsules="ur5e", name=name, **options
     )
     graph = stance_graph(robot=robot, settings=Settings(limb_threshold=threshold))

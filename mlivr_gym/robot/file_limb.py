@@ -274,12 +274,12 @@ def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbD
     for one in figures:
         if one.torque is None:
             raise RobotError(
-                f"joint {one.name!r} has no torque limit; give RobotSpec.load "
+                f"joint {one.name!r} has no torque limit; give from_urdf or from_mjcf "
                 "torque_limits [N m] (URDF: effort; MJCF: actuatorfrcrange, or forcerange)"
             )
         if not one.speed:
             raise RobotError(
-                f"joint {one.name!r} has no speed limit; give RobotSpec.load speed_limits "
+                f"joint {one.name!r} has no speed limit; give from_urdf or from_mjcf speed_limits "
                 "above 0 [rad/s] (URDF: velocity; MJCF: a <numeric> named 'speed_limits')"
             )
     for link, part in zip(arm.links, masses[1:], strict=True):

@@ -208,30 +208,43 @@ class RobotSpec(DerivedFigures):
         return ROBOT.read(given, FieldPath("", RobotError))
 
     @classmethod
-    def load(cls, path: str | Path, **options: Any) -> RobotSpec:
-        """Read a robot from a JSON, URDF or MJCF file.
-
-        Parameters
-        ----------
-        path
-            The file; a robot without a name is called like it.
-        **options
-            Fields of a robot that come before those of the file, and for a URDF or MJCF file
-            arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
-            `speed_limits`.
+    def load(cls, path: str | Path) -> RobotSpec:
+        """Read a robot from a JSON, URDF or MJCF file; one without a name is called like it.
 
         Raises
         ------
         RobotError
-            If the file cannot be read, a field is faulty, or the robot is not supported.
+            If the file cannot be read or a field is faulty.
         """
         path = FileName().read(path, FieldPath("path", RobotError))
         name = Path(path).stem
         if Path(path).suffix.lower() in SUFFIXES:
-            from mlivr_gym.robot.from_file import robot_of_file
+            return cls.from_urdf(path)
+        return load(path, "robot", RobotError, lambda data: cls.from_dict(data, name))
 
-            return robot_of_file(path, cls.from_dict, options)
-        return load(path, "robot", RobotError, lambda data: cls.from_dict(data | options, name))
+    @classmethod
+    def from_urdf(cls, path: str | Path, **options: Any) -> RobotSpec:
+        """Read a robot from a URDF file.
+
+        Parameters
+        ----------
+        path
+            The file.
+        **options
+            Arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
+            `speed_limits`, and further fields of a robot.
+
+        Raises
+        ------
+        RobotError
+            If the file cannot be read, or describes a robot that is not supported.
+        """
+        from mlivr_gym.robot.from_file import robot_of_file
+
+        return robot_of_file(path, cls.from_dict, options)
+
+    from_mjcf = from_urdf
+    """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
 
     @checked(
         {"limb": Integer(0, MOST_LIMBS), "joint": Integer(1, 7), "angle": ANY_NUMBER}, RobotError

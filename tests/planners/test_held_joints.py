@@ -26,7 +26,7 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
     text, path = one_arm(frames=frames, seed=2), tmp_path / "arm.urdf"
     path.write_text(text)
     options = {**held, "capsules": "ur5e", "heights": HEIGHTS[name]}
-    robot, file = RobotSpec.load(path, **options), read_robot(path, **options)
+    robot, file = RobotSpec.from_urdf(path, **options), read_robot(path, **options)
     graph = stance_graph(jem, robot, Settings(collisions=False, limb_threshold=0.03))
     start, goal = sample_task(graph, np.random.default_rng(0), 1.0)
     plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()

@@ -133,7 +133,7 @@ def test_an_exported_robot_has_the_mass_of_its_cargo(tmp_path):
     free = pinocchio.JointModelFreeFlyer()
     urdf = pinocchio.buildModelFromXML(robot.to_urdf(), free)
     assert pinocchio.computeTotalMass(urdf) == pytest.approx(total)
-    assert type(robot).load(file).body_mass == pytest.approx(50.0)
+    assert type(robot).from_mjcf(file).body_mass == pytest.approx(50.0)
 
 
 @pytest.mark.parametrize(

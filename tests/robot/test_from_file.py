@@ -42,7 +42,7 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     places = [place([0.15, 0.0, 0.01], [1, 0.2, 0.1]), place([-0.15, 0.02, 0.0], [-1, 0, 0.3])]
     small = tuple(0.7 * length for length in UR10E)
     path = written(tmp_path, whole_robot(places, [UR10E, small]))
-    file, robot = read_robot(path), RobotSpec.load(path)
+    file, robot = read_robot(path), RobotSpec.from_urdf(path)
     assert robot.limbs == 2
     assert not robot.is_symmetric
     np.testing.assert_allclose(robot.body_edges, [0.3, 0.2, 0.1], atol=1e-9)
@@ -68,7 +68,7 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
         np.testing.assert_allclose(
             here.site(f"limb{k}/flange").xpos, there.body(f"arm{k}_tool0").xpos, atol=1e-8
         )
-    assert RobotSpec.load(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
+    assert RobotSpec.from_urdf(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
 
 
 @pytest.mark.parametrize("count", [2, 3])
@@ -79,7 +79,7 @@ def test_evenly_mounted_arms_are_recognised(tmp_path, count):
         axis = np.array([np.cos(angle), np.sin(angle), 0.0])
         across = np.array([-0.5 * np.sin(angle), 0.5 * np.cos(angle), np.sqrt(0.75)])
         places.append(place(0.2 * axis, axis, np.cross(axis, across)))
-    robot = RobotSpec.load(written(tmp_path, whole_robot(places)))
+    robot = RobotSpec.from_urdf(written(tmp_path, whole_robot(places)))
     assert robot.mounts is None
     assert robot.limbs == count
     assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
@@ -159,7 +159,7 @@ def in_millimetres(text):
             replaced('<mass value="3.0"/>', '<mass value="0"/>'),
             {}, "link 'link3' has no mass; give it an",
         ),
-        (replaced('velocity="2"', ""), {}, "joint1' has no speed limit; give .* speed_limits"),
+        (replaced('velocity="2"', ""), {}, "joint1' has no speed limit; .* from_mjcf speed_limits"),
         (replaced('effort="102"', 'effort="0"'), {}, "joint 'joint3' has no torque limit"),
         (replaced('lower="-3.1" upper="3.0"', ""), {}, "joint 'joint3' has no limits; give it"),
         (in_millimetres, {}, "m long; it must be at most 100 m: .* in millimetres"),
@@ -177,7 +177,7 @@ def in_millimetres(text):
 def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options, words):
     path = written(tmp_path, change(one_arm()))
     with pytest.raises(RobotError, match=words) as caught:
-        RobotSpec.load(path, **options)
+        RobotSpec.from_urdf(path, **options)
     assert "\n" not in str(caught.value)
     assert "arm.urdf" in str(caught.value)
 
@@ -209,7 +209,7 @@ def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options,
 def test_arguments_are_refused_by_name(tmp_path, options, words):
     path = written(tmp_path, one_arm())
     with pytest.raises(RobotError, match=f"^{words}"):
-        RobotSpec.load(path, **options)
+        RobotSpec.from_urdf(path, **options)
 
 
 def test_arguments_may_be_scalars_of_numpy(tmp_path):
@@ -256,7 +256,7 @@ def test_a_joint_of_an_mjcf_without_a_range_turns_without_end(tmp_path):
 def test_limbs_that_meet_at_rest_are_refused(tmp_path):
     shapes = one_arm().replace('radius="0.03"', 'radius="0.3"')
     with pytest.raises(RobotError, match=r"limbs 0 and 1 meet at rest: .* overlap by .* m"):
-        RobotSpec.load(written(tmp_path, shapes), limbs=8, body_size=0.1, mount_radius=0.05)
+        RobotSpec.from_urdf(written(tmp_path, shapes), limbs=8, body_size=0.1, mount_radius=0.05)
 
 
 def test_a_loop_of_an_mjcf_and_its_speeds(tmp_path):
@@ -267,6 +267,6 @@ def test_a_loop_of_an_mjcf_and_its_speeds(tmp_path):
         robot_spec(path)
     without = text.replace('name="speed_limits"', 'name="others"')
     path = written(tmp_path, without, "slow.xml")
-    with pytest.raises(RobotError, match=r"joint1' has no speed limit; give .* speed_limits"):
+    with pytest.raises(RobotError, match=r"joint1' has no speed limit; .* from_mjcf speed_limits"):
         robot_spec(path)
-    assert RobotSpec.load(path, speed_limits=1.5).speed_limits.max() == 1.5
+    assert RobotSpec.from_mjcf(path, speed_limits=1.5).speed_limits.max() == 1.5

@@ -35,7 +35,7 @@ def held(joint, angle, limbs):
 
 def from_text(tmp_path, frames, joint, angle):
     path = written(tmp_path, one_arm(frames=frames))
-    return RobotSpec.load(path, held_joint=joint, held_angle=angle, mount_radius=0.2)
+    return RobotSpec.from_urdf(path, held_joint=joint, held_angle=angle, mount_radius=0.2)
 
 
 def assert_same(one, other):

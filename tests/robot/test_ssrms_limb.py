@@ -128,7 +128,7 @@ def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
     """It is then a limb of the UR family; the sign of the booms is a choice of axes."""
     path = tmp_path / "arm.urdf"
     path.write_text(published_urdf())
-    robot = RobotSpec.load(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="j0")
+    robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="j0")
     np.testing.assert_allclose(np.abs(robot.limb.lengths), LIMB.lengths, atol=1e-6)
     with pytest.raises(RobotError, match="no supported family"):
-        RobotSpec.load(path, limbs=2, body_size=1.0, mount_radius=2.5)
+        RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5)

@@ -104,7 +104,7 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
     path = written(tmp_path, one_arm(frames=ARMS[name], seed=5))
     options = held_of(name, np.random.default_rng(1)) | {"rotor_inertia": 0.0}
     file = read_robot(path, **options)
-    robot = RobotSpec.load(path, gripper_mass=0.0, mount_radius=CLEAR, **options)
+    robot = RobotSpec.from_urdf(path, gripper_mass=0.0, mount_radius=CLEAR, **options)
     theirs, ours = mujoco.MjSpec.from_file(path).compile(), compile_spec(robot_alone(robot))
     rng = np.random.default_rng(2)
     moving = [theirs.joint(joint).dofadr[0] for joint in file.joint_names[0]]
@@ -170,7 +170,7 @@ def test_each_arm_of_a_robot_holds_its_own_joint_or_none(tmp_path, arms, held, a
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = False
     theirs, options = spec.compile(), {"held_joint": held, "held_angle": angles}
-    file, robot = read_robot(path, **options), RobotSpec.load(path, **options)
+    file, robot = read_robot(path, **options), RobotSpec.from_urdf(path, **options)
     ours, moving = compile_spec(robot_alone(robot)), np.random.default_rng(4).uniform(-2, 2, (2, 6))
     there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
     for name, angle in zip(held, angles, strict=True):

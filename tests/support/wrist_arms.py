@@ -118,4 +118,4 @@ def iiwa_from_file(held_angle):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "iiwa14.urdf")
         path.write_text(one_arm(frames=IIWA14, figures=IIWA14_FIGURES))
-        return RobotSpec.load(path, held_angle=held_angle, capsules="ur5e")
+        return RobotSpec.from_urdf(path, held_angle=held_angle, capsules="ur5e")
