@@ -357,10 +357,10 @@ controller is `delayed` at the careful pace with errors, `full` at the fast one 
 takes 50 s a step. A robot with cameras also plans once a second *during a step*, from where the
 step leads, so that less is left to do *at the grasp*. Planning times are those of one walk on each
 core. *Open loop* is the first plan, carried out without looking. A robot that stopped holds all its
-points; its proof is about what it has sensed, and holds if that were a little smaller; it is true
-if no plan exists from there in the whole module either. Crew members
-cross the cabin at 0.5 m/s across or along it, and do not evade the robot; *unavoidable* are walks
-in which no sequence of steps from the start keeps the distance, with waits of whole seconds.
+points; its proof is about what it has sensed, and true if no plan exists from there in the whole
+module either. Crew members cross the cabin at 0.5 m/s across or along it, and do not evade the
+robot; *unavoidable* are walks in which no sequence of steps from the start keeps the distance, with
+waits of whole seconds.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"

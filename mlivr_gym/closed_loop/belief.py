@@ -46,12 +46,6 @@ class Caution(NamedTuple):
 CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))
 """The first holds as long as there is a plan; then the robot has to be less cautious."""
 
-FOR_PROOFS = Caution(-0.005, 3, True)
-"""What a proof that there is no plan rests on: boxes that are smaller than what was sensed."""
-
-THINNEST = 1e-4
-"""Least half of an edge of a sensed box [m]."""
-
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
 
@@ -235,23 +229,19 @@ class Belief:
         return self._caution
 
     def tighten(self) -> bool:
-        """Take the next of `CAUTIONS` from now on; return whether there is one."""
+        """Take the next of `CAUTIONS` from now on; return whether there is one.
+
+        `update_graph` then replaces all boxes.
+        """
         if self._caution == CAUTIONS[-1]:
             return False
-        self._take(CAUTIONS[CAUTIONS.index(self._caution) + 1])
-        return True
-
-    def shrink(self) -> None:
-        """Take `FOR_PROOFS` from now on."""
-        self._take(FOR_PROOFS)
-
-    def _take(self, caution: Caution) -> None:
-        """Take another caution; `update_graph` then replaces all boxes."""
-        if caution.hits > self._caution.hits:
+        hits, self._caution = self._caution.hits, CAUTIONS[CAUTIONS.index(self._caution) + 1]
+        if self._caution.hits > hits:
             self._is_beside[:], self._cubes["is_sure"] = False, False
-        self._caution, self._is_outdated = caution, True
+        self._is_outdated = True
         self._find_sure()
         self._is_there &= self._is_solid
+        return True
 
     def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
         """Return whether the robot comes closer than the clearance to what is new after a sample.
@@ -317,7 +307,7 @@ class Belief:
             below, high = cubes["extent"].max(axis=0)
             half = 0.5 * (high + below)
             excess = self._noise * _outermost(int(cubes["count"].sum())) if is_denoised else 0.0
-            inwards = np.minimum(np.minimum(excess, half) - margin, half - THINNEST)
+            inwards = np.minimum(excess, half) - margin
             corners.append((inwards - below, high - inwards))
         low, high = np.array(corners).swapaxes(0, 1)
         return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)

@@ -77,11 +77,6 @@ class Course:
         self._belief.update_graph(state)
         return self._plan_from(state, patience)
 
-    def proves(self, state: State) -> bool:
-        """Return whether no plan from a state exists, be all that was sensed a little smaller."""
-        self._belief.shrink()
-        return self._search(state, PATIENCE).reason in PROVED_IMPOSSIBLE
-
     def replan(self, state: State) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 

@@ -228,8 +228,7 @@ class _Loop:
             else:
                 self._step(plan)
                 attempts += 1
-        record.sensed = record.sensed or self._belief.boxes()
-        record.duration = executor.simulation.time
+        record.sensed, record.duration = self._belief.boxes(), executor.simulation.time
         record.state, occupied = executor.state, self._belief.refused | self._belief.avoided
         record.refused = tuple(ids[point] for point in sorted(occupied))
 
@@ -276,10 +275,7 @@ class _Loop:
         plan = self._course.plan
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE
-            self.record.sensed = self._belief.boxes()
-            self.record.proved = (
-                is_proved and not self._belief.avoided and self._course.proves(state)
-            )
+            self.record.proved = is_proved and not self._belief.avoided
             self._end(STOPPED, result.message)
             return None
         remaining = len(plan.steps) - self._course.taken

@@ -6,7 +6,6 @@ from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.belief import CAUTIONS, Belief
 from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 
@@ -106,14 +105,3 @@ def test_what_was_planned_ahead_is_followed_if_nothing_has_changed(graph):
     finally:
         graph.vacate()
     assert asked == [start, state, start, start, start]
-
-
-def test_a_proof_holds_among_boxes_that_are_a_little_smaller(graph):
-    """A search that finds a plan as soon as boxes are smaller proves nothing."""
-    belief, planner = Belief(graph, 0.003), Planner(graph)
-    state = graph.state(START)
-    impossible, possible = planner.plan(state, (9.5, 1.0, 1.0)), planner.plan(state, GOAL)
-    assert impossible.reason in PROVED_IMPOSSIBLE
-    for answer, proved in ((impossible, True), (possible, False)):
-        course = Course(belief, lambda *_, answer=answer: answer)
-        assert course.proves(state) == proved
