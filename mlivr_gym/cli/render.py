@@ -59,8 +59,8 @@ def add_command(add: Add) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a stance, or stances of a plan, and export the scene if requested."""
     _check(args)
-    check_ending(args.out, (".png",))
     check_outputs(args.out, args.mjcf, inputs=input_files(args))
+    check_ending(args.out, (".png",))
     obstacles: Sequence[Box]
     route = None
     if args.plan:
