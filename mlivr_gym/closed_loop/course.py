@@ -77,12 +77,13 @@ class Course:
         self._belief.update_graph(state)
         return self._plan_from(state, patience)
 
-    def replan(self, state: State) -> PlanningResult:
+    def replan(self, state: State, is_retry: bool = False) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
-        If neither exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`,
-        with points to which paths were blocked, see `Belief.reconsider`, and then, unless it is
-        proved that there is none, for `PATIENCE` times as long.
+        Of two that cost the same, the new one is followed, except in a retry of a step. If neither
+        exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`, with points to
+        which paths were blocked, see `Belief.reconsider`, and then, unless it is proved that there
+        is none, for `PATIENCE` times as long.
         """
         belief = self._belief
         belief.update_graph(state)
@@ -95,19 +96,21 @@ class Course:
         if result.plan is None and not is_proved and not self._remains(state):
             result = self._search(state, PATIENCE)
         new = result.plan
-        self.is_new = new is not None and (self._is_cheaper(new) or not self._remains(state))
+        self.is_new = new is not None and (
+            self._is_preferred(new, is_retry) or not self._remains(state)
+        )
         if self.is_new:
             self.plan, self.taken = new, 0
         elif new is None and not self._remains(state):
             self.plan = None
         return result
 
-    def _is_cheaper(self, new: Plan) -> bool:
-        """Return whether a plan costs no more than what remains of the one that is followed."""
+    def _is_preferred(self, new: Plan, is_retry: bool) -> bool:
+        """Return whether a plan costs less than what remains of the one followed, or as much."""
         if self.plan is None:
             return True
         rest = self.plan.query.cost_of(self.plan.motion.base_positions[self.taken :])
-        return new.cost < rest + ROUNDING
+        return new.cost < rest + (-ROUNDING if is_retry else ROUNDING)
 
     def _remains(self, state: State) -> bool:
         """Return whether the remainder of the plan leads on from a state in what is believed."""

@@ -8,9 +8,10 @@ only in the simulation. The cameras look round at every grasp and during every s
 what they saw beside the map becomes an obstacle, and the remainder of the walk is planned anew from
 the branches on which the limbs are. During a step, a limb turns back if something new lies where
 the robot will move, or if the robot is so far off its trajectory that it would touch something. A
-limb that is refused, or misses its point, goes back as well. After the second such attempt the
-point counts as occupied. If no plan is left in the world that the robot believes in, points to
-which paths were blocked are tried once more; then it stops where it is and holds all its points.
+limb that is refused, or misses its point, goes back as well and tries again, unless a cheaper plan
+was found on the way. After the second such attempt the point counts as occupied. If no plan is left
+in the world that the robot believes in, points to which paths were blocked are tried once more;
+then it stops where it is and holds all its points.
 """
 
 from __future__ import annotations
@@ -65,7 +66,10 @@ INFLATION = 2.0
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
 
-NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path": "blocked"}
+REFUSED = ("missed grasp", "refused grasp")
+"""Failures after which the same step is tried again, see `ATTEMPTS`."""
+
+NOTICED = {**dict.fromkeys(REFUSED, "refused"), "blocked path": "blocked"}
 """Failures after which the limb goes back to the point that it left, and their kinds of event."""
 
 
@@ -198,6 +202,7 @@ class _Loop:
         self._belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self._rng = np.random.default_rng([seed, 3])
         self._attempts, self._course = dict[int, int](), Course(self._belief, plan_from)
+        self._is_retry = False
         self._evasion = Evasion(executor, self._belief.shapes, self._crew)
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
@@ -270,7 +275,7 @@ class _Loop:
     def _plan(self, state: State) -> Plan | None:
         """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
         began = time.perf_counter()
-        result = self._course.replan(state)
+        result = self._course.replan(state, self._is_retry)
         computing_time = time.perf_counter() - began
         plan = self._course.plan
         if plan is None:
@@ -342,6 +347,7 @@ class _Loop:
         _, executed = executor.take(prepared, self._watch(prepared.after), wait)
         self._measure(executed)
         failure = executed.failure
+        self._is_retry = failure is not None and failure.kind in REFUSED
         if failure is None:
             self._note("step", limb=limb, point=name, duration=executor.measures["step_time"])
         elif failure.kind in NOTICED:

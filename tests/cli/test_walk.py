@@ -8,7 +8,7 @@ from mlivr_gym.closed_loop.loop import NOTICED
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
 BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]
-GOAL = ["--goal", "4.2", "0.0", "0.42"]
+GOAL, FAR_GOAL = (["--goal", x, "0.0", z] for x, z in (("2.8", "0.0"), ("4.2", "0.42")))
 
 
 def test_it_tells_and_writes_what_happened(tmp_path, capsys):
@@ -39,5 +39,5 @@ def test_each_kind_of_failure_that_is_noticed_has_its_line():
 
 
 def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
-    assert main([*START, *GOAL, *BAG, "--blind"]) == 1
+    assert main([*START, *FAR_GOAL, *BAG, "--blind"]) == 1
     assert "collision" in capsys.readouterr().out

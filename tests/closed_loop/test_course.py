@@ -52,6 +52,23 @@ def test_a_cheaper_plan_replaces_what_remains(graph):
         assert course.plan is found.plan
 
 
+def test_a_plan_of_equal_cost_replaces_another_except_in_a_retry(graph):
+    """A limb that was refused tries again before it goes elsewhere."""
+    planner = Planner(graph)
+    best = planner.plan(START, GOAL, "steps")
+    graph.occupy([best.unwrap().actions[0][1]])
+    equal = planner.plan(START, GOAL, "steps")
+    graph.vacate()
+    assert equal.unwrap().cost == best.unwrap().cost
+    assert equal.unwrap().actions[0] != best.unwrap().actions[0]
+    for is_retry, followed in ((False, equal), (True, best)):
+        answers = iter([best, equal])
+        course = Course(Belief(graph, 0.003), lambda *_, answers=answers: next(answers))
+        course.replan(graph.state(START))
+        course.replan(graph.state(START), is_retry)
+        assert course.plan is followed.plan
+
+
 def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
     planner = Planner(graph)
     best = planner.plan(START, GOAL)
