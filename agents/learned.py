@@ -60,10 +60,11 @@ class CheckpointError(MlivrError):
 class LearnedPolicy:
     """Policy that takes the most probable of the actions that lead to a new stance.
 
-    New are stances that this episode has not visited; if there are none, the most probable of all
-    valid actions is taken. Without this rule a deterministic policy that once steps back and forth
-    never stops. With the network `"pointer"` its input is computed from the environment
-    (`env_features`), and the observation that `act` receives is not used.
+    New are stances that were not visited since the episode began or the graph last changed; if
+    there are none, the most probable of all valid actions is taken. Without this rule a
+    deterministic policy that once steps back and forth never stops. With the network `"pointer"`
+    its input is computed from the environment (`env_features`), and the observation that `act`
+    receives is not used.
 
     Attributes
     ----------
@@ -80,7 +81,7 @@ class LearnedPolicy:
     ) -> None:
         """Wrap an actor-critic of sb3-contrib."""
         self.actor_critic, self.network, self.config = actor_critic, network, config or {}
-        self._visited: set[tuple[int, ...]] = set()
+        self._visited, self._version = set[tuple[int, ...]](), 0
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`."""
@@ -97,8 +98,9 @@ class LearnedPolicy:
                 f"the policy has {len(logits)} actions and the environment {len(mask)}; use a "
                 "policy that was made for this environment"
             )
-        if env.steps == 0:
+        if env.steps == 0 or env.graph.version != self._version:
             self._visited.clear()
+            self._version = env.graph.version
         self._visited.add(env.state.stance)
         logits = np.where(mask, logits, -np.inf)
         steps, fresh = env.successors(), logits.copy()

@@ -30,7 +30,8 @@ from mlivr_gym.world.grasp_map import GraspMap
 def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladder, monkeypatch):
     """Looked up in a list of what was visited; a few stances, so that all round have been at times.
 
-    Where a stance was visited in an earlier episode only, it counts as new.
+    A stance counts as new if it was visited in an earlier episode only, or before a point became
+    occupied, since the walk may then have to go back.
     """
     env = MlivrEnv(map=ladder, collisions=False, precompute=True)
     policy, m = LearnedPolicy(make_actor_critic(env, "mlp", {}), "mlp"), len(env.graph.grasp_map)
@@ -42,7 +43,11 @@ def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladd
         observation, _ = env.reset(seed=seed)
         env.goal = np.array([50.0, 0.0, 0.0])  # never reached
         visited = []
-        for _ in range(200):
+        for k in range(400):
+            if k == 200:
+                env.graph.occupy([max(set(range(m)) - set(env.state.stance))])
+                ever.update(visited)
+                visited = []
             mask, stance = env.action_masks(), env.state.stance
             visited.append(stance)
             after = {
@@ -56,6 +61,7 @@ def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladd
             earlier += after[action] in ever and bool(fresh)
             observation = env.step(action)[0]
         ever.update(visited)
+        env.graph.vacate()
     assert again > 50
     assert earlier > 50
 

@@ -7,6 +7,7 @@ import pytest
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
+from mlivr_gym.world.grasp_map import GraspMap
 from mlivr_gym.world.rails import Handrail
 
 
@@ -70,3 +71,30 @@ def test_a_handrail_whose_bar_is_not_known_is_its_bounding_box():
     (box,) = rail.boxes
     assert (box.id, box.kind) == ("H", "handrail")
     np.testing.assert_allclose(box.bounds, [(1.0, 2.0, 3.0), (1.1, 2.7, 3.1)])
+
+
+def test_points_under_a_handrail_are_left_out_however_far_it_stands_off_the_wall():
+    """Seat tracks 20 mm wide along x on two faces, and one handrail along y before the deck.
+
+    Points keep 30 mm from its sides in the plane of the wall: half their width counts across the
+    track, and not along it; how far it stands off does not count.
+    """
+    tracks = [
+        {"id": name, "face": face, "start": [-1, y, z], "end": [1, y, z], "normal": [0, 0, n],
+         "width": 0.02}
+        for name, face, y, z, n in (
+            ("inside", "deck", 0.339, -1, 1), ("outside", "deck", 0.341, -1, 1),
+            ("opposite", "overhead", 0.0, 1, -1),
+        )
+    ]  # fmt: skip
+    rail = {"id": "H", "face": "deck", "min": [0.17, -0.3, -0.9], "max": [0.23, 0.3, -0.8]}
+    rail |= {"axis": "y", "bar_min": [0.19, -0.28, -0.82], "bar_max": [0.21, 0.28, -0.8]}
+    grasp_map = GraspMap.from_dict(
+        {"segments": tracks, "handrails": [rail], "spacing": 0.05, "clearance": 0.03}
+    )
+    kept = dict(zip(grasp_map.ids, grasp_map.positions[:, 0].tolist(), strict=True))
+    every = np.arange(-20, 21) * 0.05
+    for track in ("outside", "opposite"):
+        assert sorted(x for i, x in kept.items() if i.startswith(track)) == pytest.approx(every)
+    free = every[(every < 0.14) | (every > 0.26)]
+    assert sorted(x for i, x in kept.items() if i.startswith("inside")) == pytest.approx(free)
