@@ -25,7 +25,7 @@ from mlivr_gym.envs.unknown_map import UnknownMapEnv
 TRAINED = ROOT / "runs" / "unknown_map"
 """Path of the trained policy, without suffix."""
 
-TRAINING = {"rounds": 4, "states": 3000, "updates": 2000}
+TRAINING = {"rounds": 5, "states": 20_000, "updates": 3000}
 """Rounds of its training, and states and gradient steps of each."""
 
 MOST_ACTIONS = 60

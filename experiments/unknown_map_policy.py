@@ -1,42 +1,63 @@
 """Train the pointer policy on `MLIVR-JEM-Unknown-v0`, by imitation of an expert that sees all.
 
-    python experiments/unknown_map_policy.py [--rounds 4] [--states 3000] [--updates 2000]
+    python experiments/unknown_map_policy.py [--rounds 5] [--states 20000] [--updates 3000]
 
-The expert knows the layout, the policy what the robot knows, so that it learns the actions that are
-optimal most often given what was seen (imitation of clairvoyant oracles: Choudhury et al., The
-International Journal of Robotics Research 37, 2018). It starts from the policy that ships, looks
-before it grasps an unknown point, and acts itself in all rounds but the first (DAgger: Ross, Gordon
-and Bagnell 2011), in which A* acts. Writes the checkpoint `runs/unknown_map`; takes ten minutes.
+The expert knows the layout, the policy what the robot knows. Each state is labelled with what each
+action costs more than the best one, looks included, for a robot that then acts as the expert does;
+the policy learns to keep the expected value of that small (aggregated values: Ross and Bagnell
+2014; clairvoyant oracles: Choudhury et al., The International Journal of Robotics Research 37,
+2018). It starts from the policy that ships, looks before it grasps an unknown point, and acts
+itself in all rounds but the first, in which A* acts. States are gathered by `--workers` processes,
+and gradient steps taken on `--device`. Writes the checkpoint `runs/unknown_map`.
 """
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import multiprocessing
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from reports import CORES
 from tqdm import tqdm
 from unknown_map import TRAINED, TRAINING, made_env
 
 from mlivr_gym.agents import LookingPolicy
 from mlivr_gym.agents.features import env_features
-from mlivr_gym.agents.imitation import optimal_set_loss
-from mlivr_gym.agents.learned import LearnedPolicy, load_policy, save_policy
-from mlivr_gym.agents.networks import as_tensors, logits_and_value
+from mlivr_gym.agents.learned import load_policy, save_policy
+from mlivr_gym.agents.networks import logits_and_value
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.agents.policy_names import policy_by_name
-from mlivr_gym.arrays import BoolArray
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.step_tables import step_tables, without_points
 
-BATCH, LEARNING_RATE, MOST_ACTIONS = 128, 5e-4, 30
+BATCH, LEARNING_RATE, MOST_ACTIONS = 512, 1e-3, 30
 
-Sample = tuple[dict[str, NDArray[Any]], BoolArray, BoolArray]
-"""Features of a state, and which of its actions are valid and optimal, shape (2 m,) each."""
+MOST_REGRET = 8.0
+"""Largest regret of an action that counts, in the unit of the reward."""
+
+PART = 250
+"""States that a process gathers at a time."""
+
+
+class Samples(NamedTuple):
+    """States that were visited: `k` of them, of a robot with N limbs on m points."""
+
+    points: NDArray[np.float16]
+    """Features, see `agents.features.point_features`."""
+    limbs: NDArray[np.float16]
+    goal: NDArray[np.float16]
+    valid: BoolArray
+    """Which actions are valid, shape (k, N m)."""
+    regrets: NDArray[np.float16]
+    """What each valid action costs more than the best one, shape (k, N m)."""
 
 
 class Clairvoyant:
@@ -49,59 +70,87 @@ class Clairvoyant:
 
     def begin(self, layout: frozenset[int]) -> None:
         """Compute the costs of an episode."""
-        env, taken = self.env, np.zeros(len(self.env.seen), dtype=np.bool_)
-        taken[list(layout)] = True
-        tables = without_points(self.free.tables, taken)
+        env = self.env
+        self.occupied = np.zeros(len(env.seen), dtype=np.bool_)
+        self.occupied[list(layout)] = True
+        tables = without_points(self.free.tables, self.occupied)
         goals = in_goal_region(tables, env.goal[None], env.goal_tolerance)
         self.values = TableValues(tables, goals, cost_of(env))
 
-    def optimal(self) -> BoolArray:
-        """Return which actions are optimal in the present state, shape (2 m,)."""
-        state, none = self.env.state, np.zeros(1, dtype=np.int64)
+    def regrets(self) -> Array | None:
+        """Return what each action costs more than the best one in the present state, shape (N m,).
+
+        It is None if no action leads to the goal. A point that was not seen is looked at before it
+        is grasped, if it is in sight; else the attempt fails if it is occupied.
+        """
+        env, state, none = self.env, self.env.state, np.zeros(1, dtype=np.int64)
         s = np.array([self.free.stance_at[state.stance]], dtype=np.int64)
+        count, limbs = len(env.seen), len(state.stance)
         sets = np.array([state.branch_sets])
-        costs = self.values.of_actions(s, sets, none, 2 * len(self.env.seen))[0]
-        found: BoolArray = np.isfinite(costs) & (costs <= costs.min() + 1e-6)
-        return found
+        costs = self.values.of_actions(s, sets, none, limbs * count)[0].reshape(limbs, count)
+        if not np.isfinite(costs.min()):
+            return None
+        looks = np.zeros(count, dtype=np.bool_)
+        looks[env.in_sight()] = True
+        looks &= ~env.seen
+        found = costs - costs.min() + np.where(looks, env.look_cost, 0.0)
+        found[:, self.occupied] = np.where(looks, env.look_cost, 1.0)[self.occupied]
+        return np.minimum(found, MOST_REGRET).ravel()
 
 
-def gathered(expert: Clairvoyant, policy: LookingPolicy, count: int, seed: int) -> list[Sample]:
-    """Return the states that a policy visits in new episodes, labelled by the expert."""
-    env, samples = expert.env, list[Sample]()
-    with tqdm(total=count, desc="states", mininterval=5.0) as bar:
-        while len(samples) < count:
-            observation, info = env.reset(seed=seed)
-            expert.begin(env.layout)
-            seed, ended = seed + 1, False
-            while not ended and info["steps"] < MOST_ACTIONS and len(samples) < count:
-                mask = env.action_masks()
-                action, best = policy.act(env, observation, mask), expert.optimal()
-                if action < len(mask) - 1 and best.any():
-                    seen = {k: v[0].astype(np.float16) for k, v in env_features(env).items()}
-                    samples.append((seen, mask[:-1], best))
-                    bar.update()
-                observation, _, ended, _, info = env.step(action)
-    return samples
+@cache
+def expert() -> Clairvoyant:
+    """Return the expert of this process."""
+    torch.set_num_threads(1)
+    return Clairvoyant(made_env())
 
 
-def learn(policy: LearnedPolicy, samples: list[Sample], updates: int, number: int) -> None:
-    """Take the gradient steps of a round, by its number from 0, on all samples."""
-    actor_critic, rng = policy.actor_critic, np.random.default_rng(number)
-    rate = LEARNING_RATE * 0.5**number
+def gathered(job: tuple[str, int]) -> Samples:
+    """Return the next `PART` states that a policy visits from the episode of a seed on."""
+    name, seed = job
+    env, knowing, found = made_env(), expert(), []
+    policy = LookingPolicy(policy_by_name(name, env))
+    while len(found) < PART:
+        observation, info = env.reset(seed=seed)
+        knowing.begin(env.layout)
+        seed, ended = seed + 1, False
+        while not ended and info["steps"] < MOST_ACTIONS and len(found) < PART:
+            mask = env.action_masks()
+            action = policy.act(env, observation, mask)
+            regrets = knowing.regrets()
+            if action < len(mask) - 1 and regrets is not None:
+                seen = {k: v[0].astype(np.float16) for k, v in env_features(env).items()}
+                labels = np.where(mask[:-1], regrets, 0.0).astype(np.float16)
+                found.append(Samples(**seen, valid=mask[:-1], regrets=labels))
+            observation, _, ended, _, info = env.step(action)
+    return Samples(*map(np.stack, zip(*found, strict=True)))
+
+
+def expected_regret(actor_critic: Any, batch: list[torch.Tensor]) -> torch.Tensor:
+    """Return the mean regret of the actions that an actor-critic draws, shape ()."""
+    points, limbs, goal, valid, regrets = batch
+    seen = {"points": points.float(), "limbs": limbs.float(), "goal": goal.float()}
+    logits, _ = logits_and_value(actor_critic, seen)
+    chances = torch.softmax(logits.masked_fill(~valid, -torch.inf), dim=1)
+    return (chances * regrets.float()).sum(dim=1).mean()
+
+
+def learn(actor_critic: Any, data: list[torch.Tensor], updates: int, rate: float) -> float:
+    """Take the gradient steps of a round; return the mean expected regret of the last tenth."""
     optimizer = torch.optim.Adam(actor_critic.parameters(), lr=rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, updates)
+    losses = []
     with tqdm(range(updates), desc="updates", mininterval=5.0) as bar:
         for _ in bar:
-            chosen = [samples[k] for k in rng.integers(len(samples), size=BATCH)]
-            names = chosen[0][0]
-            batch = {n: np.stack([c[0][n] for c in chosen]).astype(np.float32) for n in names}
-            valid, best = (torch.as_tensor(np.stack([c[k] for c in chosen])) for k in (1, 2))
-            logits, _ = logits_and_value(actor_critic, as_tensors(actor_critic, batch))
-            loss = optimal_set_loss(logits, valid, best)
+            chosen = torch.randint(len(data[0]), (BATCH,), device=data[0].device)
+            loss = expected_regret(actor_critic, [part[chosen] for part in data])
             optimizer.zero_grad()
             torch.autograd.backward(loss)
             torch.nn.utils.clip_grad_norm_(actor_critic.parameters(), 1.0)
             optimizer.step()
-            bar.set_postfix(loss=f"{loss.item():.3f}")
+            schedule.step()
+            losses.append(loss.detach())
+    return float(torch.stack(losses[-max(updates // 10, 1) :]).mean())
 
 
 def main() -> None:
@@ -109,16 +158,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     for name, default in TRAINING.items():
         parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
+    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     given = parser.parse_args()
-    env = made_env()
-    policy, samples = load_policy("pretrained", env), list[Sample]()
+    policy = load_policy("pretrained", made_env())
     config = {**policy.config, "method": "clairvoyant imitation", "init": "pretrained"}
-    expert = Clairvoyant(env)
-    for k in range(given.rounds):
-        acting = policy if k else policy_by_name("astar", env)
-        samples += gathered(expert, LookingPolicy(acting), given.states, 1_000_000 * k)
-        learn(policy, samples, given.updates, k)
-        save_policy(TRAINED, policy.actor_critic, config)
+    TRAINED.parent.mkdir(exist_ok=True)
+    samples, acting = list[Samples](), "astar"
+    with multiprocessing.get_context("spawn").Pool(given.workers) as pool:
+        for k in range(given.rounds):
+            seeds = range(1_000_000 * k, 1_000_000 * (k + 1), 1000)[: -(-given.states // PART)]
+            jobs = pool.imap(gathered, [(acting, seed) for seed in seeds])
+            samples += tqdm(jobs, total=len(seeds), desc=f"{PART} states", mininterval=5.0)
+            whole = Samples(*map(np.concatenate, zip(*samples, strict=True)))
+            data = [torch.as_tensor(part, device=given.device) for part in whole]
+            actor_critic = policy.actor_critic.to(given.device)
+            regret = learn(actor_critic, data, given.updates, LEARNING_RATE * 0.7**k)
+            print(f"{len(data[0])} states, expected regret {regret:.4f}", flush=True)
+            acting = f"{TRAINED}-{k}"
+            save_policy(Path(acting), actor_critic.to("cpu"), config)
+    save_policy(TRAINED, policy.actor_critic, config)
 
 
 if __name__ == "__main__":
