@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mlivr_gym.arguments import InstanceOf
-from mlivr_gym.arrays import BoolArray
+from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.rewards import BaseReward, StepReward
@@ -46,7 +46,7 @@ class Policy(Protocol):
             Its present observation.
         mask
             Whether each action is valid, shape (N m,). At least one is, unless points or obstacles
-            of the world have changed during the episode.
+            of the world have changed, or a grasp has failed; any action may be returned if none is.
 
         Returns
         -------
@@ -65,7 +65,7 @@ class RandomPolicy:
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return a random valid action; see `Policy.act`."""
-        return int(self._rng.choice(np.flatnonzero(mask)))
+        return int(self._rng.choice(np.flatnonzero(mask))) if mask.any() else 0
 
 
 class ExpertPolicy:
@@ -107,11 +107,24 @@ class ExpertPolicy:
         SettingError
             If the robot has more than two limbs, or the reward is an object of the user.
         """
-        graph = env.graph
-        if not isinstance(graph, TwoLimbGraph):
-            raise SettingError(
-                f"the expert policy needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
-            )
+        if env.state.pose is not None:
+            # The table lacks this state; failures of its first grasp are not considered.
+            moves, points = env.table_moves(), len(env.graph.grasp_map)
+            steps = moves.successors(env.state)
+            exact = CostToGo(_two_limbs(env), Goal(env.goal, env.goal_tolerance, cost_of(env)))
+            best = exact.best(env.state, steps)
+            return int(steps.limb[best] * points + steps.point[best])
+        costs = self.costs(env)
+        # If no action leads to the goal, the first valid one is taken.
+        return int(np.argmax(mask & (costs <= costs.min() + 1e-9)))
+
+    def costs(self, env: MlivrEnv) -> Array:
+        """Return the least expected cost of a plan that begins with each action, shape (2 m,).
+
+        It is infinite where no plan leads to the goal. The present state must be one of the graph's
+        own, without a pose; errors are those of `act`.
+        """
+        graph = _two_limbs(env)
         moves = env.table_moves()
         risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
         key = (env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
@@ -120,18 +133,20 @@ class ExpertPolicy:
             self._moves, self._key = moves, key
             goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)
-        if env.state.pose is not None:
-            # The table lacks this state; failures of its first grasp are not considered.
-            steps = moves.successors(env.state)
-            exact = CostToGo(graph, Goal(env.goal, env.goal_tolerance, cost_of(env)))
-            best = exact.best(env.state, steps)
-            return int(steps.limb[best] * len(graph.grasp_map) + steps.point[best])
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
-        costs = self._values.of_actions(
-            s, np.array([env.state.branch_sets]), np.zeros(1, dtype=np.int64), len(mask)
-        )[0]
-        # If no action leads to the goal, the first valid one is taken.
-        return int(np.flatnonzero(mask & (costs <= costs.min() + 1e-9))[0])
+        branch_sets, none = np.array([env.state.branch_sets]), np.zeros(1, dtype=np.int64)
+        found: Array = self._values.of_actions(s, branch_sets, none, 2 * len(graph.grasp_map))[0]
+        return found
+
+
+def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
+    """Return the graph of an environment of two limbs; refuse others."""
+    if not isinstance(env.graph, TwoLimbGraph):
+        raise SettingError(
+            f"the expert policy needs two limbs; robot {env.graph.robot.name!r} has "
+            f"{env.graph.limbs}"
+        )
+    return env.graph
 
 
 class LookingPolicy:
@@ -168,6 +183,8 @@ class LookingPolicy:
         """
         InstanceOf(UnknownMapEnv).read(env, FieldPath("env", SettingError))
         assert isinstance(env, UnknownMapEnv)
+        if not mask[:-1].any():
+            return len(mask) - 1
         action = self.policy.act(env, observation, mask[:-1])
         point = action % len(env.graph.grasp_map)
         look = self.looks and not env.seen[point] and point in env.in_sight()

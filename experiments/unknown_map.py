@@ -25,7 +25,7 @@ from mlivr_gym.envs.unknown_map import UnknownMapEnv
 TRAINED = ROOT / "runs" / "unknown_map"
 """Path of the trained policy, without suffix."""
 
-TRAINING = {"rounds": 5, "states": 20_000, "updates": 3000}
+TRAINING = {"rounds": 2, "states": 12_000, "updates": 1500}
 """Rounds of its training, and states and gradient steps of each."""
 
 MOST_ACTIONS = 60
@@ -36,7 +36,8 @@ POLICIES = {
     "expected": "the first step of least expected cost, if grasps of unknown points fail with the \
 prior probability, each time anew",
     "pretrained": "the pointer policy that ships, which was trained with known layouts",
-    "trained": "the same, trained further here by imitation of an expert that knows the layout",
+    "corrected": "the score of least expected cost and a correction, which a network has learned \
+from an expert that knows the layout",
     "greedy": "the step whose base is closest to the goal, to a stance not held before",
     "random": "any valid step",
 }
@@ -57,9 +58,13 @@ def made_env() -> UnknownMapEnv:
 @cache
 def steps_by(name: str) -> Policy:
     """Return what chooses the steps, by name, one for each process."""
-    names = {
-        "optimistic": "astar", "expected": "expert", "greedy": "local", "trained": str(TRAINED),
-    }  # fmt: skip
+    if name == "corrected":
+        from corrected_policy import CorrectedPolicy
+
+        from mlivr_gym.agents.learned import load_policy
+
+        return CorrectedPolicy(load_policy(TRAINED, made_env()).actor_critic)
+    names = {"optimistic": "astar", "expected": "expert", "greedy": "local"}
     return policy_by_name(names.get(name, name), made_env())
 
 

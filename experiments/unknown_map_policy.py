@@ -1,14 +1,15 @@
-"""Train the pointer policy on `MLIVR-JEM-Unknown-v0`, by imitation of an expert that sees all.
+"""Train the correction of expected costs on `MLIVR-JEM-Unknown-v0`, by an expert that sees all.
 
-    python experiments/unknown_map_policy.py [--rounds 5] [--states 20000] [--updates 3000]
+    python experiments/unknown_map_policy.py [--rounds 2] [--states 12000] [--updates 1500]
 
-The expert knows the layout, the policy what the robot knows. Each state is labelled with what each
-action costs more than the best one, looks included, for a robot that then acts as the expert does;
-the policy learns to keep the expected value of that small (aggregated values: Ross and Bagnell
-2014; clairvoyant oracles: Choudhury et al., The International Journal of Robotics Research 37,
-2018). It starts from the policy that ships, looks before it grasps an unknown point, and acts
-itself in all rounds but the first, in which A* acts. States are gathered by `--workers` processes,
-and gradient steps taken on `--device`. Writes the checkpoint `runs/unknown_map`.
+The expert knows the layout, the policy (`corrected_policy.py`) what the robot knows. Each state is
+labelled with what each action costs more than the best one, looks included, for a robot that then
+acts as the expert does; the network learns to keep the expected value of that small (aggregated
+values: Ross and Bagnell 2014; clairvoyant oracles: Choudhury et al., The International Journal of
+Robotics Research 37, 2018). Expected costs take each unknown point to be occupied with the same
+probability; the network can learn that occupied points lie in clusters. In the first round the
+steps of least expected cost are taken, in others those of the policy. `--workers` processes gather
+the states, and `--device` takes the gradient steps. Writes the checkpoint `runs/unknown_map`.
 """
 
 from __future__ import annotations
@@ -16,22 +17,22 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from corrected_policy import MOST_REGRET, CorrectedPolicy, above_least, scores
 from numpy.typing import NDArray
 from reports import CORES
 from tqdm import tqdm
 from unknown_map import TRAINED, TRAINING, made_env
 
-from mlivr_gym.agents import LookingPolicy
+from mlivr_gym.agents import ExpertPolicy, LookingPolicy
 from mlivr_gym.agents.features import env_features
-from mlivr_gym.agents.learned import load_policy, save_policy
-from mlivr_gym.agents.networks import logits_and_value
+from mlivr_gym.agents.hyperparameters import load_hyperparameters
+from mlivr_gym.agents.learned import load_policy, made_for, save_policy
+from mlivr_gym.agents.networks import make_actor_critic
 from mlivr_gym.agents.policies import cost_of
-from mlivr_gym.agents.policy_names import policy_by_name
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
@@ -40,10 +41,7 @@ from mlivr_gym.stances.step_tables import step_tables, without_points
 
 BATCH, LEARNING_RATE, MOST_ACTIONS = 512, 1e-3, 30
 
-MOST_REGRET = 8.0
-"""Largest regret of an action that counts, in the unit of the reward."""
-
-PART = 250
+PART = 50
 """States that a process gathers at a time."""
 
 
@@ -56,6 +54,8 @@ class Samples(NamedTuple):
     goal: NDArray[np.float16]
     valid: BoolArray
     """Which actions are valid, shape (k, N m)."""
+    planned: NDArray[np.float16]
+    """Expected cost of each action above the least one, shape (k, N m)."""
     regrets: NDArray[np.float16]
     """What each valid action costs more than the best one, shape (k, N m)."""
 
@@ -106,10 +106,15 @@ def expert() -> Clairvoyant:
 
 
 def gathered(job: tuple[str, int]) -> Samples:
-    """Return the next `PART` states that a policy visits from the episode of a seed on."""
-    name, seed = job
+    """Return `PART` states that a policy visits from the episode of a seed on.
+
+    The policy is that of a checkpoint, or, without one, takes the steps of least expected cost.
+    """
+    path, seed = job
     env, knowing, found = made_env(), expert(), []
-    policy = LookingPolicy(policy_by_name(name, env))
+    steps = CorrectedPolicy(load_policy(path, env).actor_critic) if path else ExpertPolicy()
+    policy = LookingPolicy(steps)
+    expecting = steps.expert if isinstance(steps, CorrectedPolicy) else steps
     while len(found) < PART:
         observation, info = env.reset(seed=seed)
         knowing.begin(env.layout)
@@ -120,24 +125,27 @@ def gathered(job: tuple[str, int]) -> Samples:
             regrets = knowing.regrets()
             if action < len(mask) - 1 and regrets is not None:
                 seen = {k: v[0].astype(np.float16) for k, v in env_features(env).items()}
-                labels = np.where(mask[:-1], regrets, 0.0).astype(np.float16)
-                found.append(Samples(**seen, valid=mask[:-1], regrets=labels))
+                planned, labels = (
+                    np.where(mask[:-1], costs, 0.0).astype(np.float16)
+                    for costs in (above_least(expecting.costs(env)), regrets)
+                )
+                found.append(Samples(**seen, valid=mask[:-1], planned=planned, regrets=labels))
             observation, _, ended, _, info = env.step(action)
     return Samples(*map(np.stack, zip(*found, strict=True)))
 
 
 def expected_regret(actor_critic: Any, batch: list[torch.Tensor]) -> torch.Tensor:
     """Return the mean regret of the actions that an actor-critic draws, shape ()."""
-    points, limbs, goal, valid, regrets = batch
+    points, limbs, goal, valid, planned, regrets = batch
     seen = {"points": points.float(), "limbs": limbs.float(), "goal": goal.float()}
-    logits, _ = logits_and_value(actor_critic, seen)
-    chances = torch.softmax(logits.masked_fill(~valid, -torch.inf), dim=1)
+    found = scores(actor_critic, seen, planned.float())
+    chances = torch.softmax(found.masked_fill(~valid, -torch.inf), dim=1)
     return (chances * regrets.float()).sum(dim=1).mean()
 
 
-def learn(actor_critic: Any, data: list[torch.Tensor], updates: int, rate: float) -> float:
+def learn(actor_critic: Any, data: list[torch.Tensor], updates: int) -> float:
     """Take the gradient steps of a round; return the mean expected regret of the last tenth."""
-    optimizer = torch.optim.Adam(actor_critic.parameters(), lr=rate)
+    optimizer = torch.optim.Adam(actor_critic.parameters(), lr=LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, updates)
     losses = []
     with tqdm(range(updates), desc="updates", mininterval=5.0) as bar:
@@ -161,10 +169,12 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     given = parser.parse_args()
-    policy = load_policy("pretrained", made_env())
-    config = {**policy.config, "method": "clairvoyant imitation", "init": "pretrained"}
+    torch.manual_seed(0)
+    env, sizes = made_env(), load_hyperparameters("dagger")["networks"]["pointer"]
+    actor_critic = make_actor_critic(env, "pointer", sizes)
+    config = {"network": "pointer", "sizes": sizes, **made_for(env, "pointer")}
     TRAINED.parent.mkdir(exist_ok=True)
-    samples, acting = list[Samples](), "astar"
+    samples, acting = list[Samples](), ""
     with multiprocessing.get_context("spawn").Pool(given.workers) as pool:
         for k in range(given.rounds):
             seeds = range(1_000_000 * k, 1_000_000 * (k + 1), 1000)[: -(-given.states // PART)]
@@ -172,12 +182,10 @@ def main() -> None:
             samples += tqdm(jobs, total=len(seeds), desc=f"{PART} states", mininterval=5.0)
             whole = Samples(*map(np.concatenate, zip(*samples, strict=True)))
             data = [torch.as_tensor(part, device=given.device) for part in whole]
-            actor_critic = policy.actor_critic.to(given.device)
-            regret = learn(actor_critic, data, given.updates, LEARNING_RATE * 0.7**k)
+            regret = learn(actor_critic.to(given.device), data, given.updates)
             print(f"{len(data[0])} states, expected regret {regret:.4f}", flush=True)
-            acting = f"{TRAINED}-{k}"
-            save_policy(Path(acting), actor_critic.to("cpu"), config)
-    save_policy(TRAINED, policy.actor_critic, config)
+            acting = str(TRAINED)
+            save_policy(acting, actor_critic.to("cpu"), config)
 
 
 if __name__ == "__main__":

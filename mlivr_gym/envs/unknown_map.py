@@ -35,6 +35,8 @@ class UnknownMapEnv(MlivrEnv):
 
     * Actions `limb * m + point` are as in `MlivrEnv`, and valid as if unseen points were free. The
       attempt to grasp an occupied point fails: it costs a step, and the base moves there and back.
+      The limbs are then on the branches of the attempt; if these allow no other step, only looks
+      are left.
     * The last action, `N m`, looks. It is valid in every state, and costs `look_cost`.
 
     The observation has `occupied`, the points seen to be occupied, and `unknown`, those not seen.

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from mlivr_gym.agents import EvaluationTask, ExpertPolicy, LookingPolicy, evaluate, planner_policy
+from mlivr_gym.agents import (
+    EvaluationTask,
+    ExpertPolicy,
+    LookingPolicy,
+    RandomPolicy,
+    evaluate,
+    planner_policy,
+)
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.layout_tasks import CLUSTER_RADIUS
 from mlivr_gym.envs.tasks import WalkTasks
@@ -141,6 +148,17 @@ def test_policies_that_know_what_the_robot_knows_arrive(env, known):
         LookingPolicy(ExpertPolicy(), 2)
     with pytest.raises(SettingError, match="must be a UnknownMapEnv"):
         LookingPolicy(ExpertPolicy()).act(known, {}, np.ones(1, dtype=bool))
+
+
+def test_a_robot_that_can_take_no_step_looks(env):
+    """A failed attempt leaves the limbs on its branches, from which there may be no other step."""
+    observation, _ = env.reset(seed=1)
+    mask = np.zeros(env.action_space.n, dtype=bool)
+    mask[-1] = True
+    for policy in (RandomPolicy(), ExpertPolicy(), planner_policy()):
+        assert LookingPolicy(policy).act(env, observation, mask) == len(mask) - 1
+    for policy in (RandomPolicy(), ExpertPolicy()):
+        policy.act(env, observation, mask[:-1])
 
 
 def test_points_that_a_user_occupies_are_the_layout_of_the_next_episode(env):
