@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from mlivr_gym.agents.features import env_features, point_space
 from mlivr_gym.agents.hyperparameters import SIZES
@@ -85,14 +86,7 @@ class LearnedPolicy:
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`."""
-        seen = (
-            env_features(env)
-            if self.network == "pointer"
-            else {k: np.asarray(v)[None] for k, v in observation.items()}
-        )
-        with torch.no_grad():
-            tensors = as_tensors(self.actor_critic, seen)
-            logits = logits_and_value(self.actor_critic, tensors)[0][0].numpy()
+        logits = self.logits(env, observation)
         if logits.shape != mask.shape:
             raise CheckpointError(
                 f"the policy has {len(logits)} actions and the environment {len(mask)}; use a "
@@ -108,6 +102,18 @@ class LearnedPolicy:
             if env.state.stance_after(limb, point) in self._visited:
                 fresh[limb * len(env.graph.grasp_map) + point] = -np.inf
         return int((fresh if np.isfinite(fresh).any() else logits).argmax())
+
+    def logits(self, env: MlivrEnv, observation: Observation) -> NDArray[np.float32]:
+        """Return the logit of each action in the present state, valid or not, shape (N m,)."""
+        seen = (
+            env_features(env)
+            if self.network == "pointer"
+            else {k: np.asarray(v)[None] for k, v in observation.items()}
+        )
+        with torch.no_grad():
+            tensors = as_tensors(self.actor_critic, seen)
+            found: NDArray[np.float32] = logits_and_value(self.actor_critic, tensors)[0][0].numpy()
+        return found
 
 
 def beam_search(

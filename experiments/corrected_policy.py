@@ -8,13 +8,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from mlivr_gym.agents import ExpertPolicy
-from mlivr_gym.agents.features import env_features
-from mlivr_gym.agents.networks import as_tensors, logits_and_value
-from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.agents.learned import LearnedPolicy
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 
@@ -31,40 +29,26 @@ def above_least(costs: Array) -> Array:
     return np.minimum(costs - least, MOST_REGRET) if np.isfinite(least) else np.zeros(len(costs))
 
 
-def scores(actor_critic: Any, features: dict[str, Tensor], planned: Tensor) -> Tensor:
-    """Return the scores of actions, shape (k, N m).
-
-    Parameters
-    ----------
-    actor_critic
-        The actor-critic of sb3-contrib with the pointer network.
-    features
-        Features of k states, see `agents.features.point_features`.
-    planned
-        Expected costs of their actions above the least one, shape (k, N m).
-    """
-    return logits_and_value(actor_critic, features)[0] - SHARPNESS * planned
+def scores(logits: Any, planned: Any) -> Any:
+    """Return the scores of actions from logits and expected costs above the least, shape (N m,)."""
+    return logits - SHARPNESS * planned
 
 
-class CorrectedPolicy:
-    """Policy that takes the valid action with the highest score.
+class CorrectedPolicy(LearnedPolicy):
+    """Learned policy whose logits are scores.
 
     Attributes
     ----------
-    actor_critic
-        The actor-critic that has the network.
     expert
         The policy whose expected costs are corrected.
     """
 
     def __init__(self, actor_critic: Any) -> None:
-        """Take the actor-critic."""
-        self.actor_critic, self.expert = actor_critic, ExpertPolicy()
+        """Take the actor-critic that has the network."""
+        super().__init__(actor_critic, "pointer")
+        self.expert = ExpertPolicy()
 
-    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action to take; see `Policy.act`."""
-        planned = torch.as_tensor(above_least(self.expert.costs(env))[None], dtype=torch.float32)
-        with torch.no_grad():
-            features = as_tensors(self.actor_critic, env_features(env))
-            found = scores(self.actor_critic, features, planned)[0].numpy()
-        return int(np.where(mask, found, -np.inf).argmax())
+    def logits(self, env: MlivrEnv, observation: Observation) -> NDArray[np.float32]:
+        """Return the score of each action in the present state, shape (N m,)."""
+        planned = above_least(self.expert.costs(env)).astype(np.float32)
+        return scores(super().logits(env, observation), planned)

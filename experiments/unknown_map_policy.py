@@ -25,13 +25,13 @@ from corrected_policy import MOST_REGRET, CorrectedPolicy, above_least, scores
 from numpy.typing import NDArray
 from reports import CORES
 from tqdm import tqdm
-from unknown_map import TRAINED, TRAINING, made_env
+from unknown_map import TRAINED, made_env
 
 from mlivr_gym.agents import ExpertPolicy, LookingPolicy
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.hyperparameters import load_hyperparameters
 from mlivr_gym.agents.learned import load_policy, made_for, save_policy
-from mlivr_gym.agents.networks import make_actor_critic
+from mlivr_gym.agents.networks import logits_and_value, make_actor_critic
 from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
@@ -138,7 +138,7 @@ def expected_regret(actor_critic: Any, batch: list[torch.Tensor]) -> torch.Tenso
     """Return the mean regret of the actions that an actor-critic draws, shape ()."""
     points, limbs, goal, valid, planned, regrets = batch
     seen = {"points": points.float(), "limbs": limbs.float(), "goal": goal.float()}
-    found = scores(actor_critic, seen, planned.float())
+    found = scores(logits_and_value(actor_critic, seen)[0], planned.float())
     chances = torch.softmax(found.masked_fill(~valid, -torch.inf), dim=1)
     return (chances * regrets.float()).sum(dim=1).mean()
 
@@ -164,8 +164,9 @@ def learn(actor_critic: Any, data: list[torch.Tensor], updates: int) -> float:
 def main() -> None:
     """Train the policy."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    for name, default in TRAINING.items():
-        parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--rounds", type=int, default=2, help="rounds (%(default)s)")
+    parser.add_argument("--states", type=int, default=12_000, help="of a round (%(default)s)")
+    parser.add_argument("--updates", type=int, default=1500, help="of a round (%(default)s)")
     parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     given = parser.parse_args()
@@ -184,8 +185,8 @@ def main() -> None:
             data = [torch.as_tensor(part, device=given.device) for part in whole]
             regret = learn(actor_critic.to(given.device), data, given.updates)
             print(f"{len(data[0])} states, expected regret {regret:.4f}", flush=True)
-            acting = str(TRAINED)
-            save_policy(acting, actor_critic.to("cpu"), config)
+            acting, training = str(TRAINED), {"states": len(data[0]), "updates": given.updates}
+            save_policy(acting, actor_critic.to("cpu"), config | {"training": training})
 
 
 if __name__ == "__main__":

@@ -1,10 +1,14 @@
 """Task generators of a user's own: one object serves the single and the vector environment."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import GoalError, SettingError, StanceError
 from mlivr_gym.stances.random_states import random_state
@@ -146,3 +150,29 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
                 reset(seed=3)
     np.testing.assert_array_equal(copies.stances, before[0])
     np.testing.assert_array_equal(copies.goals, before[1])
+
+
+def tasks_of(grasp_map, kind):
+    """Return an environment, and a function that draws a goal by a seed."""
+    tasks = "random" if kind == "random" else "walk"
+    env = MlivrEnv(map=grasp_map, collisions=False, tasks=tasks, precompute=kind == "from tables")
+
+    def goal(seed):
+        if kind == "one by one":
+            return sample_task(env.graph, Stream.of_seed(seed), env.goal_tolerance).goal
+        env.reset(seed=seed)
+        return env.goal
+
+    return env, goal
+
+
+@pytest.mark.parametrize("kind", ["one by one", "from tables", "random"])
+def test_goals_lie_in_the_cabin_though_stances_lie_outside(small_map, kind):
+    """The same points with a cabin that ends in the middle of what the base reaches."""
+    wide, goal = tasks_of(small_map, kind)
+    cabin = small_map.cabin.copy()
+    cabin[1, 0] = np.median(wide.graph.base_position[:, 0])
+    assert np.mean([goal(seed)[0] > cabin[1, 0] for seed in range(30)]) > 0.2
+    _, goal = tasks_of(replace(small_map, cabin=cabin), kind)
+    goals = np.array([goal(seed) for seed in range(30)])
+    assert ((cabin[0] <= goals) & (goals <= cabin[1])).all()
