@@ -2,8 +2,10 @@
 
 import re
 
+import numpy as np
 import pytest
 from plans import first_steps
+from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
@@ -21,6 +23,27 @@ def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
     # Names of standards apart, nothing is named that could be fetched.
     fetched = re.findall(r"""(?:src|href)=["']?(https?://[^"' >]+)""", text)
     assert not fetched
+
+
+def test_an_execution_shows_what_was_recorded(checked_graph, walk, tmp_path, monkeypatch):
+    """Every pose that is drawn is one of the recording, from its first to its last."""
+    recording, drawn = recording_of(walk), []
+    pose_robot = export.drawing.pose_robot
+
+    def noted(page, name, scene, configuration):
+        drawn.append(configuration)
+        pose_robot(page, name, scene, configuration)
+
+    monkeypatch.setattr(export.drawing, "pose_robot", noted)
+    export.write_html(tmp_path / "walk.html", checked_graph, walk, recording)
+    poses = np.concatenate(
+        [recording.base_positions, recording.joint_positions.reshape(len(recording.times), -1)],
+        axis=1,
+    )
+    shown = np.array([np.append(position, joints.ravel()) for position, _, joints in drawn])
+    away = np.abs(poses[:, None] - shown[None]).max(axis=2)
+    assert away.min(axis=0).max() < 1e-6
+    assert (away.argmin(axis=0)[0], away.argmin(axis=0)[-1]) == (0, len(poses) - 1)
 
 
 def test_a_large_scene_has_fewer_pictures(checked_graph, walk, tmp_path, monkeypatch):
