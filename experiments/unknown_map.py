@@ -157,9 +157,10 @@ successful episodes. The steps are chosen thus:
 {named}
 
 {table(head, rows)}
-The correction, trained on {training["states"]:,} states with {training["updates"]:,} gradient
-steps in each of two rounds, changes the cost by {data["change"]:.2f} [{least:.2f}, {most:.2f}] on
-average, looks included and task by task. `experiments/unknown_map.py` makes this page.
+The correction was trained on {training["states"]:,} states, with {training["updates"]:,} gradient \
+steps in each of two rounds. On the same tasks it
+changes the cost of *expected, looks* by {data["change"]:.2f} [{least:.2f}, {most:.2f}] on average.
+`experiments/unknown_map.py` makes this page.
 """
 
 
