@@ -12,6 +12,7 @@ executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the d
 
 from __future__ import annotations
 
+import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import experiment, study_rows, table
+from reports import ROOT, experiment, study_rows, table
 
 from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import Configuration
@@ -38,6 +39,9 @@ START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
 
 NAMES = [name for name in ROBOTS if name.startswith("mlivr2")]
 """Robots of two limbs that fit into the module."""
+
+CACHE = ROOT / "runs" / "robots"
+"""Cache folder of the processes, without tables."""
 
 SIZE = (420, 400)
 """Width and height of the picture of one robot [px]."""
@@ -72,6 +76,9 @@ def measured(task: int, name: str) -> dict[str, Any]:
 
 def all_measured() -> dict[str, Any]:
     """Return what is measured of each robot the second time, in a process of its own."""
+    for file in CACHE.glob("*.npz"):
+        file.unlink()
+    os.environ["MLIVR_GYM_CACHE"] = str(CACHE)
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as processes:
         rows = study_rows("robots:measured", 2, processes, name=NAMES)
     others = "run", "task", "name", "error"
