@@ -13,6 +13,7 @@ from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS
 from mlivr_gym.planners.reach import NOT_REACHED, reach_from
 from mlivr_gym.schema import Integer
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 def add_command(add: Add) -> None:
@@ -38,7 +39,10 @@ def run(args: argparse.Namespace) -> None:
         graph = chosen_graph(args)
     args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
     start = chosen_task(graph, args)[0]
-    with Progress("states expanded", quiet=args.quiet) as progress:
+    expanded = "states expanded"
+    if isinstance(graph, TwoLimbGraph) and not graph.is_complete:
+        expanded += ", without a table of steps (see mlivr-gym build)"
+    with Progress(expanded, quiet=args.quiet) as progress:
         reach = reach_from(graph, start, args.most_steps, args.limit, progress.show)
     steps, ids = reach.steps, np.array(graph.grasp_map.ids)
     args.result |= {
