@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         f"{record.outcome}: {record.reason}\n{record.steps} steps in {record.duration:.1f} s, "
         f"at most {record.peak_force:.0f} N at a grasp"
         + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
-        + (f"; at least {record.crew_distance:.2f} m from the crew" if args.crew else "")
+        + (f"; {_distance_told(record.crew_distance)}" if record.crew_distance is not None else "")
     )
     if args.out:
         write_whole(args.out, json.dumps(record.to_dict(), indent=1))
@@ -109,7 +109,14 @@ def run(args: argparse.Namespace) -> int:
         ]
         walk_figure(graph.grasp_map, plans, args.picture)
         print(f"picture: {pictures[0]}, {pictures[1]}")
+    if record.crew_distance is not None and record.crew_distance <= 0.0:
+        return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
+
+
+def _distance_told(distance: float) -> str:
+    """Return what is told of the smallest distance from crew members [m]."""
+    return f"at least {distance:.2f} m from the crew" if distance > 0.0 else "it touched the crew"
 
 
 LINES = {

@@ -11,7 +11,8 @@ the robot will move, or if the robot is so far off its trajectory that it would 
 limb that is refused, or misses its point, goes back as well and tries again, unless a cheaper plan
 was found on the way. After the second such attempt the point counts as occupied. If no plan is left
 in the world that the robot believes in, points to which paths were blocked are tried once more;
-then it stops where it is and holds all its points.
+then it stops where it is and holds all its points. So it does if sensing or planning fails; a limb
+that swings then goes back first.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
 from mlivr_gym.closed_loop.evasion import PROOF, TRIED_IN_TURN, Evasion, Rest
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord, Event
-from mlivr_gym.errors import SettingError, ShapeError
+from mlivr_gym.errors import MlivrError, SettingError, ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
@@ -203,6 +204,7 @@ class _Loop:
         self._rng = np.random.default_rng([seed, 3])
         self._attempts, self._course = dict[int, int](), Course(self._belief, plan_from)
         self._is_retry = False
+        self._fault: Exception | None = None
         self._evasion = Evasion(executor, self._belief.shapes, self._crew)
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
@@ -220,8 +222,6 @@ class _Loop:
         executor.simulation.is_localised = self._camera is not None
         attempts = 0
         while not record.reason:
-            if self._camera is not None:
-                self._sense(self._camera)
             plan = self._plan(executor.state)
             if plan is None:
                 break
@@ -259,6 +259,13 @@ class _Loop:
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
             if camera is None:
                 return False
+            try:
+                return look(camera, trajectory, sample)
+            except Exception as fault:  # `_plan` raises it again, once all limbs hold
+                self._fault = fault
+                return True
+
+        def look(camera: DepthCamera, trajectory: Trajectory, sample: int) -> bool:
             self._sense(camera, next(fields))
             present, belief = self._executor.configuration, self._belief
             if belief.is_blocked(trajectory, sample) or belief.will_touch(
@@ -273,10 +280,18 @@ class _Loop:
         return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
 
     def _plan(self, state: State) -> Plan | None:
-        """Plan the remainder of the walk in what is believed; end the walk if there is no plan."""
-        began = time.perf_counter()
-        result = self._course.replan(state, self._is_retry)
-        computing_time = time.perf_counter() - began
+        """Look round, and plan the remainder of the walk; end the walk if there is no plan."""
+        try:
+            if self._fault is not None:
+                raise self._fault
+            if self._camera is not None:
+                self._sense(self._camera)
+            began = time.perf_counter()
+            result = self._course.replan(state, self._is_retry)
+            computing_time = time.perf_counter() - began
+        except MlivrError as fault:
+            self._end(STOPPED, f"sensing or planning failed: {fault}")
+            return None
         plan = self._course.plan
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE

@@ -2,9 +2,12 @@
 
 import json
 
+import pytest
+
 from mlivr_gym.cli.main import main
 from mlivr_gym.cli.walk import LINES
 from mlivr_gym.closed_loop.loop import NOTICED
+from mlivr_gym.closed_loop.record import ARRIVED, ClosedLoopRecord
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
 BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]
@@ -41,3 +44,12 @@ def test_each_kind_of_failure_that_is_noticed_has_its_line():
 def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
     assert main([*START, *FAR_GOAL, *BAG, "--blind"]) == 1
     assert "collision" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("distance", "code"), [(0.1, 0), (-0.1, 1)])
+def test_a_walk_that_touches_the_crew_has_failed(capsys, monkeypatch, distance, code):
+    record = ClosedLoopRecord(ARRIVED, "the base is at the goal", crew_distance=distance)
+    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", lambda *_, **__: record)
+    assert main([*START, *GOAL, "--crew", "2.2", "0.0", "-0.3", "2.3", "0.0", "-0.3"]) == code
+    told = "it touched the crew" if code else "at least 0.10 m from the crew"
+    assert told in capsys.readouterr().out

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, MlivrError, stance_graph
+from mlivr_gym.closed_loop import loop
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
+from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.recording import Failure
@@ -119,6 +121,57 @@ def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
     assert first.kind == "blocked"
     assert first.values["point"] == plan.steps[0].to_point
     assert record.peak_force < 60.0
+
+
+class FaultyCamera(DepthCamera):
+    """Cameras that raise an error, by `fault`, at a time."""
+
+    def measure(self, model, data, robot, rng, pixels):
+        if data.time >= self.at:
+            raise self.fault
+        return super().measure(model, data, robot, rng, pixels)
+
+
+@pytest.mark.parametrize("at", [0.0, 2.0])
+@pytest.mark.parametrize("error", [SettingError, RuntimeError])
+def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, at, error):
+    """At rest, and during the first swing; what is no error of the package is not hidden."""
+    loops, camera, made = [], FaultyCamera(period=0.5), loop._Loop.__init__
+
+    def noted(self, *given):
+        loops.append(self)
+        made(self, *given)
+
+    monkeypatch.setattr(loop._Loop, "__init__", noted)
+    monkeypatch.setattr(FaultyCamera, "at", at, raising=False)
+    monkeypatch.setattr(FaultyCamera, "fault", error("no picture"), raising=False)
+    if error is RuntimeError:
+        with pytest.raises(RuntimeError, match="no picture"):
+            run_closed_loop(graph, START, GOAL, camera=camera)
+    else:
+        record = run_closed_loop(graph, START, GOAL, camera=camera)
+        assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
+        assert record.reason == "sensing or planning failed: no picture"
+        assert record.duration >= at
+    assert loops[0]._executor.simulation.points == list(graph.indices(START))
+
+
+@pytest.mark.parametrize("called", [2, 3])
+def test_planning_that_fails_leaves_the_robot_on_all_its_points(graph, monkeypatch, called):
+    """At the first grasp after the start, and during the first step."""
+    calls, plan = [], Planner.plan
+
+    def failing(planner, *given, **options):
+        calls.append(given)
+        if len(calls) == called:
+            raise SettingError("no memory")
+        return plan(planner, *given, **options)
+
+    monkeypatch.setattr(Planner, "plan", failing)
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
+    assert record.outcome == STOPPED
+    assert record.reason == "sensing or planning failed: no memory"
+    assert not record.proved
 
 
 def test_it_turns_back_before_it_touches_something(graph, plan, monkeypatch):
