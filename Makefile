@@ -83,11 +83,13 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py
 
-# Trains all policies and measures everything that acts: two to three hours.
+# Trains all policies and measures everything that acts: three to four hours, without a GPU.
 compare: $(VENV)/.dev
 	$(BIN)/python experiments/train_policies.py
 	$(BIN)/python experiments/planner_vs_rl.py
 	$(BIN)/python experiments/reference_curves.py
+	$(BIN)/python experiments/unknown_map_policy.py
+	$(BIN)/python experiments/unknown_map.py
 	$(BIN)/python experiments/readme.py
 
 # Ready-made machine code for one Python, in envs_assets/; for another: make kernels PYTHON=python3.12 VENV=.venv312
