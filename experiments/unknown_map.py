@@ -159,7 +159,8 @@ successful episodes. The steps are chosen thus:
 {table(head, rows)}
 `unknown_map_policy.py` trained the correction on {training["states"]:,} states of two rounds, \
 with {training["updates"]:,} gradient steps in each.
-On the same tasks it changes the cost of *expected, looks* by {data["change"]:.2f} [{least:.2f}, {most:.2f}] on average.
+On the same tasks it changes the cost of *expected, looks* by {data["change"]:.2f} \
+[{least:.2f}, {most:.2f}] on average.
 `experiments/unknown_map.py` makes this page.
 """
 
