@@ -6,8 +6,8 @@ import pytest
 
 from mlivr_gym.cli.main import main
 from mlivr_gym.cli.walk import LINES
-from mlivr_gym.closed_loop.loop import NOTICED
 from mlivr_gym.closed_loop.record import ARRIVED, ClosedLoopRecord
+from mlivr_gym.closed_loop.sensing_robot import NOTICED
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
 BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]

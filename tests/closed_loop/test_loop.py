@@ -9,8 +9,9 @@ from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.closed_loop import loop
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.loop import ATTEMPTS, run_closed_loop
+from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
+from mlivr_gym.closed_loop.sensing_robot import ATTEMPTS
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
