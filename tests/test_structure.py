@@ -29,7 +29,7 @@ LAYERS = (
     {"robot"},
     {"world"},
     {"kinematics", "settings", "files"},
-    {"arguments"},
+    {"arguments", "json_schema"},
     {"schema", "engines"},
     {"values", "extras"},
     {"compiled", "errors"},

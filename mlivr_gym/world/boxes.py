@@ -178,10 +178,11 @@ BOX_DATA = Struct(
 """Fields of a `Box`."""
 
 
-_CORNERS = Fields(
+CORNERS = Fields(
     {"id": NAME, "min": CORNER, "max": CORNER},
     {name: BOX_DATA.validators[name] for name in ("kind", "face")},
 )
+"""Fields of a box along the axes of the map, from its corners."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ class Boxes:
             return BOX_DATA.read({"kind": self.kind} | value, place)
         if not {"min", "max"} & value.keys():
             raise place.fault("needs 'min' and 'max', or 'centre' and 'half'")
-        data = {"kind": self.kind, "face": ""} | _CORNERS.read(value, place)
+        data = {"kind": self.kind, "face": ""} | CORNERS.read(value, place)
         low, high = data["min"], data["max"]
         return place.build(Box.between, data["id"], data["kind"], low, high, data["face"])
 

@@ -41,7 +41,18 @@ MESH = Fields(
 )
 """A mesh whose surface the robot must not touch; its file is relative to that of the map."""
 
-PART = Fields({"id": NAME, "map": Anything()}, {"translation": CORNER, "rotation": Rotation()})
+
+class AnyMap(Anything):
+    """A map by its name or file, or the map itself, which `grasp_map.as_map` reads."""
+
+    def read(self, value: object, place: FieldPath) -> object:
+        """Return the value; null, which elsewhere stands for the JEM, is refused."""
+        if value is None:
+            raise place.refused(value, "the name of a map that ships, a file, or a map")
+        return value
+
+
+PART = Fields({"id": NAME, "map": AnyMap()}, {"translation": CORNER, "rotation": Rotation()})
 """A map that is placed in another one by a rigid transform."""
 
 REMARKS = ("description", "frame", "sources", "provenance")
