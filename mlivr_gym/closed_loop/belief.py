@@ -17,12 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
+from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.closed_loop.known_boxes import KnownBoxes
+from mlivr_gym.closed_loop.known_boxes import HITS, NOISE, KnownBoxes
 from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
-from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.schema import Anything, Integer
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
@@ -55,8 +57,23 @@ APART = 3
 GRID_BORDER = 0.5
 """Distance by which the grid extends beyond the cabin [m]."""
 
+MAX_SAMPLE = 2**31 - 1
+"""Largest number of a sample of a trajectory."""
+
 SENSED = "sensed"
 """First part of the ids of boxes that were sensed."""
+
+GIVEN: Validators = {
+    "graph": InstanceOf(StanceGraph),
+    "noise": NOISE,
+    "hits": HITS,
+    "present": Anything(),  # read by `checked_configuration`
+    "trajectory": InstanceOf(Trajectory),
+    "first": Integer(0, MAX_SAMPLE),
+    "sample": Integer(0, MAX_SAMPLE),
+    "state": InstanceOf(State),
+}
+"""Validators of the arguments."""
 
 _CUBES = np.dtype(
     [
@@ -86,6 +103,7 @@ class Belief:
         Collision shapes of the robot.
     """
 
+    @checked(GIVEN)
     def __init__(self, graph: StanceGraph, noise: float) -> None:
         """Believe in the map and the obstacles of a graph.
 
@@ -95,6 +113,11 @@ class Belief:
             The stance graph.
         noise
             Standard deviation of a measured distance [m].
+
+        Raises
+        ------
+        SettingError
+            If the noise is no number from 0 to 1 m.
         """
         self.graph, self.refused, self.avoided = graph, set[int](), set[int]()
         self._has_reconsidered = False
@@ -117,13 +140,13 @@ class Belief:
 
     def refuse(self, point: int) -> None:
         """Let a point count as occupied, since attempts to grasp it failed."""
-        self.refused.add(point)
         self.graph.occupy([point])
+        self.refused.add(point)
 
     def avoid(self, point: int) -> None:
         """Let a point count as occupied, since paths to it were blocked."""
-        self.avoided.add(point)
         self.graph.occupy([point])
+        self.avoided.add(point)
 
     def reconsider(self) -> bool:
         """Let the points that are avoided be free again, once; return whether there are any."""
@@ -134,6 +157,7 @@ class Belief:
         self.avoided.clear()
         return True
 
+    @checked(GIVEN)
     def add_hits(self, hits: Array, present: Configuration) -> int:
         """Take in hits of rays; return the number of cubes that are parts of new obstacles.
 
@@ -146,7 +170,14 @@ class Belief:
             Measured positions of surfaces in the module frame [m], shape (k, 3).
         present
             The present configuration of the robot.
+
+        Raises
+        ------
+        SettingError
+            If the hits are not all finite positions, or the configuration is not one of the robot.
+            Nothing is taken in then.
         """
+        present = checked_configuration(self.graph.robot, present)
         unexplained, cells = self._known.unexplained(hits)
         rows = self._rows(cells)
         cubes = self._cubes
@@ -194,6 +225,7 @@ class Belief:
         rows: IntArray = self._row[where]
         return rows
 
+    @checked(GIVEN)
     def update_graph(self, state: State) -> None:
         """Let the graph have the obstacles that are believed now, but for a robot in a state.
 
@@ -243,6 +275,7 @@ class Belief:
         self._is_there &= self._is_solid
         return True
 
+    @checked(GIVEN)
     def is_blocked(self, trajectory: Trajectory, first: int) -> bool:
         """Return whether the robot comes closer than the clearance to what is new after a sample.
 
@@ -254,12 +287,14 @@ class Belief:
         cubes["path_extent"][fresh] = cubes["extent"][fresh]
         return path.is_blocked(self._boxes_of(fresh, fresh), first)
 
+    @checked(GIVEN)
     def will_touch(self, trajectory: Trajectory, sample: int, present: Configuration) -> bool:
         """Return whether the robot soon touches something if it stays as far from a trajectory.
 
         It should be at a sample of the trajectory, and is in its present configuration. What counts
         is the map, and obstacles with the extent of the last of `CAUTIONS`, however close they are.
         """
+        present = checked_configuration(self.graph.robot, present)
         path, cells = self.path(trajectory), self._cubes["cell"]
         low, high = path.bounds_ahead(sample)
         corners = self._origin + CUBE * cells
@@ -268,6 +303,7 @@ class Belief:
         seen = self._boxes_of(chosen, chosen, caution=CAUTIONS[-1])
         return path.will_touch((*self._known_boxes, *seen), sample, present)
 
+    @checked(GIVEN)
     def path(self, trajectory: Trajectory) -> PathCheck:
         """Return the check of a trajectory; that of the last one is kept.
 

@@ -16,9 +16,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.closed_loop.known_boxes import NOISE
+from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Integer, Tuples, Validator
+from mlivr_gym.schema import Integer, Numbers, Tuples, Validator
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
@@ -41,6 +44,16 @@ SIDES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0
 
 GRIPPER_AXES = SIDES * np.cos(np.pi / 6.0) + np.array([0.0, 0.0, np.sin(np.pi / 6.0)])
 """Their optical axes: sideways, and 30 degrees forwards, shape (4, 3)."""
+
+GIVEN: Validators = {
+    "axes": Numbers((None, 3)),
+    "model": InstanceOf(mujoco.MjModel),
+    "data": InstanceOf(mujoco.MjData),
+    "robot": InstanceOf(RobotSpec),
+    "rng": InstanceOf(np.random.Generator),
+    "pixels": InstanceOf(slice),
+}
+"""Validators of the arguments."""
 
 
 @dataclass(frozen=True)
@@ -77,17 +90,23 @@ class DepthCamera(ParameterSet):
         "pixels": Integer(2, 1000),
         "field_of_view": Tuples((), 1e-3, 3.0, "rad"),
         "max_range": Tuples((), 1e-3, 1e3, "m"),
-        "noise": Tuples((), 0.0, 1.0, "m"),
+        "noise": NOISE,
         "period": Tuples((), 0.01, 1e3, "s"),
     }
 
+    @checked(GIVEN)
     def rays(self, axes: Array = CORNERS) -> Array:
         """Return unit vectors of the rays of k cameras, shape (k, p^2, 3).
 
-        Their optical axes, shape (k, 3), are by default those of the cameras on the body.
+        Their optical axes, shape (k, 3), are by default those of the cameras on the body. Raises a
+        `SettingError` if one is not finite, or is along z, which would leave the image unturned.
         """
+        if not axes[:, :2].any(axis=1).all():
+            first = int(np.argmin(axes[:, :2].any(axis=1)))
+            raise SettingError(f"axes[{first}] is {axes[first].tolist()}; it must not be along z")
         return _rays(self.pixels, self.field_of_view, tuple(map(tuple, axes.tolist())))
 
+    @checked(GIVEN)
     def measure(
         self,
         model: mujoco.MjModel,
@@ -112,7 +131,13 @@ class DepthCamera(ParameterSet):
         Returns
         -------
         Array
-            Positions of surfaces in the module frame [m], shape (k, 3).
+            Positions of surfaces in the module frame [m], shape (k, 3); a ray that hits nothing
+            within the range gives none.
+
+        Raises
+        ------
+        SettingError
+            If an argument is of another type.
         """
         of_robot, hits = np.isin(model.geom_bodyid, robot_body_ids(model)), []
         for position, image in self._images(model, data, robot):

@@ -6,7 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.errors import shortened
+from mlivr_gym.schema import FieldPath, Numbers, Tuples
+from mlivr_gym.values import MAX_LENGTH
 from mlivr_gym.world.boxes import Box
 
 EXPLAINED_DEVIATIONS = 5.0
@@ -14,6 +18,30 @@ EXPLAINED_DEVIATIONS = 5.0
 
 ROUNDING = 1e-4
 """Distance added to this for the rounding of numbers [m]."""
+
+NOISE = Tuples((), 0.0, 1.0, "m")
+"""Validator of the standard deviation of a measured distance."""
+
+MOST_HITS = 100_000_000
+"""Maximum number of hits of one look."""
+
+
+def _read_hits(value: object, place: FieldPath) -> Array:
+    """Return hits as an array of shape (k, 3); rays that hit nothing must have been left out."""
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind == "f":
+        is_finite = np.isfinite(value).all(axis=1)
+        if not is_finite.all():
+            first, count = int(np.argmin(is_finite)), int(np.sum(~is_finite))
+            raise place.fault(
+                f"has {count} of {len(value)} rows that are not finite, the first is row {first}, "
+                f"{shortened(value[first].tolist())}; it must be finite positions [m], without "
+                "rays that hit nothing"
+            )
+    return Numbers((None, 3), most=MAX_LENGTH, unit="m", rows=(0, MOST_HITS)).read(value, place)
+
+
+HITS = Reader(_read_hits)
+"""Validator of measured positions of surfaces in the module frame."""
 
 
 class KnownBoxes:

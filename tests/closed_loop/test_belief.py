@@ -9,6 +9,7 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.closed_loop.belief import CAUTIONS, CUBE, Belief, _outermost
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.path_check import HORIZON
+from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.setup import Setup
@@ -191,3 +192,66 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
         found[touches] += 1
         graph.remove_obstacles()
     assert min(found.values()) >= 10
+
+
+HIT = [4.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("hits", "named"),
+    [
+        (np.array([HIT, [4.0, np.nan, 0.0], [np.inf, 0.0, 0.0]]), "2 of 3 .* row 1, .*nan"),
+        ([HIT, [4.0, float("nan"), 0.0]], r"hits\[1\]\[1\] is nan"),
+        (np.array([HIT])[:, :2], r"shape \(1, 2\)"),
+        (np.array(HIT), r"shape \(3,\)"),
+        (1000.0 * np.array([HIT]), "metres"),
+        (np.array([HIT], dtype=str), "finite numbers"),
+        (None, "hits is None"),
+    ],
+)
+def test_hits_that_are_no_positions_are_refused_as_a_whole(seen, plan, hits, named):
+    belief = seen(times=0)
+    with pytest.raises(SettingError, match=named) as caught:
+        belief.add_hits(hits, plan.configuration(0))
+    assert "\n" not in str(caught.value)
+    assert not belief.boxes()
+    assert belief.add_hits(np.array([HIT]), plan.configuration(0)) == 0  # one hit of two
+    assert belief.add_hits(np.zeros((0, 3)), plan.configuration(0)) == 0  # all rays hit nothing
+
+
+@pytest.mark.parametrize("part", [0, 1, 2])
+def test_hits_with_an_unknown_configuration_are_not_taken_in(seen, plan, part):
+    belief, present = seen(times=0), list(plan.configuration(0))
+    present[part] = np.full_like(present[part], np.nan)
+    for wrong in (present, present[:2], None):
+        with pytest.raises(SettingError):
+            belief.add_hits(np.array([HIT] * 5), wrong)
+    assert belief.add_hits(np.array([HIT]), plan.configuration(0)) == 0
+    assert not belief.boxes()
+
+
+@pytest.mark.parametrize("noise", [np.nan, np.inf, -0.001, 1.1, None, "3 mm"])
+def test_a_noise_that_is_no_length_is_refused(checked_graph, noise):
+    with pytest.raises(SettingError, match="noise"):
+        Belief(checked_graph, noise)
+
+
+def test_a_point_that_the_map_lacks_is_not_remembered(checked_graph):
+    belief = Belief(checked_graph, 0.003)
+    for take in (belief.refuse, belief.avoid):
+        with pytest.raises(MlivrError, match="graspable point"):
+            take(-1)
+    assert not belief.refused | belief.avoided
+
+
+def test_other_arguments_are_refused_by_name(seen, plan):
+    belief = seen(times=0)
+    with pytest.raises(SettingError, match="state"):
+        belief.update_graph(plan.stances[0])
+    with pytest.raises(SettingError, match="trajectory"):
+        belief.is_blocked(plan, 0)
+    trajectory = step_trajectory(belief.graph, plan, 0, Durations())
+    with pytest.raises(SettingError, match="first"):
+        belief.is_blocked(trajectory, -1)
+    with pytest.raises(SettingError, match="base position"):
+        belief.will_touch(trajectory, 0, (None, *plan.configuration(0)[1:]))

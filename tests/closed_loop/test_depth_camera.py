@@ -98,8 +98,38 @@ def test_the_images_cover_all_directions():
 
 @pytest.mark.parametrize(
     ("given", "named"),
-    [({"pixels": 1}, "pixels"), ({"noise": -1.0}, "noise"), ({"max_range": np.nan}, "max_range")],
+    [
+        ({"pixels": 1}, "pixels"),
+        ({"pixels": 80.0}, "pixels"),
+        ({"noise": -1.0}, "noise"),
+        ({"noise": "3 mm"}, "noise"),
+        ({"max_range": np.nan}, "max_range"),
+        ({"field_of_view": np.pi}, "field_of_view"),
+        ({"period": 0.0}, "period"),
+        ({"period": np.inf}, "period"),
+    ],
 )
 def test_wrong_parameters_are_named(given, named):
     with pytest.raises(SettingError, match=named):
         DepthCamera(**given)
+
+
+@pytest.mark.parametrize("axes", [None, [[1.0, 0.0]], [[np.nan, 1.0, 0.0]], [[0.0, 0.0, 1.0]]])
+def test_axes_that_give_no_image_are_refused(axes):
+    with pytest.raises(SettingError, match="axes"):
+        DepthCamera(pixels=3).rays(axes)
+
+
+@pytest.mark.parametrize("name", ["model", "data", "robot", "rng", "pixels"])
+def test_what_is_no_simulation_is_not_measured(simulation, checked_graph, name):
+    given = {
+        "model": simulation.model, "data": simulation.data, "robot": checked_graph.robot,
+        "rng": np.random.default_rng(0), "pixels": slice(None),
+    }  # fmt: skip
+    with pytest.raises(SettingError, match=name):
+        DepthCamera(pixels=3).measure(**given | {name: 7})
+
+
+def test_a_ray_that_hits_nothing_within_the_range_gives_no_point(simulation, checked_graph):
+    given = simulation.model, simulation.data, checked_graph.robot, np.random.default_rng(0)
+    assert DepthCamera(pixels=3, max_range=0.001).measure(*given).shape == (0, 3)

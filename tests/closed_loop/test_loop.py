@@ -133,17 +133,44 @@ class FaultyCamera(DepthCamera):
         return super().measure(model, data, robot, rng, pixels)
 
 
-@pytest.mark.parametrize("at", [0.0, 2.0])
-@pytest.mark.parametrize("error", [SettingError, RuntimeError])
-def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, at, error):
-    """At rest, and during the first swing; what is no error of the package is not hidden."""
-    loops, camera, made = [], FaultyCamera(period=0.5), loop._Loop.__init__
+class BlankCamera(DepthCamera):
+    """Cameras that measure no numbers from a time on."""
+
+    def measure(self, model, data, robot, rng, pixels):
+        hits = super().measure(model, data, robot, rng, pixels)
+        return np.full_like(hits, np.nan) if data.time >= self.at else hits
+
+
+@pytest.fixture
+def loops(monkeypatch):
+    """The loops that are run during a test."""
+    found, made = [], loop._Loop.__init__
 
     def noted(self, *given):
-        loops.append(self)
+        found.append(self)
         made(self, *given)
 
     monkeypatch.setattr(loop._Loop, "__init__", noted)
+    return found
+
+
+@pytest.mark.parametrize("at", [0.0, 2.0])
+def test_cameras_without_numbers_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at):
+    """At rest, and during the first swing, among things that a blind robot would touch."""
+    monkeypatch.setattr(BlankCamera, "at", at, raising=False)
+    record = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=BlankCamera(period=0.5))
+    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
+    assert "sensing or planning failed: hits has" in record.reason
+    assert "not finite" in record.reason
+    assert record.duration >= at
+    assert loops[0]._executor.simulation.points == list(graph.indices(START))
+
+
+@pytest.mark.parametrize("at", [0.0, 2.0])
+@pytest.mark.parametrize("error", [SettingError, RuntimeError])
+def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at, error):
+    """At rest, and during the first swing; what is no error of the package is not hidden."""
+    camera = FaultyCamera(period=0.5)
     monkeypatch.setattr(FaultyCamera, "at", at, raising=False)
     monkeypatch.setattr(FaultyCamera, "fault", error("no picture"), raising=False)
     if error is RuntimeError:
