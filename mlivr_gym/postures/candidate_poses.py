@@ -22,7 +22,8 @@ from mlivr_gym.postures.geometries import (
 from mlivr_gym.postures.records import PostureRule, StanceGeometry, set_candidates
 from mlivr_gym.postures.relabelling import first_limbs, relabelled, relabelled_frames
 from mlivr_gym.postures.selection import set_poses
-from mlivr_gym.robot.specification import RobotSpec, geometric_order
+from mlivr_gym.robot.planning_lengths import geometric_order
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
 OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)

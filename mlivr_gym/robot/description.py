@@ -99,6 +99,7 @@ def read_description(
     if not text:
         raise RobotError(f"the file is empty or larger than {LARGEST_FILE} bytes")
     tree = _parsed(text)
+    _check_numbers(tree, path.stem)
     found: dict[str, float] = {}
     missing: list[str] = []
     visuals: dict[str, tuple[BodyMesh, ...]] = {}
@@ -120,6 +121,8 @@ def read_description(
         spec.compiler.fusestatic = False
         spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
         model = spec.compile()
+    except RobotError:
+        raise
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
@@ -156,6 +159,18 @@ def _parsed(text: str) -> ElementTree.Element:
     return tree
 
 
+def _check_numbers(element: ElementTree.Element, owner: str) -> None:
+    """Refuse attributes that are not a number, of which MuJoCo only warns, in a file it writes."""
+    owner = element.get("name", owner)
+    for attribute, text in element.items():
+        if attribute != "name" and "nan" in text.lower().replace("-", "").split():
+            raise RobotError(
+                f"{element.tag} of {owner!r} has {attribute} {text!r}; numbers must be finite"
+            )
+    for part in element:
+        _check_numbers(part, owner)
+
+
 def _fields(text: str) -> dict[str, Any]:
     """Return the fields of a robot that a file of this package names."""
     if not text:
@@ -180,6 +195,12 @@ def _prepare_urdf(
         raise RobotError(
             f"link {twice!r} is the child of {names.count(twice)} joints; the links must form a "
             "tree, without a loop"
+        )
+    roots = [name for link in tree.findall("link") if (name := link.get("name", "")) not in names]
+    if len(roots) > 1:
+        raise RobotError(
+            f"links {roots[0]!r} and {roots[1]!r} hang on no joint; the links must form one tree: "
+            "join them by a fixed joint, or leave one out"
         )
     missing = []
     for link in tree.iter("link"):

@@ -13,7 +13,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.description import ROTORS, WINDOWS, Description
+from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
 from mlivr_gym.robot.file_arms import FileArm, chain_of, tool_frame_of
 from mlivr_gym.robot.file_chain import FileChain
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
@@ -287,6 +287,13 @@ def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbD
             raise RobotError(
                 f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
                 "mass [kg] and the inertia [kg m^2]"
+            )
+        moments = part.principal_moments
+        if moments[0] <= 2.0 * LEAST_MASS:
+            raise RobotError(
+                f"link {file.model.body(link).name!r} has {part.mass:g} kg and the principal "
+                f"moments {', '.join(f'{moment:.3g}' for moment in moments)} kg m^2; give its "
+                "inertial moments above 0"
             )
     base = masses[0]
     size = _cylinder_of(base)

@@ -96,6 +96,17 @@ class LimbBase(ABC):
         return self.moving_angles(np.array(self.joint_limits).T).T
 
     @property
+    def failed_joint(self) -> int | None:
+        """Number of the joint that is held because it is locked; None if none is.
+
+        Its limits are one angle, that at which it is locked.
+        """
+        if self.held_joint is None:
+            return None
+        low, high = self.joint_limits[self.held_joint - 1]
+        return self.held_joint if low == high else None
+
+    @property
     def base_in_mount(self) -> tuple[Array, Array] | None:
         """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
         return None
@@ -141,7 +152,7 @@ class LimbBase(ABC):
                 f"{self.held_joint} has {joints} joints"
             )
         for joint, (low, high) in enumerate(self.joint_limits):
-            if not low < high:
+            if not (low < high or (low == high and joint + 1 == self.held_joint)):
                 limits = place.field("joint_limits").entry(joint)
                 raise limits.fault(f"is {[low, high]}; the lower limit must come first")
         if self.held_joint is None:

@@ -26,6 +26,11 @@ class RigidBody(NamedTuple):
     inertia: tuple[float, ...]
     """Inertia about it, in the order of `PAIRS` [kg m^2]."""
 
+    @property
+    def principal_moments(self) -> Array:
+        """Its principal moments of inertia, the least first [kg m^2], shape (3,)."""
+        return np.asarray(np.linalg.eigvalsh(_inertia_matrix(self)), dtype=np.float64)
+
     def moved(self, frame: Array) -> RigidBody:
         """Return the body, given in a frame (4, 4), in the frame in which that one is given."""
         turn = frame[:3, :3]

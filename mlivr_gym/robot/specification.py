@@ -26,7 +26,6 @@ from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.failed_joints import mounts_with_failed_joint
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -39,8 +38,7 @@ from mlivr_gym.robot.limb_dynamics import (
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks, without_empty_looks
-from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.robot.planning_lengths import geometric_order as geometric_order
+from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
 from mlivr_gym.robot.validators import MOST_LIMBS as MOST_LIMBS
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
@@ -267,10 +265,12 @@ class RobotSpec(DerivedFigures):
         Raises
         ------
         RobotError
-            If the limb cannot move without that joint; a limb of six joints never can.
+            If the limb cannot move without that joint. A limb of six joints never can, nor one of
+            seven of which another has failed.
         """
-        mounts = mounts_with_failed_joint(self, limb, joint, angle)
-        return replace(self, name=f"{self.name}-limb{limb}-joint{joint}", mounts=mounts)
+        from mlivr_gym.robot.failed_joints import fields_with_failed_joint
+
+        return replace(self, **fields_with_failed_joint(self, limb, joint, angle))
 
     def save(self, path: str | Path) -> None:
         """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.

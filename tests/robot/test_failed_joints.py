@@ -49,6 +49,35 @@ def test_masses_stay_known_where_the_held_joint_itself_fails():
         other.dynamics_of(1)
 
 
+def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_refused():
+    robot = ROBOT.with_failed_joint(0, 2, -0.9)
+    both = robot.with_failed_joint(1, 5, -0.4)
+    held = [(limb.failed_joint, limb.held_angle) for limb in both.every_limb]
+    assert held == [(2, -0.9), (5, -0.4)]
+    other = ROBOT.with_failed_joint(1, 5, -0.4).with_failed_joint(0, 2, -0.9)
+    assert replace(other, name=both.name) == both
+    assert RobotSpec.from_dict(both.to_dict()) == both
+    assert both.with_failed_joint(0, 2, -0.9) == both
+    for given, words in (
+        ((0, 5, 0.3), "joint 2 of limb 0 has failed at -0.9 rad already; with joint 5 failed at "
+                      "0.3 rad as well five joints move"),
+        ((0, 2, 0.3), "joint 2 of limb 0 has failed at -0.9 rad already; it cannot be locked at "
+                      "0.3 rad"),
+    ):  # fmt: skip
+        with pytest.raises(RobotError, match=words) as caught:
+            both.with_failed_joint(*given)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_failed_joint_cannot_be_held_at_another_angle_later():
+    limb = ROBOT.with_failed_joint(0, 2, -0.9).every_limb[0]
+    assert ROBOT.limb.failed_joint is None
+    with pytest.raises(RobotError, match=r"held_angle is 0.5 rad; joint 2 turns from -0.9 to -0.9"):
+        replace(limb, held_angle=0.5)
+    with pytest.raises(RobotError, match=r"joint_limits\[1\] is .*the lower limit must come first"):
+        replace(limb, held_joint=3)
+
+
 @pytest.mark.parametrize(
     ("robot", "given", "words"),
     [

@@ -159,6 +159,15 @@ def in_millimetres(text):
             replaced('<mass value="3.0"/>', '<mass value="0"/>'),
             {}, "link 'link3' has no mass; give it an",
         ),
+        (
+            replaced('<mass value="3.0"/>', '<mass value="-3"/>'),
+            {}, "arm.urdf': link 'link3' has no mass; give it an",
+        ),
+        (replaced('ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"',
+                  'ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"'),
+         {}, r"link 'link1' has 1 kg and the principal moments .*; give its inertial moments"),
+        (replaced("</robot>", '<link name="loose"/></robot>'), {},
+         "links 'base_link' and 'loose' hang on no joint; the links must form one tree"),
         (replaced('velocity="2"', ""), {}, "joint1' has no speed limit; .* from_mjcf speed_limits"),
         (replaced('effort="102"', 'effort="0"'), {}, "joint 'joint3' has no torque limit"),
         (replaced('lower="-3.1" upper="3.0"', ""), {}, "joint 'joint3' has no limits; give it"),
@@ -180,6 +189,24 @@ def test_what_is_not_supported_is_refused_in_one_line(tmp_path, change, options,
         RobotSpec.from_urdf(path, **options)
     assert "\n" not in str(caught.value)
     assert "arm.urdf" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('<mass value="3.0"/>', '<mass value="nan"/>', "mass of 'link3' has value 'nan'; numbers"),
+        ('lower="-3.1"', 'lower="-NaN"', "limit of 'joint3' has lower '-NaN'; numbers must be"),
+        ('xyz="0.01 0.02 0.03" rpy', 'xyz="0 nan 0" rpy', "of 'base_link' has xyz '0 nan 0'"),
+    ],
+)
+def test_what_is_no_number_is_refused_before_mujoco_writes_a_log(
+    tmp_path, monkeypatch, old, new, words
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RobotError, match=words) as caught:
+        RobotSpec.from_urdf(written(tmp_path, one_arm().replace(old, new)))
+    assert "\n" not in str(caught.value)
+    assert [file.name for file in tmp_path.iterdir()] == ["arm.urdf"]
 
 
 @pytest.mark.parametrize(

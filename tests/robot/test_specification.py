@@ -8,7 +8,7 @@ from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.specification import geometric_order
+from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.values import MIN_SIZE
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
