@@ -49,6 +49,7 @@ SYMBOLS = {LIMBS: "N", STANCES: "K", STANCES - 1: "K - 1"}
 
 MEANINGS = {
     "name": "Short name of the map.",
+    "unit": "Unit of all lengths, those of the maps of `parts` excepted; `m` if it is omitted.",
     "points": "Graspable points, see below.",
     "segments": "Straight rails that carry points, see below.",
     "spacing": "Distance of points along a segment.",

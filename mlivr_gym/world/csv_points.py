@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.errors import MapError, path_shown, shortened
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_POINTS
+from mlivr_gym.world.map_entries import POINT, point_row
+from mlivr_gym.world.units import in_metres
 
 VECTORS = {"position": ("x", "y", "z"), "normal": ("nx", "ny", "nz"), "rail": ("rx", "ry", "rz")}
 """Columns of the vectors of a point: position [m], outward normal and direction of the rail."""
@@ -20,15 +23,28 @@ FACE = "face"
 """Column that may be missing; its value is then the name of the file."""
 
 
-def read_points(path: str | Path) -> dict[int, dict[str, Any]]:
-    """Read the points of a table in UTF-8 as plain data, by the number of their line.
+class RowPath(FieldPath):
+    """Place in a row of a table, with a column for each number of a vector."""
+
+    def field(self, name: str) -> RowPath:
+        """Return the place of a field of the point in this row."""
+        return RowPath(f"{self.path}: {name}", self.error)
+
+    def entry(self, number: int) -> FieldPath:
+        """Return the place of a number of the vector at this place."""
+        row, _, vector = self.path.rpartition(": ")
+        return FieldPath(f"{row}: {VECTORS[vector][number]}", self.error)
+
+
+def read_points(path: str | Path, metres: float = 1.0) -> list[dict[str, Any]]:
+    """Read the points of a table in UTF-8, in a unit of so many metres, as plain data in that unit.
 
     A header line names the columns. Raises a `MapError` if the file cannot be read, a column is
-    missing, unknown or named twice, or a value is not a finite number; the message names the line.
+    missing, unknown or named twice, or a row is no point; the message names the line.
     """
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
-            return _points(csv.reader(stream), Path(path).stem)
+            return _points(csv.reader(stream), Path(path).stem, metres)
     except MapError as fault:
         raise MapError(f"map {path_shown(path)}: {fault}") from None
     except OSError as fault:
@@ -40,30 +56,43 @@ def read_points(path: str | Path) -> dict[int, dict[str, Any]]:
     raise MapError(f"cannot read map {path_shown(path)}: {reason}")
 
 
-def _points(lines: Any, name: str) -> dict[int, dict[str, Any]]:
+def _points(lines: Any, name: str, metres: float) -> list[dict[str, Any]]:
     """Return the points below the header line."""
     header = [column.strip() for column in next(lines, [])]
     _check_header(header)
-    points: dict[int, dict[str, Any]] = {}
+    points: list[dict[str, Any]] = []
+    line_of: dict[str, int] = {}
     for row in lines:
         if not any(value.strip() for value in row):
             continue
         line = lines.line_num
+        place = RowPath(f"line {line}", MapError)
         if len(row) != len(header):
-            raise MapError(f"line {line} has {len(row)} values; the header has {len(header)}")
+            raise place.fault(f"has {len(row)} values; the header has {len(header)}")
         if len(points) == MAX_POINTS:
-            raise MapError(f"line {line}: a map has at most {MAX_POINTS} points")
+            raise place.fault(f"is one too many: a map has at most {MAX_POINTS} points")
         values = dict(zip(header, (value.strip() for value in row), strict=True))
-        points[line] = {"id": values["id"], FACE: values.get(FACE) or name} | {
+        point = {"id": values["id"], FACE: values.get(FACE) or name} | {
             vector: [_number(values[column], column, line) for column in columns]
             for vector, columns in VECTORS.items()
         }
+        point_row(POINT.read(in_metres(POINT, point, metres), place), place)
+        before = line_of.setdefault(point["id"], line)
+        if before != line:
+            raise place.field("id").fault(f"is {point['id']!r}, which line {before} has already")
+        points.append(point)
+    if not points:
+        raise MapError("it has no point: each line below the header is one")
     return points
 
 
 def _check_header(header: list[str]) -> None:
     """Refuse a header that lacks a column, or has one that is unknown or named twice."""
     columns = f"the columns are {', '.join(REQUIRED_COLUMNS)} and, if you like, {FACE}"
+    if not any(header):
+        raise MapError(f"line 1 is empty; {columns}")
+    if len(header) == 1:
+        raise MapError(f"line 1 is {shortened(header[0])}, without a comma; {columns}")
     for column in REQUIRED_COLUMNS:
         if column not in header:
             raise MapError(f"line 1 lacks the column {column!r}; {columns}")

@@ -33,14 +33,9 @@ from mlivr_gym.values import EqualByData, check_unique
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.joining import joined_fields, placed_maps
-from mlivr_gym.world.map_entries import (
-    POINT,
-    POINTS,
-    map_fields,
-    overrides,
-    point_row,
-)
+from mlivr_gym.world.map_entries import POINTS, map_fields, overrides
 from mlivr_gym.world.rails import Handrail, Segment
+from mlivr_gym.world.units import metres_per_unit
 
 
 def _point_number(value: object) -> bool:
@@ -271,27 +266,25 @@ class GraspMap(EqualByData):
     def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
         """Read the points of a map from a table with columns id, x, y, z, nx, ny, nz, rx, ry, rz.
 
-        Position [m], outward surface normal and direction of the rail; a column `face` may follow.
+        Position, outward surface normal and direction of the rail; a column `face` may follow.
 
         Parameters
         ----------
         path
             The file.
         surroundings
-            Other fields of a map file, such as `cabin`, `boxes` and `mesh`.
+            Other fields of a map file, such as `cabin`, `boxes` and `mesh`; `unit` is also that
+            of the table.
 
         Raises
         ------
         MapError
             If the file cannot be read or a row is faulty; the message names its line.
         """
-        path = _file(path)
-        data: dict[str, Any] = {"points": []}
-        for line, point in read_points(path).items():
-            place = FieldPath(f"map {path_shown(path)}: line {line}", MapError)
-            point_row(POINT.read(point, place), place)
-            data["points"].append(point)
-        return cls.from_dict(surroundings | data, name=path.stem)
+        path, root = _file(path), FieldPath("", MapError)
+        points = {"points": read_points(path, metres_per_unit(surroundings, root))}
+        place = FieldPath(f"map {path_shown(path)}", MapError)
+        return place.build(cls.from_dict, surroundings | points, name=path.stem)
 
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.

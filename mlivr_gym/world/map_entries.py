@@ -14,6 +14,13 @@ from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE
 from mlivr_gym.world.boxes import CORNER, Box, Boxes
 from mlivr_gym.world.mesh_boxes import mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
+from mlivr_gym.world.units import (
+    UNIT_OF_LENGTH,
+    check_points,
+    check_rails,
+    in_metres,
+    metres_per_unit,
+)
 
 MARGIN = 1.5
 """How far from the box of all points the base may be [m] where a map gives no cabin.
@@ -63,6 +70,7 @@ MODULE = Fields(
     {
         **dict.fromkeys(REMARKS, Anything()),
         "name": NAME,
+        "unit": UNIT_OF_LENGTH,
         "points": ListOf(POINT, most=MAX_POINTS),
         "segments": ListOf(SEGMENT),
         "spacing": SPACING,
@@ -101,11 +109,14 @@ def _frame(place: FieldPath, rail: Array, normal: Array) -> Array:
         raise place.field("normal").fault(
             f"is {normal.tolist()}, of length {length:.6g}; its length must be 1"
         )
-    if not np.linalg.norm(rail) > MIN_SIZE:
-        raise place.fault("has a rail without a direction")
-    rail = rail / np.linalg.norm(rail)
-    if abs(float(rail @ normal)) > UNIT_TOLERANCE:
-        raise place.fault(f"has a rail that is not at right angles to normal {normal.tolist()}")
+    along = float(np.linalg.norm(rail))
+    if not along > MIN_SIZE:
+        raise place.fault(f"has a rail without a direction: {rail.tolist()}")
+    if abs(float(rail @ normal)) > UNIT_TOLERANCE * along:
+        raise place.fault(
+            f"has a rail {rail.tolist()} that is not at right angles to normal {normal.tolist()}"
+        )
+    rail = rail / along
     return np.column_stack([rail, np.cross(normal, rail), normal])
 
 
@@ -179,8 +190,10 @@ def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> d
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
         return POINTS.read(data, root)
-    read = MODULE.read(data, root) | given
+    read = MODULE.read(in_metres(MODULE, data, metres_per_unit(data, root)), root) | given
     segments, handrails = read.get("segments", ()), read.get("handrails", ())
+    if "unit" not in read:
+        check_rails(segments, root)
     rows = [
         point_row(entry, root.field("points").entry(i))
         for i, entry in enumerate(read.get("points", ()))
@@ -193,6 +206,8 @@ def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> d
     if not (rows or parts):
         raise MapError("the map has no graspable point; give 'points', 'segments' or 'parts'")
     positions = np.array([row[2] for row in rows]).reshape(-1, 3)
+    if not ("unit" in read or parts):
+        check_points(positions)
     cabin = read.get("cabin")
     if cabin is None and not parts:
         around = positions.min(axis=0) - MARGIN, positions.max(axis=0) + MARGIN

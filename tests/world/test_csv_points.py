@@ -43,18 +43,27 @@ def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "parts"),
     [
-        ((), ("line 1", "lacks the column 'id'")),
+        ((), ("line 1 is empty", "the columns are id, x, y, z, nx")),
+        (("id;x;y;z", "A;0;0;0"), ("line 1 is 'id;x;y;z', without a comma", "the columns are id,")),
         (("id,x,y,z", "A,0,0,0"), ("line 1", "lacks the column 'nx'")),
         ((HEADER + ",colour", ROWS[0] + ",red"), ("line 1", "unknown column 'colour'")),
         ((HEADER + ",x", ROWS[0] + ",1"), ("line 1", "'x' twice")),
-        ((HEADER, ROWS[0], "B,1,2"), ("line 3", "3 values", "11")),
-        ((HEADER, "A,0,zero,0,0,0,1,1,0,0,f"), ("line 2", "y is 'zero'", "finite number")),
-        ((HEADER, "A,0,nan,0,0,0,1,1,0,0,f"), ("line 2", "y is 'nan'", "finite number")),
-        ((HEADER, "A,0,1400,0,0,0,1,1,0,0,f"), ("line 2", "1400", "millimetres")),
-        ((HEADER, ROWS[0], "B,0,0,0,0,0,2,1,0,0,f"), ("line 3", "normal", "length must be 1")),
-        ((HEADER, "A,0,0,0,0,0,1,0,0,1,f"), ("line 2", "right angles")),
-        ((HEADER, ROWS[0], ROWS[0]), ("'A'",)),
-        ((HEADER,), ("no graspable point",)),
+        ((HEADER, ROWS[0], "B,1,2"), ("line 3 has 3 values", "11")),
+        ((HEADER, "A,0,zero,0,0,0,1,1,0,0,f"), ("line 2: y is 'zero'", "finite number")),
+        ((HEADER, "A,0,,0,0,0,1,1,0,0,f"), ("line 2: y is ''", "finite number")),
+        ((HEADER, "A,0,nan,0,0,0,1,1,0,0,f"), ("line 2: y is 'nan'", "finite number")),
+        ((HEADER, "A,0,1400,0,0,0,1,1,0,0,f"), ("line 2: y is 1400", "1000 m", "millimetres")),
+        ((HEADER, "A,0,0,0,0,0,1,1,2e6,0,f"), ("line 2: ry is 2000000.0", "from -1e+06 to 1e+06")),
+        (
+            (HEADER, ROWS[0], "", "B,0,0,0,0,0,2,1,0,0,f"),
+            ("line 4: normal is [0.0, 0.0, 2.0], of length 2", "its length must be 1"),
+        ),
+        ((HEADER, "A,0,0,0,0,0,1,0,0,1,f"), ("line 2 has a rail [0.0, 0.0, 1.0]", "right angles")),
+        ((HEADER, "A,0,0,0,0,0,1,0,0,0,f"), ("line 2 has a rail without a direction", "[0.0, 0.0")),
+        ((HEADER, ",0,0,0,0,0,1,1,0,0,f"), ("line 2: id is ''", "1 to 200 printable")),
+        ((HEADER, *ROWS, ROWS[1]), ("line 5: id is 'B', which line 3 has already",)),
+        ((HEADER,), ("no point", "each line below the header")),
+        ((HEADER, "A,0,876,0,0,0,1,1,0,0,f", "B,0,900,0,0,0,1,1,0,0,f"), ("looks like millim",)),
     ],
 )
 def test_a_fault_names_its_line_and_what_would_be_valid(tmp_path, lines, parts):
@@ -62,6 +71,8 @@ def test_a_fault_names_its_line_and_what_would_be_valid(tmp_path, lines, parts):
         GraspMap.load(written(tmp_path, *lines))
     message = str(error.value)
     assert "\n" not in message
+    assert message.startswith("map '")
+    assert "rack.csv': " in message
     for part in parts:
         assert part in message
 

@@ -1,0 +1,134 @@
+"""Maps in millimetres: read as such where they say so, and told apart where they do not."""
+
+import json
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from map_data import BOX, LADDER, POINT, RAIL, SEGMENT
+
+from mlivr_gym import GraspMap
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.errors import MapError
+
+JEM = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+LENGTHS = {
+    "position", "start", "end", "width", "thickness", "spacing", "min", "max", "bar_min", "bar_max",
+    "clearance", "centre", "half", "translation", "resolution",
+}  # fmt: skip
+"""Fields that are lengths; others are names, directions, rotations and remarks."""
+
+
+def in_millimetres(data, name="map"):
+    """A map with all lengths times a thousand; those of its parts say their own unit."""
+    if isinstance(data, dict):
+        scaled = {key: in_millimetres(inner, key) for key, inner in data.items()}
+        return scaled | {"unit": "mm"} if name == "map" else scaled
+    if isinstance(data, list):
+        return [in_millimetres(inner, name) for inner in data]
+    return 1000 * data if name in LENGTHS and isinstance(data, int | float) else deepcopy(data)
+
+
+TURNED = {"id": "T", "centre": [5, 0, 0], "half": [1, 1, 2]}
+PART = {"id": "L", "map": LADDER, "translation": [0, 4, 0]}
+WHOLE = {
+    "points": [POINT | {"position": [0.2, -0.4, 1]}], "segments": [SEGMENT | {"width": 0.1}],
+    "spacing": 0.25, "boxes": [BOX, TURNED], "handrails": [RAIL], "clearance": 0.02, "parts": [PART]
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("data", [JEM, LADDER, WHOLE], ids=["jem", "ladder", "whole"])
+def test_a_map_in_millimetres_is_that_in_metres(data):
+    expected = GraspMap.from_dict(data).to_dict()
+    found = GraspMap.from_dict(in_millimetres(data)).to_dict()
+    for name in ("positions", "rotations", "cabin"):
+        np.testing.assert_allclose(found.pop(name), expected.pop(name), atol=1e-12)
+    for name in ("boxes", "segments", "handrails"):
+        for one, other in zip(found.pop(name), expected.pop(name), strict=True):
+            assert one.keys() == other.keys()
+            for key, value in other.items():
+                if isinstance(value, str):
+                    assert one[key] == value
+                else:
+                    np.testing.assert_allclose(one[key], value, atol=1e-12)
+    assert found == expected
+
+
+def wall(*positions, **fields):
+    """A map of points."""
+    points = [POINT | {"id": f"P{k}", "position": list(p)} for k, p in enumerate(positions)]
+    return {"points": points} | fields
+
+
+RAILS = [
+    SEGMENT | {"id": "A", "start": [0, 876, 0], "end": [600, 876, 0]},
+    SEGMENT | {"id": "B", "start": [0, 900, 0], "end": [600, 900, 0]},
+]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"segments": RAILS},
+        {"segments": RAILS, "spacing": 200},
+        wall([0, 876, 0], [200, 876, 0], [0, 900, 0], [200, 900, 0]),
+        wall([0, -876, 0]),
+    ],
+    ids=["rails", "rails with a spacing", "points", "one point"],
+)
+def test_what_looks_like_millimetres_is_refused_until_it_says_its_unit(data):
+    with pytest.raises(MapError, match=r"looks like millimetres: give unit 'mm', or 'm' if"):
+        GraspMap.from_dict(data)
+    metres = GraspMap.from_dict(data | {"unit": "m"})
+    assert GraspMap.from_dict(metres.to_dict()) == metres  # a saved map is in metres
+    small = GraspMap.from_dict(data | {"unit": "mm"})
+    assert np.abs(small.positions).max() < 1.0
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        wall([900, 0, 0], [900.5, 0, 0], [901, 0, 0]),
+        wall(*([13.0 * k, 0, 0] for k in range(7))),
+        {"segments": [SEGMENT | {"start": [0, 1, 0], "end": [0, 1, 83]}]},
+        {"parts": [{"id": "T", "map": "truss", "translation": [500, 0, 0]}]},
+    ],
+    ids=["far away", "grapple fixtures", "a rail along the truss", "a part"],
+)
+def test_what_is_in_metres_is_not_taken_for_millimetres(data):
+    assert len(GraspMap.from_dict(data))
+
+
+def test_a_table_may_be_in_millimetres(tmp_path):
+    path = tmp_path / "rack.csv"
+    header = "id,x,y,z,nx,ny,nz,rx,ry,rz"
+    path.write_text(f"{header}\nA,0,1876,0,0,0,1,1,0,0\nB,0,1900,0,0,0,1,1,0,0\n")
+    found = GraspMap.from_csv(path, unit="mm", cabin={"min": [0, 0, 0], "max": [2000, 2000, 2000]})
+    np.testing.assert_allclose(found.positions, [[0, 1.876, 0], [0, 1.9, 0]])
+    np.testing.assert_allclose(found.cabin, [[0, 0, 0], [2, 2, 2]])
+
+
+@pytest.mark.parametrize("unit", ["cm", None, ["mm"], 0.001])
+def test_another_unit_is_refused(unit, tmp_path):
+    path = tmp_path / "rack.csv"
+    path.write_text("id,x,y,z,nx,ny,nz,rx,ry,rz\nA,0,1,0,0,0,1,1,0,0\n")
+    for make in (
+        lambda: GraspMap.from_dict(wall([0, 1, 0], unit=unit)),
+        lambda: GraspMap.from_csv(path, unit=unit),
+    ):
+        with pytest.raises(MapError, match=r"unit is .*; valid choices are 'm', 'mm'"):
+            make()
+
+
+def test_arrays_are_taken_too():
+    data = wall([0, 876, 0], [0, 900, 0], unit="mm")
+    for point in data["points"]:
+        point["position"] = np.array(point["position"])
+    np.testing.assert_allclose(GraspMap.from_dict(data).positions[:, 1], [0.876, 0.9])
+
+
+def test_what_is_no_length_is_named_as_it_was_given():
+    with pytest.raises(MapError, match=r"^points\[0\]\.position is \[0\.0, 'x', 1\.0\]"):
+        GraspMap.from_dict(wall([0, "x", 1000], unit="mm"))
+    with pytest.raises(MapError, match=r"^points is 3; it must be a list"):
+        GraspMap.from_dict({"points": 3, "unit": "mm"})
