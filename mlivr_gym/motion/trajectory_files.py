@@ -129,7 +129,7 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     """Return a trajectory as plain data with the fields of `trajectory_msgs/msg/JointTrajectory`.
 
     The message has positions, velocities and accelerations of all joints; it has no field for
-    grasps.
+    grasps. Its fields are those of https://github.com/ros2/common_interfaces.
 
     Parameters
     ----------

@@ -1,12 +1,18 @@
 """Messages have the layout of ROS 2, and what does not fit is refused in one line."""
 
+import copy
 import struct
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 import pytest
+from fuzz import bounded, few, given_values, mutated, values
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mlivr_gym.closed_loop.ros_messages import point_cloud_message, points_of_message
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import joint_trajectory_message
 from mlivr_gym.simulation.timing import step_trajectory
@@ -47,29 +53,173 @@ def test_a_cloud_that_is_written_is_read_again():
     assert points_of_message(point_cloud_message(POINTS[:0], 0.0)).shape == (0, 3)
 
 
+def with_field(number, **changed):
+    """The organised cloud with another description of one of its fields."""
+    fields = [dict(field) for field in organised()["fields"]]
+    fields[number] |= changed
+    return {"fields": fields}
+
+
+def header(sec=3, nanosec=0, frame="module"):
+    return {"header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}}
+
+
+X = {"name": "x", "offset": 0, "datatype": 7, "count": 1}
+
+
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
-        ({"header": {"stamp": {"sec": 3, "nanosec": 0}, "frame_id": "map"}}, "frame 'map'"),
-        ({"header": {"stamp": {"sec": 1, "nanosec": 0}, "frame_id": "module"}}, "3 s old"),
-        ({"is_dense": True}, "point 2 .*not finite"),
-        ({"data": [0] * 87}, "87 bytes"),
-        ({"point_step": 30}, "30 bytes"),
-        ({"fields": [{"name": "x", "offset": 0, "datatype": 7, "count": 1}]}, "no field 'y'"),
-        ({"fields": [{"name": "x", "offset": 0, "datatype": 9, "count": 1}]}, "datatype 9"),
+        (header(frame="map"), "header.frame_id is 'map'; it must be 'module'"),
+        (header(sec=1), "stamp is 3 s before .* at most 1 s"),
+        (header(sec=5), "stamp is 1 s after .* at most 0.05 s"),
+        (header(nanosec=10**9), "nanosec is 1000000000; .*999999999"),
+        (header(sec=float("nan")), "sec is nan"),
+        ({"header": None}, "header is None; .* stamp, frame_id"),
+        ({"header": {"stamp": {"sec": 3, "nanosec": 0}}}, "header.frame_id is missing"),
+        ({"header": {"stamp": None, "frame_id": "module"}}, "header.stamp is None"),
+        ({"header": {"stamp": {"sec": 3}, "frame_id": "module"}}, "stamp.nanosec is missing"),
+        ({"header": ["module"]}, "header is .*stamp, frame_id"),
+        ({"is_dense": True}, "is_dense is true, but point 2 is .*nan"),
+        ({"is_dense": 1}, "is_dense is 1; it must be true or false"),
+        ({"is_bigendian": None}, "is_bigendian is None"),
+        ({"data": [0] * 87}, r"data has 87 bytes; .* 2 \* 44 = 88"),
+        ({"data": b""}, "data has 0 bytes"),
+        ({"data": None}, "data is None; it must be bytes"),
+        ({"data": "text"}, "data is 'text'"),
+        ({"data": 88}, "data is 88"),
+        ({"data": [0] * 87 + [256]}, "data is .*from 0 to 255"),
+        ({"data": [0] * 87 + [0.5]}, "data is .*from 0 to 255"),
+        ({"data": [[0] * 44, [0] * 43]}, "data is .*from 0 to 255"),
+        ({"row_step": 39, "data": [0] * 78}, r"row_step is 39; .* 2 \* 20 = 40"),
+        ({"row_step": -44}, "row_step is -44"),
+        ({"point_step": 30}, "row_step is 44; .*60"),
+        ({"point_step": 19}, r"fields\[3\].offset is 12; 8 bytes .* point_step, 19"),
+        ({"width": -1}, "width is -1; it must be a whole number from 0"),
+        ({"height": 2.0}, "height is 2.0"),
+        ({"fields": None}, "fields is None; it must be a list"),
+        ({"fields": [X]}, "fields has 0 fields 'y'"),
+        ({"fields": [X, X]}, "fields has 2 fields 'x'"),
+        ({"fields": [["x", 0, 7, 1]]}, r"fields\[0\] is .*; it must be an object"),
+        ({"fields": [{"name": "x", "count": 1, "datatype": 7}]}, r"fields\[0\].offset is missing"),
+        ({"fields": [{"name": "x", "count": 1, "offset": 0}]}, r"\[0\].datatype is missing"),
+        (with_field(0, offset=-4), r"fields\[0\].offset is -4"),
+        (with_field(0, datatype=9), r"fields\[0\].datatype is 9; .*1 to 8"),
+        (with_field(1, datatype="FLOAT32"), r"fields\[1\].datatype is 'FLOAT32'"),
+        (with_field(3, count=2), r"fields\[3\].count is 2; it must be 1"),
     ],
 )
 def test_a_cloud_that_does_not_fit_is_refused(changed, named):
-    with pytest.raises(SettingError, match=named) as caught:
+    with pytest.raises(SettingError, match=rf"message\..*{named}") as caught:
         points_of_message(organised() | changed, now=4.0, latest=1.0)
-    assert "\n" not in str(caught.value)
+    assert str(caught.value).isprintable()
 
 
-def test_a_message_without_a_field_is_refused():
+@pytest.mark.parametrize("name", list(organised()))
+def test_a_message_without_a_field_is_refused(name):
     message = organised()
-    del message["row_step"]
-    with pytest.raises(SettingError, match="row_step"):
+    del message[name]
+    with pytest.raises(SettingError, match=f"message.{name} is missing"):
         points_of_message(message)
+
+
+def test_the_age_of_a_cloud_counts_only_where_the_time_is_given():
+    cloud = point_cloud_message(POINTS, time=1e9)
+    assert len(points_of_message(cloud)) == len(POINTS)
+    assert len(points_of_message(cloud, now=2e9)) == len(POINTS)
+    assert len(points_of_message(cloud, now=1e9 - 0.04, latest=0.0)) == len(POINTS)
+    with pytest.raises(SettingError, match="after the present time"):
+        points_of_message(cloud, now=0.0)
+    with pytest.raises(SettingError, match="before the present time"):
+        points_of_message(cloud, now=1e9 + 0.3, latest=0.2)
+    with pytest.raises(SettingError, match="now is not given"):
+        points_of_message(cloud, latest=0.2)
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"points": [[1.0, 2.0]]}, "points has shape"),
+        ({"points": np.array([[1.0, np.nan, 2.0]])}, "points has 1 of 1"),
+        ({"points": None}, "points is None"),
+        ({"time": np.nan}, "time is nan"),
+        ({"time": 1e12}, "time is 1000000000000.0; it must be from"),
+        ({"frame": None}, "frame is None"),
+    ],
+)
+def test_what_is_no_cloud_is_not_written(changed, named):
+    with pytest.raises(SettingError, match=named):
+        point_cloud_message(**{"points": POINTS, "time": 0.0} | changed)
+
+
+@pytest.mark.parametrize("other", [{"now": np.nan}, {"latest": -1.0, "now": 4.0}, {"frame": 7}])
+def test_other_arguments_are_refused_by_name(other):
+    with pytest.raises(SettingError, match=next(iter(other))):
+        points_of_message(organised(), **other)
+
+
+def read(message, **options):
+    """Read a message, whose error may be one line that names a field or an argument."""
+    try:
+        with bounded():
+            points = points_of_message(message, **options)
+    except MlivrError as error:
+        told = str(error)
+        assert any(name in told for name in ("message", *options))
+        assert told.isprintable()
+        assert len(told) < 1500
+        return None
+    assert points.shape == (len(points), 3)
+    assert np.isfinite(points).all()
+    return points
+
+
+@given(mutated(organised()), st.none() | st.floats(0.0, 10.0), st.none() | values)
+@few(0.5)
+def test_a_mutated_message_gives_finite_points_or_one_error(message, now, latest):
+    read(message, now=now, latest=latest)
+
+
+def places(data, before=()):
+    """The path to every value in nested data."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+        yield (*before, key)
+        if isinstance(value, (dict, list)):
+            yield from places(value, (*before, key))
+
+
+WHOLE = organised() | {"data": bytes(organised()["data"])}
+
+
+@pytest.mark.parametrize("place", list(places(WHOLE)))
+def test_values_of_every_type_in_every_place_give_finite_points_or_one_error(place):
+    *outer, last = place
+    for value in given_values():
+        message = copy.deepcopy(WHOLE)
+        reduce(getitem, outer, message)[last] = value
+        read(message)
+
+
+@given(st.binary(min_size=88, max_size=88), st.booleans())
+@few(0.1)
+def test_any_bytes_are_finite_points_where_a_cloud_is_not_dense(data, bigendian):
+    assert read(organised(bigendian=bigendian) | {"data": data}) is not None
+
+
+@pytest.mark.parametrize(("datatype", "letter"), list(enumerate("bBhHiIfd", start=1)))
+@pytest.mark.parametrize("order", "<>")
+def test_every_datatype_of_the_definition_is_read(datatype, letter, order):
+    """The enumeration of `sensor_msgs/msg/PointField` in the letters of `struct`."""
+    fields = [
+        {"name": name, "offset": 8 * k, "datatype": datatype, "count": 1}
+        for k, name in enumerate("xyz")
+    ]
+    point = [1.0, 200.0 if letter in "BHI" else -100.0, 0.0]
+    numbers = point if letter in "fd" else [int(number) for number in point]
+    data = b"".join(struct.pack(order + letter, one).ljust(8, b"\xff") for one in numbers)
+    changed = {"fields": fields, "point_step": 24, "row_step": 24, "data": data}
+    size = {"width": 1, "height": 1, "is_bigendian": order == ">"}
+    assert points_of_message(organised() | changed | size).tolist() == [point]
 
 
 def test_a_trajectory_has_the_fields_of_its_message(checked_graph, plan):
