@@ -222,6 +222,17 @@ def walk_arguments() -> argparse.ArgumentParser:
     return parser
 
 
+def controller_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option of the controller to a command that simulates."""
+    text = (
+        "full: feedforward, and a sensor guides the approach; feedforward: the paper's PD control "
+        "with feedforward; paper: the paper's PD control; delayed: full, for a delay of 10 ms; "
+        "station: full, for a station's arms"
+    )
+    controllers = Choice(("full", "feedforward", "paper", "delayed", "station"))
+    option(parser, "--controller CONTROLLER", text, "full", controllers)
+
+
 GROUPS = {
     "world": world_arguments,
     "obstacles": obstacle_arguments,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,28 +18,20 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_map,
     command,
+    controller_option,
     option,
     refuse_ignored,
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
+from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import RenderError, SettingError
+from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
-from mlivr_gym.pictures.film import (
-    DEFAULT_SIZE,
-    MAX_FILM_DURATION,
-    RATE,
-    SPEED,
-    check_film_format,
-    default_speed,
-    film,
-    film_samples,
-)
-from mlivr_gym.pictures.rendering import SIZE
+from mlivr_gym.pictures.film import check_film_format, film
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import Choice, Integer, Tuples
@@ -65,9 +58,6 @@ FILES = (
 LOAD_FILES = ("station.png", "station.svg")
 """Files that it writes if the mass of a station is given."""
 
-MAX_FRAMES = 5000
-"""Maximum number of frames of a film; they are held in memory until it is written."""
-
 
 def add_command(add: Add) -> None:
     """Add the command to the command line."""
@@ -90,13 +80,7 @@ def add_command(add: Add) -> None:
     text = "duration of every step [s], refused if it breaks a limit (default: the shortest)"
     option(parser, "--duration S", text, type=float)
     option(parser, "--timestep S", "time step of the simulation [s]", 0.002)
-    text = (
-        "full: feedforward, and a sensor guides the approach; feedforward: the paper's PD control "
-        "with feedforward; paper: the paper's PD control; delayed: full, for a delay of 10 ms; "
-        "station: full, for a station's arms"
-    )
-    controllers = Choice(("full", "feedforward", "paper", "delayed", "station"))
-    option(parser, "--controller CONTROLLER", text, "full", controllers)
+    controller_option(parser)
     text = "grasps of a robot of the UR5e's size, or of the size of a station's arms"
     option(parser, "--physics PHYSICS", text, "default", Choice(("default", "station")))
     text = (
@@ -113,14 +97,7 @@ def add_command(add: Add) -> None:
     option(parser, "--film NAME", "file name of the film, .gif or .mp4", "walk.gif")
     option(parser, "--no-film", "make no film")
     option(parser, "--capsules", CAPSULES)
-    option(parser, "--size W H", "width and height of the film [px]", DEFAULT_SIZE, SIZE)
-    option(
-        parser,
-        "--speed X",
-        f"speed of the film relative to simulated time, at {RATE} frames a second "
-        f"(default: such that the film takes at most {MAX_FILM_DURATION:g} s)",
-        valid=SPEED,
-    )
+    film_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -276,31 +253,10 @@ def _film(
     args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, execution: Execution, path: Path
 ) -> None:
     """Render the film, or print why it cannot be made."""
-    plan, recording = execution.plan, execution.recording
-    speed = default_speed(recording) if args.speed is None else args.speed
-    frames = len(film_samples(recording, speed))
-    if frames > MAX_FRAMES:
-        print(
-            f"no film: at speed {speed:g} it would have {frames} frames, more than {MAX_FRAMES}; "
-            "choose a higher --speed"
-        )
-        return
-    try:
-        with Progress("frames rendered", frames, args.quiet) as progress:
-            film(
-                graph.grasp_map,
-                plan.world.robot,
-                recording,
-                path,
-                plan=plan,
-                size=args.size,
-                speed=speed,
-                obstacles=plan.world.obstacles,
-                capsules=args.capsules,
-                progress=progress.show,
-            )
-    except RenderError as error:
-        print(f"no film: {error}")
-    else:
+    plan = execution.plan
+    make = partial(
+        film, graph.grasp_map, plan.world.robot, execution.recording, path,
+        plan=plan, obstacles=plan.world.obstacles, capsules=args.capsules,
+    )  # fmt: skip
+    if make_film(args, path, execution.recording, make):
         args.result["files"] += (args.film,)
-        print(f"film: {path}")

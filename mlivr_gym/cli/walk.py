@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from mlivr_gym.cli.arguments import (
     BOXES,
@@ -14,19 +15,23 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_task,
     command,
+    controller_option,
     option,
     refuse_without_effect,
 )
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
+from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.figures import figure_files
+from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.schema import Choice
 from mlivr_gym.world.boxes import Box
 
 if TYPE_CHECKING:
-    from mlivr_gym.closed_loop.record import Event
+    from mlivr_gym.closed_loop.record import ClosedLoopRecord, Event
+    from mlivr_gym.stances.stance_graph import StanceGraph
 
 
 def add_command(add: Add) -> None:
@@ -49,11 +54,14 @@ def add_command(add: Add) -> None:
     option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
+    controller_option(parser)
     text = "make robot and module differ from the model of the controller"
     option(parser, "--disturbances WHICH", text, "none", Choice(("none", "all")))
     option(parser, "--seed N", "seed of disturbances and noise", 1, SEED)
     option(parser, "--out FILE", "write the record of the walk to a JSON file")
     option(parser, "--picture FILE", "draw the walk to a PNG file and an SVG file of that name")
+    option(parser, "--film FILE", "film the walk to a .gif or an .mp4")
+    film_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,8 +74,12 @@ def run(args: argparse.Namespace) -> int:
 
     if args.blind:
         refuse_without_effect(args, "with --blind", "noise")
+    if args.film is None:
+        refuse_without_effect(args, "without --film", "size", "speed")
+    else:
+        check_film_format(args.film)
     pictures = figure_files(args.picture) if args.picture is not None else ()
-    check_outputs(args.out, *pictures, inputs=input_files(args))
+    check_outputs(args.out, args.film, *pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
         start, goal = chosen_task(graph, args)
@@ -75,16 +87,18 @@ def run(args: argparse.Namespace) -> int:
         Box.between(f"unknown{k}", "obstacle", box[:3], box[3:])
         for k, box in enumerate(args.unknown)
     ]
+    crew = [CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew]
     record = run_closed_loop(
         graph, start, goal, args.cost,
         goal_tolerance=args.tolerance,
         unknown=unknown,
         refusing=args.refusing,
-        crew=[CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew],
+        crew=crew,
         camera=None if args.blind else DepthCamera(noise=args.noise),
-        setup=Setup.of(args.pace, disturbances=args.disturbances),
+        setup=Setup.of(args.pace, args.controller, disturbances=args.disturbances),
         seed=args.seed,
         show=_show,
+        filmed=args.film is not None,
     )  # fmt: skip
     args.result |= record.to_dict()
     times = 1e3 * record.replanning_times
@@ -98,20 +112,41 @@ def run(args: argparse.Namespace) -> int:
         write_whole(args.out, json.dumps(record.to_dict(), indent=1))
         print(f"record: {args.out}")
     if pictures and record.plans:
-        from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure  # imports matplotlib
-
-        plans = [
-            WalkedPlan(
-                replace(plan, world=replace(plan.world, obstacles=(*graph.obstacles, *unknown))),
-                taken,
-            )
-            for plan, taken in record.plans
-        ]
-        walk_figure(graph.grasp_map, plans, args.picture)
+        _draw(args, graph, record, unknown)
         print(f"picture: {pictures[0]}, {pictures[1]}")
+    if args.film is not None:
+        _film(args, graph, record, unknown=unknown, crew=crew)
     if record.crew_distance is not None and record.crew_distance <= 0.0:
         return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
+
+
+def _draw(
+    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, unknown: list[Box]
+) -> None:
+    """Draw a walk among boxes that it did not know at the start."""
+    from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure  # imports matplotlib
+
+    boxes = (*graph.obstacles, *unknown)
+    plans = [
+        WalkedPlan(replace(plan, world=replace(plan.world, obstacles=boxes)), taken)
+        for plan, taken in record.plans
+    ]
+    walk_figure(graph.grasp_map, plans, args.picture)
+
+
+def _film(
+    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, **there: Any
+) -> None:
+    """Film a walk among unknown boxes and crew members, or print why it cannot be filmed."""
+    from mlivr_gym.pictures.closed_loop_film import closed_loop_film  # imports MuJoCo
+
+    footage = record.footage
+    if footage is None or not footage.recordings:
+        print("no film: the robot did not move")
+        return
+    make = partial(closed_loop_film, graph, record, args.film, **there)
+    make_film(args, args.film, footage.recording, make)
 
 
 def _distance_told(distance: float) -> str:
@@ -119,19 +154,6 @@ def _distance_told(distance: float) -> str:
     return f"at least {distance:.2f} m from the crew" if distance > 0.0 else "it touched the crew"
 
 
-LINES = {
-    "sensed": "sees {hits} surface points, {boxes} boxes beside the map",
-    "planned": "plans {steps} steps",
-    "waits": "waits {duration:.0f} s for a crew member to pass",
-    "holds": "holds all points, since no step leads away from a crew member",
-    "step": "limb {limb} takes {point} in {duration:.1f} s",
-    "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
-    "blocked": "limb {limb} has no way to {point} ({failure})",
-    "end": "{outcome}",
-}
-"""The line that tells each kind of event, with its values."""
-
-
 def _show(event: Event) -> None:
     """Print an event in one line."""
-    print(f"{event.time:7.1f} s  {LINES[event.kind].format(**event.values)}")
+    print(f"{event.time:7.1f} s  {event.line}")

@@ -29,13 +29,13 @@ from mlivr_gym.closed_loop.course import Course
 from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.evasion import PROOF, TRIED_IN_TURN, Rest
-from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
+from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
-from mlivr_gym.schema import Integer, ListOf, OrNone, Tuples
+from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -66,6 +66,7 @@ HOLDING_TIME = 2.0
         "max_steps": Integer(1, 100_000),
         "time_limit": OrNone(Tuples((), 0.0)),
         "show": OrNone(Function()),
+        "filmed": Flag(),
     }
 )
 def run_closed_loop(
@@ -84,6 +85,7 @@ def run_closed_loop(
     max_steps: int = 200,
     time_limit: float | None = None,
     show: Callable[[Event], None] | None = None,
+    filmed: bool = False,
 ) -> ClosedLoopRecord:
     """Sense, plan and step until the goal, in a module of which the robot does not know all.
 
@@ -120,6 +122,8 @@ def run_closed_loop(
         none is found, any plan is searched for, `PATIENCE` times as long, before the robot stops.
     show
         Called with each event.
+    filmed
+        Keep what a film shows, see `Footage` and `closed_loop_film`.
 
     Returns
     -------
@@ -155,6 +159,7 @@ def run_closed_loop(
         return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
 
     loop = _Loop(executor, plan_from, (camera, tuple(crew)), seed, show)
+    loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
     finally:
@@ -230,6 +235,8 @@ class _Loop:
             return None
         remaining = len(plan.steps) - self._course.taken
         robot.note("planned", steps=remaining, computing_time=computing_time)
+        if self.record.footage is not None:
+            self.record.footage.plans.append((self._executor.simulation.time, plan))
         return plan
 
     def _step(self, plan: Plan) -> None:

@@ -9,11 +9,25 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners import Plan
+from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 """Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""
+
+
+LINES = {
+    "sensed": "sees something new, {boxes} boxes beside the map",
+    "planned": "plans {steps} steps",
+    "waits": "waits {duration:.0f} s for a crew member to pass",
+    "holds": "holds all points, since no step leads away from a crew member",
+    "step": "limb {limb} takes {point} in {duration:.1f} s",
+    "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
+    "blocked": "limb {limb} has no way to {point} ({failure})",
+    "end": "{outcome}",
+}
+"""The line that tells each kind of event, with its values."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,35 @@ class Event:
     kind: str
     time: float
     values: dict[str, Any]
+
+    @property
+    def line(self) -> str:
+        """The event in a few words."""
+        return LINES[self.kind].format(**self.values)
+
+
+@dataclass
+class Footage:
+    """What a film of a closed loop shows beside the events.
+
+    Attributes
+    ----------
+    recordings
+        The motions of the robot, in order.
+    looks
+        The time of each look of the cameras [s], and all boxes that are believed after it.
+    plans
+        The time from which each plan is followed [s], and the plan.
+    """
+
+    recordings: list[Recording] = field(default_factory=list)
+    looks: list[tuple[float, tuple[Box, ...]]] = field(default_factory=list)
+    plans: list[tuple[float, Plan]] = field(default_factory=list)
+
+    @property
+    def recording(self) -> Recording:
+        """The motions one after the other."""
+        return Recording.join(self.recordings)
 
 
 @dataclass
@@ -75,6 +118,8 @@ class ClosedLoopRecord:
     is_crew_unavoidable
         Whether the search for a way out of the lanes of crew members was exhausted at the start:
         no sequence of steps, with waits of whole seconds, keeps the distance; see `evasion`.
+    footage
+        What a film shows; None if none was asked for.
     """
 
     outcome: str = FAILED
@@ -90,6 +135,7 @@ class ClosedLoopRecord:
     duration: float = 0.0
     crew_distance: float | None = None
     is_crew_unavoidable: bool = False
+    footage: Footage | None = None
 
     @property
     def steps(self) -> int:

@@ -115,7 +115,10 @@ class SensingRobot:
         simulation, belief = self.executor.simulation, self.belief
         model, data = simulation.model, simulation.data
         hits = camera.measure(model, data, self.graph.robot, self._rng, pixels)
-        if belief.add_hits(hits, self.executor.configuration):
+        has_found = belief.add_hits(hits, self.executor.configuration)
+        if self.record.footage is not None:
+            self.record.footage.looks.append((simulation.time, belief.boxes()))
+        if has_found:
             self.note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
     def _watch(self, plan_ahead: Callable[[], None] | None) -> PathWatch:
@@ -198,6 +201,8 @@ class SensingRobot:
         """Record the largest force, and the smallest distance from crew members."""
         record = self.record
         self.intervals.append(executed)
+        if record.footage is not None:
+            record.footage.recordings.append(executed.recording)
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
         if self._crew:
             before = np.inf if record.crew_distance is None else record.crew_distance

@@ -42,6 +42,9 @@ COLOURS = 96
 RATE = 25
 """Frames per second."""
 
+MAX_FRAMES = 5000
+"""Maximum number of frames of a film; they are held in memory until it is written."""
+
 MAX_FILM_DURATION = 8.0
 """Maximum duration of a film at the default speed [s]."""
 
@@ -138,8 +141,17 @@ def default_speed(recording: Recording) -> float:
 
 
 def film_samples(recording: Recording, speed: float) -> IntArray:
-    """Return the indices of the samples that a film shows, one for each frame."""
+    """Return the indices of the samples that a film shows, one for each frame.
+
+    Raises a `RenderError` if there would be more than `MAX_FRAMES`.
+    """
     begin, end = float(recording.times[0]), float(recording.times[-1])
+    frames = math.ceil(RATE * (end - begin) / speed) + 1
+    if frames > MAX_FRAMES:
+        raise RenderError(
+            f"at speed {speed:g} the film would have {frames} frames, more than {MAX_FRAMES}; "
+            "choose a higher speed"
+        )
     times = np.append(np.arange(begin, end, speed / RATE), end)
     samples: IntArray = np.searchsorted(recording.times, times - 1e-9)
     return samples

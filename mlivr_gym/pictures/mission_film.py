@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from mlivr_gym.pictures.film import (
     save_film,
 )
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
+from mlivr_gym.pictures.scene_shapes import add_box
 from mlivr_gym.robot.cargo import LockedLimb
 from mlivr_gym.schema import ListOf
 from mlivr_gym.values import as_triple
@@ -89,7 +91,7 @@ def mission_film(
     begins = dict(zip([part.name for part in parts], [0.0, *ends[:-1]], strict=True))
     for (part, k, here), camera in zip(shown, cameras, strict=True):
         bag = held_bag(mission, here) if part.name in IN_GRIPPER else standing
-        picture = renderer.render(*here, camera=camera, boxes=(bag,))
+        picture = renderer.render(*here, camera=camera, draw=partial(add_box, box=bag))
         time = begins[part.name] + part.recording.times[k]
         text = f"{time:.0f} s of {ends[-1]:.0f} s (x{speed:g}): {part.name}, limb {mission.limb}"
         pictures.append(with_caption(picture, text, height))

@@ -9,13 +9,13 @@ from __future__ import annotations
 import atexit
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import InstanceOf, Reader, checked
+from mlivr_gym.arguments import Function, InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.errors import RenderError, SceneError, SettingError
@@ -115,7 +115,7 @@ class SceneRenderer:
             "camera": OrNone(CAMERA),
             "route": OrNone(InstanceOf(Route)),
             "ghosts": ListOf(Anything()),
-            "boxes": ListOf(InstanceOf(Box)),
+            "draw": OrNone(Function()),
         }
     )
     def render(
@@ -128,7 +128,7 @@ class SceneRenderer:
         camera: Camera | None = None,
         route: Route | None = None,
         ghosts: Sequence[Configuration] = (),
-        boxes: Sequence[Box] = (),
+        draw: Callable[[Any], None] | None = None,
     ) -> NDArray[np.uint8]:
         """Render one configuration.
 
@@ -148,8 +148,8 @@ class SceneRenderer:
             Route of a plan that is drawn in the scene.
         ghosts
             Configurations of translucent copies of the robot.
-        boxes
-            Boxes that are drawn in this picture alone.
+        draw
+            Called with the `mujoco.MjvScene`, to which it may add shapes, see `scene_shapes`.
 
         Returns
         -------
@@ -177,8 +177,8 @@ class SceneRenderer:
         self._renderer.update_scene(self.data, eye, options)
         for ghost in ghosts:
             self._add_ghost(ghost, options)
-        for box in boxes:
-            self._add_box(box)
+        if draw is not None:
+            draw(self._renderer.scene)
         if route is not None:
             route.add_to(self._renderer.scene)
         image: NDArray[np.uint8] = self._renderer.render().copy()
@@ -188,18 +188,6 @@ class SceneRenderer:
         label_positions = np.array([place for place, _, _ in labels]).reshape(-1, 3)
         pixels = camera.pixels(label_positions, image.shape[1], image.shape[0])
         return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
-
-    def _add_box(self, box: Box) -> None:
-        """Add a box to the scene that is rendered next, in the colour of obstacles."""
-        import mujoco
-
-        from mlivr_gym.simulation.scene import COLOURS
-
-        scene, kind = self._renderer.scene, mujoco.mjtGeom.mjGEOM_BOX
-        geom, colour = scene.geoms[scene.ngeom], np.array(COLOURS[box.kind], dtype=np.float32)
-        rotation = np.array(box.rotation).ravel()
-        mujoco.mjv_initGeom(geom, kind, np.array(box.half), np.array(box.centre), rotation, colour)
-        scene.ngeom += 1
 
     def overview(self) -> Camera:
         """Return a camera that sees the whole map, and a robot anywhere on it."""

@@ -12,6 +12,7 @@ from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path, base
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
+from mlivr_gym.pictures.scene_shapes import add_ball, add_capsule, rgba
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -92,15 +93,15 @@ class Route(NamedTuple):
         The base path is a green tube with a ball at each stance, the goal region a translucent
         ball, and footholds are balls in the colour of their limb.
         """
-        green, gold = _rgba(BASE_COLOUR), _rgba(GOAL_COLOUR, GOAL_OPACITY)
+        green, gold = rgba(BASE_COLOUR), rgba(GOAL_COLOUR, GOAL_OPACITY)
         for a, b in zip(self.line, self.line[1:], strict=False):
-            _add_tube(scene, a, b, green)
+            add_capsule(scene, np.stack([a, b]), PATH_RADIUS, green)
         for position in self.stances:
-            _add_ball(scene, position, STANCE_RADIUS, green)
+            add_ball(scene, position, STANCE_RADIUS, green)
         for foothold in self.footholds:
-            colour = _rgba(LIMB_COLOURS[foothold.limb])
-            _add_ball(scene, foothold.position, FOOTHOLD_RADIUS, colour)
-        _add_ball(scene, self.goal, self.goal_tolerance, gold)
+            colour = rgba(LIMB_COLOURS[foothold.limb])
+            add_ball(scene, foothold.position, FOOTHOLD_RADIUS, colour)
+        add_ball(scene, self.goal, self.goal_tolerance, gold)
 
     def labels(self) -> list[tuple[Array, str, str]]:
         """Return position [m], text and colour of the labels: numbers of stances and footholds.
@@ -114,34 +115,3 @@ class Route(NamedTuple):
             for foothold in self.footholds
         ]
         return [*bases[:1], *bases[1:][-1:], *bases[1:-1], *held]
-
-
-def _rgba(colour: str, opacity: float = 1.0) -> Array:
-    """Convert a colour to red, green, blue and opacity, from 0 to 1."""
-    from matplotlib.colors import to_rgba
-
-    return np.array(to_rgba(colour, opacity), dtype=np.float32)
-
-
-def _add_ball(scene: Any, position: Array, radius: float, colour: Array) -> None:
-    """Add a ball to a scene, if it has capacity."""
-    import mujoco
-
-    if scene.ngeom < scene.maxgeom:
-        geom = scene.geoms[scene.ngeom]
-        size, rotation = np.full(3, radius), np.eye(3).ravel()
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_SPHERE, size, position, rotation, colour)
-        geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
-        scene.ngeom += 1
-
-
-def _add_tube(scene: Any, start: Array, end: Array, colour: Array) -> None:
-    """Add a segment of the base path to a scene, if it has capacity."""
-    import mujoco
-
-    if scene.ngeom < scene.maxgeom and float(np.linalg.norm(end - start)) > 1e-9:
-        geom, capsule = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
-        mujoco.mjv_initGeom(geom, capsule, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(geom, capsule, PATH_RADIUS, start, end)
-        geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
-        scene.ngeom += 1

@@ -39,6 +39,8 @@ simulate --case 3 --rate 0                    : --rate is 0
 evaluate --split sane                         : did you mean 'same'
 simulate --case 3 --speed 0                   : --speed is 0
 simulate --case 3 --film walk.avi             : valid endings
+walk --film walk.avi                          : valid endings
+walk --speed 4                                : --speed has no effect without --film
 simulate --case 3 --no-film --speed 7         : --speed has no effect
 simulate --plan PLAN --robot mlivr3           : --robot has no effect with --plan
 simulate --plan PLAN --clearance 0.05         : --clearance has no effect

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from mlivr_gym.cli.main import main
-from mlivr_gym.cli.walk import LINES
-from mlivr_gym.closed_loop.record import ARRIVED, ClosedLoopRecord
+from mlivr_gym.closed_loop.record import ARRIVED, LINES, STOPPED, ClosedLoopRecord, Footage
 from mlivr_gym.closed_loop.sensing_robot import NOTICED
+from mlivr_gym.simulation.controller import PAPER
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
 BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]
@@ -33,6 +33,25 @@ def test_it_tells_and_writes_what_happened(tmp_path, capsys):
         assert float(line.split(" s  ")[0]) == round(event["time"], 1)
         if event["kind"] == "step":
             assert f"limb {event['limb']} takes {event['point']}" in line
+
+
+def test_a_film_and_a_controller_are_asked_for_before_the_walk(tmp_path, capsys, monkeypatch):
+    """No walk begins if the film cannot be written; another controller is that of the setup."""
+    asked = []
+
+    def walk(*_, **given):
+        asked.append(given)
+        return ClosedLoopRecord(STOPPED, "it may not", footage=Footage())
+
+    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", walk)
+    assert main([*START, *GOAL, "--film", str(tmp_path / "walk.avi")]) == 2
+    assert not asked
+    film = ["--film", str(tmp_path / "walk.gif")]
+    assert main([*START, *GOAL, *film, "--controller", "paper"]) == 3
+    assert asked[0]["filmed"]
+    assert asked[0]["setup"].controller == PAPER
+    assert "no film: the robot did not move" in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
 
 
 def test_each_kind_of_failure_that_is_noticed_has_its_line():
