@@ -8,7 +8,7 @@ obstacles and points must go, or how far the threshold of w_m must fall.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
@@ -194,6 +194,22 @@ def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
     is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
     distances = np.where(is_goal, goal.distance(graph.base_position), np.inf)
     return float(distances.min(initial=np.inf))
+
+
+def goal_occupancy(graph: StanceGraph, goal: Sequence[float], tolerance: float) -> str:
+    """Return in words how many stances at a goal obstacles and occupied points take away.
+
+    These are the stances with the base at most `tolerance` away from the goal [m]. The text is
+    empty if none is taken away; so it is with more than two limbs, where they are not known.
+    """
+    if not isinstance(graph, TwoLimbGraph):
+        return ""
+    at_goal = np.linalg.norm(graph.base_position - np.array(goal), axis=1) <= tolerance
+    is_held = (graph.branch_sets[at_goal] > 0).all(axis=1)
+    count, taken = len(is_held), int(np.sum(~is_held))
+    if taken == count:
+        return "the goal is occupied" if count else ""
+    return f"{taken} of {count} stances at the goal are occupied" if taken else ""
 
 
 def _plan_exists(

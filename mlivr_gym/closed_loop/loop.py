@@ -35,6 +35,7 @@ from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
+from mlivr_gym.planners.why_not import goal_occupancy
 from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
@@ -158,7 +159,11 @@ def run_closed_loop(
         limit = None if time_limit is None else patience * time_limit
         return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
 
-    loop = _Loop(executor, plan_from, (camera, tuple(crew)), seed, show)
+    def why_none(result: PlanningResult) -> str:
+        occupancy = goal_occupancy(graph, goal, goal_tolerance)
+        return "; ".join(filter(None, (occupancy, result.message)))
+
+    loop = _Loop(executor, (plan_from, why_none), (camera, tuple(crew)), seed, show)
     loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
@@ -176,12 +181,13 @@ class _Loop:
     def __init__(
         self,
         executor: StepExecutor,
-        plan_from: Callable[..., PlanningResult],
+        planning: tuple[Callable[..., PlanningResult], Callable[[PlanningResult], str]],
         around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
         (camera, self._crew), self.graph = around, executor.graph
+        plan_from, self._why_none = planning
         self._robot = SensingRobot(executor, camera, seed, self._crew, show)
         self._executor, self._belief = executor, self._robot.belief
         self.record, self._course = self._robot.record, Course(self._belief, plan_from)
@@ -193,7 +199,7 @@ class _Loop:
         first = self._course.replan(state)  # it chooses the branches of the start
         if first.plan is None:
             record.proved = first.reason in PROVED_IMPOSSIBLE
-            self._robot.end(STOPPED, first.message)
+            self._robot.end(STOPPED, self._why_none(first))
             return
         self._robot.start(state, first.plan if first.plan.steps else None, refusing)
         attempts = 0
@@ -231,7 +237,7 @@ class _Loop:
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE
             self.record.proved = is_proved and not self._belief.avoided
-            robot.end(STOPPED, result.message)
+            robot.end(STOPPED, self._why_none(result))
             return None
         remaining = len(plan.steps) - self._course.taken
         robot.note("planned", steps=remaining, computing_time=computing_time)

@@ -171,10 +171,12 @@ class SensingRobot:
         self._measure(executed)
         failure, name = executed.failure, self._name(point)
         self.refused = None if failure is None else NOTICED.get(failure.kind)
+        if executed.has_turned_back and self.refused == "refused":
+            self.refused = None  # the point that it left refuses it
         if failure is None:
             self.note("step", limb=limb, point=name, duration=executor.measures["step_time"])
         elif self.refused is None:
-            self.end(FAILED, f"{failure.kind}: {failure.message}")
+            self._fail(failure, is_back=executed.has_turned_back)
         else:
             self.note(self.refused, limb=limb, point=name, failure=failure.kind)
             self._attempts[point] = self._attempts.get(point, 0) + 1
@@ -190,7 +192,12 @@ class SensingRobot:
         back = self.executor.retreat()
         self._measure(back)
         if back.failure is not None:
-            self.end(FAILED, f"on the way back, {back.failure.kind}: {back.failure.message}")
+            self._fail(back.failure, is_back=True)
+
+    def _fail(self, failure: Failure, is_back: bool) -> None:
+        """Record the end of the walk by a failure, which may be on the way back."""
+        where = "on the way back, " if is_back else ""
+        self.end(FAILED, f"{where}{failure.kind}: {failure.message}")
 
     def hold(self, duration: float, step: PreparedStep) -> None:
         """Hold all points for some time [s], where a step begins."""

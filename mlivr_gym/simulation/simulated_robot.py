@@ -52,6 +52,8 @@ class SimulatedInterval(NamedTuple):
     """The capture of the point; None if it was not captured."""
     failure: Failure | None
     """The failure of the step, or None."""
+    has_turned_back: bool = False
+    """Whether the limb turned back, since its path was blocked; the failure may be on its way."""
 
 
 class SimulatedRobot:

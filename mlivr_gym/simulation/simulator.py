@@ -164,6 +164,7 @@ class Simulation(SimulatedRobot):
             Peaks.join([executed.peaks, returned.peaks]),
             None,
             returned.failure or blocked,
+            has_turned_back=True,
         )
 
     def stand_still(

@@ -16,6 +16,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.step_executor import StepExecutor
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
@@ -247,6 +248,41 @@ def test_a_planner_without_time_to_plan_proves_nothing(jem):
     record = run_closed_loop(graph, ("D3a:8", "D3a:1", "D3a:4"), (4.2, 0.0, 0.42), time_limit=0.0)
     assert (record.outcome, record.proved, record.steps) == (STOPPED, False, 0)
     assert "limit reached" in record.reason
+
+
+def test_a_point_that_refuses_on_the_way_back_from_a_blocked_path_ends_the_walk(
+    graph, plan, monkeypatch
+):
+    """It is no try of the point to which the limb was on its way, and there is no other way back.
+
+    A limb that went back as from that point would begin with a jump, and touch something.
+    """
+    limb = plan.actions[0][0]
+    origin, looks = plan.stances[0][limb], []
+
+    def is_blocked(belief, trajectory, sample):
+        looks.append(sample)
+        return len(looks) == 2
+
+    def refuses(simulation, point):
+        return point == graph.grasp_map.index(origin)
+
+    monkeypatch.setattr(Belief, "is_blocked", is_blocked)
+    monkeypatch.setattr(Simulation, "refuses", refuses)
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
+    assert (record.outcome, record.steps) == (FAILED, 0)
+    assert record.reason.startswith("on the way back, refused grasp: ")
+    assert repr(origin) in record.reason
+    assert not record.refused
+    assert kinds(record) == ["planned", "end"]
+
+
+def test_a_stop_says_that_the_goal_is_occupied(graph):
+    goal = np.array([3.4, 0.0, 0.42])
+    box = Box.between("bag", "obstacle", goal - 0.1, goal + 0.1)
+    record = run_closed_loop(graph, START, goal.tolist(), unknown=[box], camera=CAMERA)
+    assert record.outcome == STOPPED
+    assert record.reason.startswith("the goal is occupied; search exhausted")
 
 
 def test_it_stops_after_the_steps_that_it_may_take(graph, plan):

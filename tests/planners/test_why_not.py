@@ -17,6 +17,7 @@ from mlivr_gym.planners.why_not import (
     RULES,
     THRESHOLD_RESOLUTION,
     THRESHOLDS,
+    goal_occupancy,
     smallest_subset,
 )
 from mlivr_gym.robot.specification import robot_spec
@@ -183,3 +184,37 @@ def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_n
         other = stance_graph(few, settings=replace(settings, limb_threshold=value))
         found = Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05)
         assert bool(found) == (value == cause.limb_threshold)
+
+
+@pytest.mark.parametrize("half", [0.05, 0.3, 1.0])
+def test_the_stances_at_a_goal_that_are_occupied_are_those_that_cannot_be_held(jem, half):
+    """Each stance at the goal is tried; some points are occupied, too."""
+    graph, goal, tolerance = stance_graph(jem), np.array([3.4, 0.0, 0.42]), 0.2
+    assert not goal_occupancy(graph, goal, tolerance)
+    assert not goal_occupancy(graph, goal, 1e-6)  # where no stance is
+    away = np.linalg.norm(graph.base_position - goal, axis=1)
+    stances = graph.points[away <= tolerance]
+    graph.add_obstacles([Box.between("bag", "obstacle", goal - half, goal + half)])
+    graph.occupy([int(stances[0, 0])])
+
+    def is_held(stance):
+        try:
+            graph.state(stance.tolist())
+        except StanceError:
+            return False
+        return True
+
+    taken = sum(not is_held(stance) for stance in stances)
+    expected = (
+        "the goal is occupied"
+        if taken == len(stances)
+        else f"{taken} of {len(stances)} stances at the goal are occupied"
+    )
+    assert goal_occupancy(graph, goal, tolerance) == expected
+    assert taken > 0
+
+
+def test_the_stances_of_three_limbs_at_a_goal_are_not_known(jem):
+    graph = stance_graph(jem, robot_spec("mlivr3"))
+    graph.add_obstacles([Box.between("bag", "obstacle", (3.0, -0.4, 0.0), (3.8, 0.4, 0.8))])
+    assert not goal_occupancy(graph, (3.4, 0.0, 0.42), 0.2)

@@ -242,6 +242,7 @@ def test_a_limb_whose_path_is_blocked_holds_the_point_that_it_left(checked_graph
     blocked = simulation.execute(trajectory, 3, PathWatch(0.5, is_blocked))
     assert (blocked.failure.kind, blocked.failure.step) == ("blocked path", 3)
     assert blocked.failure.message.endswith(f"{plan.steps[0].to_point!r}: its path is blocked")
+    assert blocked.has_turned_back
     assert simulation.points == points
     assert blocked.peaks.grasp_force.max() < 60.0
     assert np.diff(blocked.recording.times).min() > 0.0
@@ -250,6 +251,7 @@ def test_a_limb_whose_path_is_blocked_holds_the_point_that_it_left(checked_graph
     assert looks[-1] < share * len(trajectory.times) + spacing
     again = simulation.execute(trajectory)
     assert again.failure is None
+    assert not again.has_turned_back
     assert simulation.points != points
 
 
