@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,12 +16,21 @@ from mlivr_gym.motion.commitment import CommittedMotion, CommittedSteps, committ
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
+from mlivr_gym.planners.failed_joints import (
+    FailedJoint,
+    graph_of_robot,
+    robot_with_failed_joints,
+    start_with_failed_joints,
+)
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
     NO_SWING,
     START_INFEASIBLE,
     PlanningResult,
+    Timer,
+    not_connected,
+    without_plan,
 )
 from mlivr_gym.planners.query import (
     EXPANSIONS,
@@ -41,18 +49,6 @@ from mlivr_gym.transitions.state import State
 
 CACHED_TABLES = 16
 """Maximum number of exact cost-to-go tables that a planner caches."""
-
-
-class _Timer:
-    """Time spent on checking the start state, and on the search."""
-
-    def __init__(self) -> None:
-        self.start_time, self.start_state, self.search = time.perf_counter(), 0.0, 0.0
-
-    def lap(self) -> float:
-        """Return the time since the last call, or since the timer was made [s]."""
-        before, self.start_time = self.start_time, time.perf_counter()
-        return self.start_time - before
 
 
 class Planner:
@@ -102,6 +98,7 @@ class Planner:
         limit: int = EXPANSIONS,
         time_limit: float | None = None,
         progress: Callable[[int], None] | None = None,
+        failed_joints: Sequence[FailedJoint] = (),
     ) -> PlanningResult:
         """Plan from a start stance to a goal position of the base.
 
@@ -155,6 +152,11 @@ class Planner:
         progress
             Called from time to time with the number of expansions, by `"algorithm1"` and by
             searches that use no node table, see `searches`.
+        failed_joints
+            Joints that are locked from now on: for each the limb from 0, the joint of its arm from
+            1 and the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as
+            start, are those of the robot before; each failed joint must be at its angle there. The
+            robot of the plan is the one that results.
 
         Returns
         -------
@@ -167,6 +169,17 @@ class Planner:
             If an argument cannot be used, for example a point id that does not exist, start points
             too close together or too far apart, or a goal outside the cabin; the message names it.
         """
+        if failed_joints:
+            robot = robot_with_failed_joints(self.graph.robot, failed_joints)
+            start, start_pose, start_joints = start_with_failed_joints(
+                self.graph, robot, failed_joints, (start, start_pose, start_joints)
+            )
+            return Planner(graph_of_robot(self.graph, robot)).plan(
+                start, goal, cost, regrasp_price=regrasp_price, method=method, heuristic=heuristic,
+                inflation=inflation, goal_tolerance=goal_tolerance, goal_face=goal_face,
+                start_pose=start_pose, start_joints=start_joints, limit=limit,
+                time_limit=time_limit, progress=progress,
+            )  # fmt: skip
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )
@@ -174,33 +187,15 @@ class Planner:
             self.graph, target, method=method, heuristic=heuristic, inflation=inflation,
             limit=limit, progress=progress, time_limit=time_limit,
         )  # fmt: skip
-        timer = _Timer()
+        timer = Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
             start_state = self._start_state(start, start_pose, start_joints)
         except StanceError as error:
             timer.start_state = timer.lap()
-            return _without_plan(START_INFEASIBLE, str(error), timer)
+            return without_plan(START_INFEASIBLE, str(error), timer)
         timer.start_state = timer.lap()
-        result = self._searcher.find(search, start_state)
-        timer.search = timer.lap()
-        if result is None:
-            return _without_plan(GOAL_UNREACHABLE, _not_connected(target), timer)
-        if result.status != GOAL_REACHED:
-            return self._failure(result, search, start_state, timer)
-        committed = committed_motion(self.graph, result.states, None, self._committed_steps)
-        if committed.motion is None:
-            return _without_plan(NO_SWING, self._no_swing(result, committed), timer, result)
-        times = timer.start_state, timer.search
-        bound = result.bound if result.bound < math.inf else None
-        statistics = Statistics(
-            result.cost, result.expanded, result.generated, *times, result.backward_expanded, bound
-        )
-        plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
-        return PlanningResult(
-            plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
-            result.expanded, result.generated, *times, result.tree, result.improvements,
-        )  # fmt: skip
+        return self._searched(search, start_state, timer)
 
     @checked(QUERY)
     def why_not(
@@ -266,6 +261,28 @@ class Planner:
             return self.graph.validated_state(start)
         return self.graph.state(start, pose, joints)
 
+    def _searched(self, search: SearchQuery, start_state: State, timer: Timer) -> PlanningResult:
+        """Return the result of the search from a state."""
+        result = self._searcher.find(search, start_state)
+        timer.search = timer.lap()
+        if result is None:
+            return without_plan(GOAL_UNREACHABLE, not_connected(search.goal), timer)
+        if result.status != GOAL_REACHED:
+            return self._failure(result, search, start_state, timer)
+        committed = committed_motion(self.graph, result.states, None, self._committed_steps)
+        if committed.motion is None:
+            return without_plan(NO_SWING, self._no_swing(result, committed), timer, result)
+        times = timer.start_state, timer.search
+        bound = result.bound if result.bound < math.inf else None
+        statistics = Statistics(
+            result.cost, result.expanded, result.generated, *times, result.backward_expanded, bound
+        )
+        plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
+        return PlanningResult(
+            plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
+            result.expanded, result.generated, *times, result.tree, result.improvements,
+        )  # fmt: skip
+
     def _no_swing(self, result: SearchResult, committed: CommittedMotion) -> str:
         """Return the message about an edge of the graph for which no swing was found."""
         before, after = result.states[committed.failed or 0 :][:2]
@@ -275,7 +292,7 @@ class Planner:
         )
 
     def _failure(
-        self, result: SearchResult, search: SearchQuery, start_state: State, timer: _Timer
+        self, result: SearchResult, search: SearchQuery, start_state: State, timer: Timer
     ) -> PlanningResult:
         """Return the result of a search that ended without reaching the goal."""
         start, goal = self.graph.ids(start_state.stance), search.goal.target.tolist()
@@ -291,7 +308,7 @@ class Planner:
             detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"
         elif result.generated <= 1:
             detail = f": no step leaves the start {start} on the branches that its limbs may be on"
-        return _without_plan(result.status, f"{result.status}{detail}", timer, result)
+        return without_plan(result.status, f"{result.status}{detail}", timer, result)
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
@@ -374,20 +391,3 @@ class Planner:
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
         return self.graph
-
-
-def _not_connected(goal: Goal) -> str:
-    """Return the message about a goal that no sequence of moves connects with the start."""
-    return (
-        f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
-        f"goal {goal.target.tolist()}"
-    )
-
-
-def _without_plan(
-    reason: str, message: str, timer: _Timer, result: SearchResult | None = None
-) -> PlanningResult:
-    """Return a result without a plan."""
-    counts = (0, 0) if result is None else (result.expanded, result.generated)
-    tree = np.zeros((0, 2, 3)) if result is None else result.tree
-    return PlanningResult(None, reason, message, *counts, timer.start_state, timer.search, tree)

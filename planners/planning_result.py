@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+
+import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners.outcome import SEARCH_EXHAUSTED, Improvement
+from mlivr_gym.planners.outcome import SEARCH_EXHAUSTED, Improvement, SearchResult
+from mlivr_gym.planners.query import Goal
 
 START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
     "start infeasible", "goal outside the reachable set", "no swing",
@@ -16,6 +20,19 @@ START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
 
 PROVED_IMPOSSIBLE = GOAL_UNREACHABLE, SEARCH_EXHAUSTED
 """Reasons that prove that no plan exists; `Planner.why_not` finds the cause."""
+
+
+class Timer:
+    """Time spent on checking the start state, and on the search."""
+
+    def __init__(self) -> None:
+        """Start at 0."""
+        self.start_time, self.start_state, self.search = time.perf_counter(), 0.0, 0.0
+
+    def lap(self) -> float:
+        """Return the time since the last call, or since the timer was made [s]."""
+        before, self.start_time = self.start_time, time.perf_counter()
+        return self.start_time - before
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,3 +92,20 @@ class PlanningResult:
         if self.plan is None:
             raise NoPlanError(self.message)
         return self.plan
+
+
+def not_connected(goal: Goal) -> str:
+    """Return the message about a goal that no sequence of moves connects with the start."""
+    return (
+        f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
+        f"goal {goal.target.tolist()}"
+    )
+
+
+def without_plan(
+    reason: str, message: str, timer: Timer, result: SearchResult | None = None
+) -> PlanningResult:
+    """Return a result without a plan."""
+    counts = (0, 0) if result is None else (result.expanded, result.generated)
+    tree = np.zeros((0, 2, 3)) if result is None else result.tree
+    return PlanningResult(None, reason, message, *counts, timer.start_state, timer.search, tree)

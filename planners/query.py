@@ -18,6 +18,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
+from mlivr_gym.planners.failed_joints import FAILED_JOINTS
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -61,6 +62,7 @@ QUERY: Validators = {
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
     "seed": SEED,
+    "failed_joints": FAILED_JOINTS,
 }
 """Validators of the arguments of a planner; base poses and joint angles are checked by the stance
 graph."""

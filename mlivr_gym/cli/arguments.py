@@ -9,15 +9,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mlivr_gym.arguments import Reader
-from mlivr_gym.collisions.carrying import carrying_robot
+from mlivr_gym.cli.robots import OF_ROBOT, cargo_of, chosen_robot, failed_joint_of
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners.costs import HEURISTICS
 from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS, METHODS
-from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
-from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
+from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.schema import Choice, FieldPath, Integer, Numbers, Validator
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -80,9 +79,13 @@ class CheckedOption(argparse.Action):
     def __call__(
         self, parser: object, namespace: argparse.Namespace, values: Any, option: object = None
     ) -> None:
-        """Store the value; raise a `SettingError` that names the option if it is not valid."""
+        """Store the value; raise a `SettingError` that names the option if it is not valid.
+
+        A value of an option that may be repeated, whose default is a list, is added to the others.
+        """
         read = self.valid.read(values, FieldPath(self.option_strings[0], SettingError))
-        setattr(namespace, self.dest, read)
+        more = isinstance(self.default, list)
+        setattr(namespace, self.dest, [*getattr(namespace, self.dest), read] if more else read)
 
 
 def option(
@@ -129,18 +132,25 @@ def _parent_parser() -> argparse.ArgumentParser:
     return argparse.ArgumentParser(add_help=False)
 
 
-def _cargo(given: Any, place: FieldPath) -> Cargo:
-    """Return the cargo of a mass [kg] and three edges [m]."""
-    return CARGO.read({"mass": given[0], "size": given[1:]}, place)
-
-
 def world_arguments() -> argparse.ArgumentParser:
     """Return the parent parser of robot, map and settings."""
     parser = _parent_parser()
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
+    text = "joint of a seven-joint arm of a URDF or MJCF file that does not move, or one a limb"
+    option(parser, "--held-joint JOINT...", f"{text}: none for six joints (default: the third)")
+    text = "angle of the held joint, or one for each limb [rad] (default: 0)"
+    option(parser, "--held-angle RAD...", text)
+    text = "link or site of a URDF or MJCF file at which limbs grasp, or one for each limb"
+    option(parser, "--tool-frame LINK...", text)
+    option(parser, "--package-dir DIR...", "folders with the packages that a URDF file names")
+    text = "joint of a seven-joint limb that is locked: limb from 0, joint from 1, angle [rad]; "
+    option(
+        parser, "--failed-joint LIMB JOINT RAD", f"{text}may be given for several limbs", [],
+        Reader(failed_joint_of), type=float,
+    )  # fmt: skip
     text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
-    option(parser, "--cargo KG X Y Z", text, valid=Reader(_cargo), type=float)
+    option(parser, "--cargo KG X Y Z", text, valid=Reader(cargo_of), type=float)
     text = "number of the limb that holds the cargo, folded, while the others walk (default: none)"
     option(parser, "--cargo-limb LIMB", text, type=int)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
@@ -257,16 +267,6 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
     return as_map(args.map)
 
 
-def chosen_robot(args: argparse.Namespace) -> RobotSpec:
-    """Return the robot of `--robot` with the cargo of `--cargo`."""
-    robot = robot_spec(args.robot)
-    if args.cargo_limb is None:
-        return carrying(robot, args.cargo)
-    if args.cargo is None:
-        raise SettingError("--cargo-limb has no effect without --cargo; leave it out")
-    return carrying_robot(robot, args.cargo_limb, args.cargo)
-
-
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
     graph = stance_graph(chosen_map(args), chosen_robot(args), chosen_settings(args))
@@ -365,9 +365,9 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     given = {name: getattr(args, name) for name in names if name in args}
     changed = {name: value for name, value in given.items() if value != args.default(name)}
-    if getattr(args, "cargo_limb", None) is not None:
+    if any(getattr(args, name) != args.default(name) for name in OF_ROBOT if name in args):
         changed["robot"] = chosen_robot(args).to_dict()
-        del changed["cargo"]
+        changed.pop("cargo", None)
     return changed | _switched_off(args)
 
 

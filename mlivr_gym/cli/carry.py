@@ -9,10 +9,10 @@ from mlivr_gym.cli.arguments import Add, chosen_map, chosen_settings, command, o
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.cli.robots import described_robot
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.film import check_film_format
-from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.stances.build import stance_graph
 
 
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
             raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
     limbs = None if args.cargo_limb is None else [args.cargo_limb]
     with Progress("planning", quiet=args.quiet):
-        graph = stance_graph(chosen_map(args), robot_spec(args.robot), chosen_settings(args))
+        graph = stance_graph(chosen_map(args), described_robot(args), chosen_settings(args))
         mission = plan_cargo_mission(
             graph, args.start, args.pick, args.stow, args.cargo, args.cost, limbs=limbs
         )

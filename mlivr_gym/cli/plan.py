@@ -13,7 +13,6 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_map,
     chosen_obstacles,
-    chosen_robot,
     chosen_settings,
     chosen_task,
     command,
@@ -23,6 +22,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
+from mlivr_gym.cli.robots import chosen_robot
 from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult

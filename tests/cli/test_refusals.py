@@ -11,6 +11,12 @@ plan --cost fast                              : --cost is 'fast'; valid choices 
 plan --cost weighted                          : regrasp_price
 plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
+plan --robot mlivr2-iiwa --held-joint joint2  : --held-joint has no effect with --robot mlivr2-iiwa
+info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
+plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold
+info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
+info --failed-joint 0.5 2 0.5                 : --failed-joint[0] is 0.5
+info --robot mlivr2-iiwa --failed-joint 0 2 1 --failed-joint 0 5 1 : joint 2 of limb 0 has failed
 plan --map nowhere.json                       : nowhere.json
 plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist

@@ -10,7 +10,7 @@ def assert_held(robot, grasp_map, stance, configuration, flange, atol=1e-7):
     Args:
         robot: The robot.
         grasp_map: The map of the points.
-        stance: Point of each limb, by name or index.
+        stance: Point of each limb, by name or index; None for a limb that holds none.
         configuration: Position and quaternion of the base, joint angles of the limbs.
         flange: What gives the flange in the limb base frame, shape (4, 4), of joint angles.
         atol: How far off place [m] and axis may be.
@@ -18,6 +18,8 @@ def assert_held(robot, grasp_map, stance, configuration, flange, atol=1e-7):
     position, quaternion, joints = configuration
     base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
     for i, point in enumerate(stance):
+        if point is None:
+            continue
         index, frame = grasp_map.index(point), flange(joints[i])
         mount = base @ robot.mount_rotations[i]
         tip = frame[:3, 3] + robot.tool_length * frame[:3, 2]

@@ -1,0 +1,85 @@
+"""The robot that the options of a command describe."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mlivr_gym.collisions.carrying import carrying_robot
+from mlivr_gym.errors import SettingError
+from mlivr_gym.planners.failed_joints import (
+    FAILED_JOINT,
+    FailedJoint,
+    robot_with_failed_joints,
+)
+from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
+from mlivr_gym.robot.specification import SUFFIXES, RobotSpec, robot_spec
+from mlivr_gym.schema import FieldPath
+
+OF_FILES = ("held_joint", "held_angle", "tool_frame", "package_dir")
+"""Options that only the file of a robot without a mount or a held joint needs."""
+
+OF_ROBOT = (*OF_FILES, "failed_joint", "cargo_limb")
+"""Options that make a robot another than that of `--robot`."""
+
+NONE = "none"
+"""Word for a limb that holds no joint."""
+
+
+def cargo_of(given: Any, place: FieldPath) -> Cargo:
+    """Return the cargo of a mass [kg] and three edges [m]."""
+    return CARGO.read({"mass": given[0], "size": given[1:]}, place)
+
+
+def failed_joint_of(given: Any, place: FieldPath) -> FailedJoint:
+    """Return the joint that has failed of limb, joint and angle [rad], all numbers."""
+    numbers = [int(one) if one.is_integer() else one for one in given[:2]]
+    return FAILED_JOINT.read((*numbers, given[2]), place)
+
+
+def described_robot(args: argparse.Namespace) -> RobotSpec:
+    """Return the robot of `--robot` and of the options on its file and its failed joints."""
+    given = {name: getattr(args, name) for name in OF_FILES if getattr(args, name) is not None}
+    if not given:
+        robot = robot_spec(args.robot)
+    elif Path(args.robot).suffix.lower() not in SUFFIXES:
+        raise SettingError(
+            f"--{next(iter(given)).replace('_', '-')} has no effect with --robot {args.robot}, "
+            "which is no URDF or MJCF file; leave it out"
+        )
+    else:
+        robot = RobotSpec.from_urdf(args.robot, **_as_arguments(given))
+    return robot_with_failed_joints(robot, args.failed_joint)
+
+
+def _as_arguments(given: dict[str, list[str]]) -> dict[str, Any]:
+    """Return options on a file as arguments of `RobotSpec.from_urdf`."""
+    out: dict[str, Any] = dict(given)
+    if "package_dir" in out:
+        out["package_dirs"] = out.pop("package_dir")
+    for name in ("held_joint", "held_angle", "tool_frame"):
+        if name in out:
+            entries = [None if word.lower() == NONE else word for word in out[name]]
+            if name == "held_angle":
+                entries = [_number(word) for word in entries]
+            out[name] = entries[0] if len(entries) == 1 else entries
+    return out
+
+
+def _number(word: str | None) -> Any:
+    """Return the number that a word is, or what is none as it is."""
+    try:
+        return None if word is None else float(word)
+    except ValueError:
+        return word
+
+
+def chosen_robot(args: argparse.Namespace) -> RobotSpec:
+    """Return the robot of all options, with the cargo of `--cargo`."""
+    robot = described_robot(args)
+    if args.cargo_limb is None:
+        return carrying(robot, args.cargo)
+    if args.cargo is None:
+        raise SettingError("--cargo-limb has no effect without --cargo; leave it out")
+    return carrying_robot(robot, args.cargo_limb, args.cargo)

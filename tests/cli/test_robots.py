@@ -1,0 +1,65 @@
+"""Options of commands that describe a robot."""
+
+import json
+
+import numpy as np
+from robot_texts import FRANKA, IIWA14, UR10E, one_arm, whole_robot, written
+
+from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.cli.arguments import environment_arguments, world_arguments
+from mlivr_gym.cli.robots import chosen_robot
+
+
+def parsed(*words):
+    """The options of a command that takes a robot."""
+    parser = world_arguments()
+    parser.set_defaults(default=parser.get_default)
+    return parser.parse_args(words)
+
+
+def chosen(*words):
+    """The robot that these options describe."""
+    return chosen_robot(parsed(*words))
+
+
+def test_options_on_a_file_are_the_arguments_of_from_urdf(tmp_path):
+    path = written(tmp_path, one_arm(frames=FRANKA))
+    words = ["--held-joint", "joint6", "--held-angle", "1.8", "--tool-frame", "link7"]
+    expected = RobotSpec.from_urdf(path, held_joint="joint6", held_angle=1.8, tool_frame="link7")
+    assert chosen("--robot", path, *words) == expected
+    assert expected != RobotSpec.from_urdf(path, held_joint="joint6", held_angle=1.8)
+    frames = np.tile(np.eye(4), (2, 1, 1))
+    frames[0, :3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    frames[1, :3, :3] = [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]
+    frames[:, 0, 3] = 0.3, -0.3
+    two = written(tmp_path, whole_robot(frames, [UR10E, IIWA14]), "two.urdf")
+    words = ["--held-joint", "none", "arm1_joint2", "--held-angle", "none", "-1.2"]
+    options = {"held_joint": [None, "arm1_joint2"], "held_angle": [None, -1.2]}
+    assert chosen("--robot", two, *words) == RobotSpec.from_urdf(two, **options)
+
+
+def test_packages_are_found_in_the_folders_that_are_named(tmp_path):
+    elsewhere = tmp_path / "elsewhere" / "arms"
+    elsewhere.mkdir(parents=True)
+    corners = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+    lines = [f"v {x} {y} {z}\n" for x, y, z in corners]
+    (elsewhere / "part.obj").write_text("".join(lines) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    text = one_arm().replace(
+        '<sphere radius="0.03"/>', '<mesh filename="package://arms/part.obj"/>'
+    )
+    path = written(tmp_path, text)
+    robot = chosen("--robot", path, "--package-dir", str(elsewhere.parent))
+    assert robot == RobotSpec.from_urdf(path, package_dirs=[elsewhere.parent])
+
+
+def test_joints_that_have_failed_are_those_of_with_failed_joint(run):
+    words = ["--robot", "mlivr2-iiwa", "--failed-joint", "0", "2", "-1.5"]
+    words += ["--failed-joint", "1", "5", "0.25"]
+    robot = robot_spec("mlivr2-iiwa").with_failed_joint(0, 2, -1.5).with_failed_joint(1, 5, 0.25)
+    assert chosen(*words) == robot
+    args = parsed(*words)
+    assert RobotSpec.from_dict(environment_arguments(args)["robot"]) == robot
+    given = "--robot mlivr2-iiwa --failed-joint 0 3 0.8 --limb-threshold 0.05 --no-collisions"
+    code, out, _ = run(f"info --json {given}")
+    assert code == 0
+    assert json.loads(out)["robot"]["name"] == "mlivr2-iiwa-limb0-joint3"
