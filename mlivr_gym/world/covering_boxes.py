@@ -16,7 +16,7 @@ from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import NAME, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH, MIN_SIZE, as_triple
 from mlivr_gym.world.boxes import CORNER, Box
-from mlivr_gym.world.mesh_boxes import MOST_CUBES, RESOLUTION
+from mlivr_gym.world.mesh_boxes import MOST_CUBES, RESOLUTION, merged_neighbours
 
 MOST_POINTS = 10_000_000
 """Maximum number of points of a cloud."""
@@ -77,10 +77,8 @@ def point_cloud_boxes(
     )
 
 
-def merged_runs(cells: IntArray, shape: IntArray) -> tuple[IntArray, IntArray]:
+def merged_runs(cells: IntArray, shape: IntArray) -> tuple[Array, Array]:
     """Return boxes of cells, each cell in one: their corners, shape (k, 3) each.
-
-    Neighbours along z become one box, then equal boxes that are neighbours along y, then along x.
 
     Parameters
     ----------
@@ -89,19 +87,8 @@ def merged_runs(cells: IntArray, shape: IntArray) -> tuple[IntArray, IntArray]:
     shape
         Size of the grid, shape (3,).
     """
-    low: IntArray = np.stack(np.unravel_index(np.unique(cells), shape), axis=1)
-    high = low + 1
-    for axis, others in ((2, (0, 1)), (1, (0, 2)), (0, (1, 2))):
-        columns = [low[:, axis], *(c[:, k] for k in others for c in (high, low))]
-        order = np.lexsort(columns)
-        low, high = low[order], high[order]
-        same = low[1:, axis] == high[:-1, axis]
-        for k in others:
-            same &= (low[1:, k] == low[:-1, k]) & (high[1:, k] == high[:-1, k])
-        begins = np.flatnonzero(np.append(True, ~same))
-        ends = np.append(begins[1:], len(low)) - 1
-        low, high = low[begins], np.where(np.arange(3) == axis, high[ends], high[begins])
-    return low, high
+    low: Array = np.stack(np.unravel_index(np.unique(cells), shape), axis=1).astype(np.float64)
+    return merged_neighbours(low, low + 1.0)
 
 
 @checked({"name": NAME, "start": CORNER, "end": CORNER, "radius": POSITIVE}, ShapeError)

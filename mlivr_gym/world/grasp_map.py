@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,12 @@ from mlivr_gym.errors import (
     shortened,
 )
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples, are_rotations
-from mlivr_gym.values import EqualByData, check_unique
+from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples
+from mlivr_gym.values import EqualByData
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.joining import joined_fields, placed_maps
-from mlivr_gym.world.map_entries import POINTS, map_fields, overrides
+from mlivr_gym.world.map_entries import map_fields, overrides, plain_fields, whole_fields
 from mlivr_gym.world.rails import Handrail, Segment
 from mlivr_gym.world.units import metres_per_unit
 
@@ -105,25 +105,11 @@ class GraspMap(EqualByData):
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
         place = FieldPath(f"map {shortened(self.name)}", MapError)
-        if not len(self.ids):
-            raise place.fault("has no graspable point")
-        for name, kind in POINTS.required.items():
-            object.__setattr__(self, name, kind.read(getattr(self, name), place.field(name)))
-        check_unique(self.ids, "point", MapError)
-        check_unique([box.id for box in self.boxes], "box", MapError)
-        object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
-        for name in ("faces", "positions", "rotations"):
-            if len(getattr(self, name)) != len(self.ids):
-                count = len(getattr(self, name))
-                raise place.field(name).fault(f"are {count}, of {len(self.ids)} points")
+        for name, value in whole_fields(vars(self), place).items():
+            object.__setattr__(self, name, value)
         for array in (self.positions, self.rotations, self.cabin):
             array.setflags(write=False)
-        faulty = np.flatnonzero(~are_rotations(self.rotations))
-        if len(faulty):
-            first = place.field("rotations").entry(int(faulty[0]))
-            raise first.fault("must be a right-handed rotation matrix")
-        if not (self.cabin[0] < self.cabin[1]).all():
-            raise place.field("cabin").fault(f"{self.cabin.tolist()} must have its min below max")
+        object.__setattr__(self, "_index", {point: i for i, point in enumerate(self.ids)})
 
     _index: dict[str, int] = field(init=False, compare=False, default_factory=dict)
 
@@ -229,17 +215,7 @@ class GraspMap(EqualByData):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the map as plain data for JSON, from which `from_dict` builds the same map."""
-        return {
-            "name": self.name, "ids": list(self.ids), "faces": list(self.faces),
-            "positions": self.positions.tolist(), "rotations": self.rotations.tolist(),
-            "cabin": self.cabin.tolist(),
-            "segments": [asdict(segment) for segment in self.segments],
-            "handrails": [
-                {name: v for name, v in asdict(rail).items() if v is not None}
-                for rail in self.handrails
-            ],
-            "boxes": [box.to_dict() for box in self.boxes],
-        }  # fmt: skip
+        return plain_fields(vars(self))
 
     @classmethod
     def load(
@@ -256,11 +232,8 @@ class GraspMap(EqualByData):
         given, file = overrides(spacing, clearance), _file(path)
         if file.suffix.lower() == ".csv":
             return cls.from_csv(file)
-
-        def build(data: dict[str, Any]) -> GraspMap:
-            return cls._made(map_fields(data, given, file.stem, file.parent), file.parent)
-
-        return load(path, "map", MapError, build)
+        made = partial(cls._made, given=given, name=file.stem, folder=file.parent)
+        return load(path, "map", MapError, made)
 
     @classmethod
     def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
@@ -281,10 +254,44 @@ class GraspMap(EqualByData):
         MapError
             If the file cannot be read or a row is faulty; the message names its line.
         """
-        path, root = _file(path), FieldPath("", MapError)
-        points = {"points": read_points(path, metres_per_unit(surroundings, root))}
+        path = _file(path)
+        points = read_points(path, metres_per_unit(surroundings, FieldPath("", MapError)))
         place = FieldPath(f"map {path_shown(path)}", MapError)
-        return place.build(cls.from_dict, surroundings | points, name=path.stem)
+        return place.build(cls.from_dict, surroundings | {"points": points}, name=path.stem)
+
+    @classmethod
+    def from_mesh(
+        cls,
+        path: str | Path,
+        *,
+        scale: float = 1.0,
+        resolution: float | None = None,
+        **entries: Any,
+    ) -> GraspMap:
+        """Make a map of a triangle mesh, whose surface the robot must not touch, and of its rails.
+
+        Boxes cover the surface; they exceed it by at most `mesh_boxes.largest_excess(resolution)`.
+
+        Parameters
+        ----------
+        path
+            A glTF, OBJ, STL or PLY file; needs the extra `mesh`.
+        scale
+            Metres per unit of the mesh, 0.001 for one in millimetres.
+        resolution
+            Edge of the cubes that cover the surface, by default 0.05 m.
+        entries
+            Other fields of a map file, such as `segments`, the rails that carry points, and `unit`,
+            the unit of all lengths but those in the mesh.
+
+        Raises
+        ------
+        MapError
+            If the mesh cannot be read or covered, or an entry is faulty.
+        """
+        file, finer = _file(path), {} if resolution is None else {"resolution": resolution}
+        mesh = {"file": str(file), "scale": scale} | finer
+        return cls.from_dict(entries | {"mesh": mesh}, name=file.stem)
 
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.
@@ -329,12 +336,12 @@ class GraspMap(EqualByData):
             If spacing or clearance are.
         """
         given = overrides(spacing, clearance)
-        place = FieldPath("", MapError)
-        return place.build(lambda: cls._made(map_fields(data, given, name, Path()), Path()))
+        return FieldPath("", MapError).build(cls._made, data, given, name, Path())
 
     @classmethod
-    def _made(cls, fields: dict[str, Any], folder: Path) -> GraspMap:
-        """Return the map of some fields; files that its parts name lie in `folder`."""
+    def _made(cls, data: Any, given: dict[str, float], name: str, folder: Path) -> GraspMap:
+        """Return the map of plain data, see `map_fields`."""
+        fields = map_fields(data, given, name, folder)
         parts = placed_maps(fields.pop("parts", ()), folder, PLACES, as_map)
         return cls(**(joined_fields(fields, parts) if parts else fields))
 

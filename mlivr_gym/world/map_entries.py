@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,18 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError, SettingError
-from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, ListOf, Numbers, Rotation, Tuples
-from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE
+from mlivr_gym.schema import (
+    NAME,
+    Anything,
+    FieldPath,
+    Fields,
+    ListOf,
+    Numbers,
+    Rotation,
+    Tuples,
+    are_rotations,
+)
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, check_unique
 from mlivr_gym.world.boxes import CORNER, Box, Boxes
 from mlivr_gym.world.mesh_boxes import mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
@@ -98,6 +110,45 @@ POINTS = Fields(
     }
 )
 """A map as `GraspMap.to_dict` writes it, and the fields of one that is made."""
+
+
+def whole_fields(given: Mapping[str, Any], place: FieldPath) -> dict[str, Any]:
+    """Return the fields of a `GraspMap` as `POINTS` reads them, checked against each other."""
+    if not len(given["ids"]):
+        raise place.fault("has no graspable point")
+    found = {
+        name: kind.read(given[name], place.field(name)) for name, kind in POINTS.required.items()
+    }
+    check_unique(found["ids"], "point", MapError)
+    check_unique([box.id for box in found["boxes"]], "box", MapError)
+    count = len(found["ids"])
+    for name in ("faces", "positions", "rotations"):
+        if len(found[name]) != count:
+            raise place.field(name).fault(f"are {len(found[name])}, of {count} points")
+    faulty = np.flatnonzero(~are_rotations(found["rotations"]))
+    if len(faulty):
+        first = place.field("rotations").entry(int(faulty[0]))
+        raise first.fault("must be a right-handed rotation matrix")
+    low, high = found["cabin"]
+    if not (low < high).all():
+        raise place.field("cabin").fault(f"{found['cabin'].tolist()} must have its min below max")
+    return found
+
+
+def plain_fields(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a `GraspMap` as plain data, which `POINTS` reads."""
+    return {
+        "name": given["name"],
+        **{name: list(given[name]) for name in ("ids", "faces")},
+        **{name: given[name].tolist() for name in ("positions", "rotations", "cabin")},
+        "segments": [asdict(segment) for segment in given["segments"]],
+        "handrails": [
+            {name: v for name, v in asdict(rail).items() if v is not None}
+            for rail in given["handrails"]
+        ],
+        "boxes": [box.to_dict() for box in given["boxes"]],
+    }
+
 
 Row = tuple[str, str, Array, Array, float]
 """Id, face, position and rotation in the map's frame, width of the rail across [m]."""

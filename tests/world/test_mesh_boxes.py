@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from map_data import LADDER, POINT, SEGMENT
 
-from mlivr_gym import GraspMap
+from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError
 from mlivr_gym.world.mesh_boxes import largest_excess, merged_cells, mesh_boxes
 
@@ -51,6 +52,27 @@ def test_they_cover_the_surface_and_little_more(shape, seed, tmp_path):
     assert away.max() <= largest_excess(resolution)
 
 
+@pytest.mark.parametrize("resolution", [0.03, 0.07, 0.5])
+def test_walls_along_the_axes_are_covered_exactly(resolution, tmp_path):
+    """A rail on a floor, with a locker on it, is as free as without the mesh's floor."""
+    corners = [[(-1.0, -1.0, -0.05), (2.8, 1.0, 0.0)], [(1.2, 0.61, 0.0), (1.5, 0.9, 0.4)]]
+    solids = [trimesh.creation.box(bounds=one) for one in corners]
+    trimesh.util.concatenate(solids).export(tmp_path / "room.stl")
+    boxes = mesh_boxes(tmp_path / "room.stl", resolution)
+    assert len(boxes) == 11  # the faces of two solids, of which two lie in one plane
+    low, high = np.array([box.bounds for box in boxes]).transpose(1, 0, 2)
+    thickness = (high - low).min(axis=1)
+    assert thickness.max() < 3e-6
+    faces = [(axis, one[side][axis]) for one in corners for side in (0, 1) for axis in range(3)]
+    for a, b, thin in zip(low, high, (high - low).argmin(axis=1), strict=True):
+        assert np.abs([0.5 * (a + b)[axis] - at for axis, at in faces if axis == thin]).min() < 1e-6
+    graphs = [
+        stance_graph(GraspMap.from_dict(LADDER)),
+        stance_graph(GraspMap.from_mesh(tmp_path / "room.stl", resolution=resolution, **LADDER)),
+    ]
+    assert len(graphs[0]) == len(graphs[1])
+
+
 @settings(max_examples=60, deadline=None)
 @given(arrays(np.bool_, st.tuples(*[st.integers(1, 6)] * 3)))
 def test_merged_cells_cover_each_marked_cell_once(touched):
@@ -58,6 +80,65 @@ def test_merged_cells_cover_each_marked_cell_once(touched):
     for first, last in merged_cells(touched):
         count[tuple(slice(a, b) for a, b in zip(first, last, strict=True))] += 1
     np.testing.assert_array_equal(count, touched)
+
+
+TURN = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 0, 1), (0.3, 0.1, 0.0))
+BODY = {"wall": (trimesh.creation.box((1.5, 0.1, 1.0)), TURN), "ball": (SHAPES["sphere"](), None)}
+"""Meshes with their places in a scene."""
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply"])
+def test_each_format_gives_the_same_body(suffix, tmp_path):
+    """In glTF each part is a node with a transform; STL has triangles in one frame."""
+    scene = trimesh.Scene()
+    for name, (mesh, place) in BODY.items():
+        scene.add_geometry(mesh, node_name=name, geom_name=name, transform=place)
+    whole = scene.to_mesh()
+    whole.export(tmp_path / "body.stl")
+    given = scene if suffix in ("glb", "gltf") else whole
+    path = tmp_path / f"body.{suffix}"
+    if suffix == "gltf":
+        for name, content in given.export(file_type="gltf").items():
+            path.with_name("body.gltf" if name == "model.gltf" else name).write_bytes(content)
+    else:
+        given.export(path)
+    made = [
+        [box.bounds for box in GraspMap.from_mesh(one, points=[POINT], resolution=0.07).boxes]
+        for one in (tmp_path / "body.stl", path)
+    ]
+    assert len(made[0]) == len(made[1])
+    np.testing.assert_allclose(made[0], made[1], atol=3e-6)
+
+
+def test_rails_on_a_mesh_are_a_map_in_one_call(tmp_path):
+    trimesh.creation.box((2.0, 2.0, 0.1)).export(tmp_path / "panel.obj")
+    entries = {"segments": LADDER["segments"][:1], "spacing": 0.4, "cabin": LADDER["cabin"]}
+    found = GraspMap.from_mesh(tmp_path / "panel.obj", scale=0.5, **entries)
+    data = {"mesh": {"file": str(tmp_path / "panel.obj"), "scale": 0.5}}
+    assert found == GraspMap.from_dict(entries | data, name="panel")
+    assert found.ids == ("R0:0", "R0:1", "R0:2")
+    found.save(tmp_path / "map.json")
+    assert GraspMap.load(tmp_path / "map.json") == found  # without the mesh's file
+    scaled = {"segments": [SEGMENT | {"end": [0, 1, 400], "start": [0, 1, 0]}], "unit": "mm"}
+    for options in ({}, {"resolution": 50.0}):
+        other = GraspMap.from_mesh(tmp_path / "panel.obj", scale=0.5, **scaled, **options)
+        assert other.boxes[:6] == found.boxes[:6]
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"resolution": 0.0}, r"mesh\.resolution is 0\.0; it must be from 0\.001 to 1000 m"),
+        ({"scale": -1}, r"mesh\.scale is -1\.0; it must be from"),
+        ({"points": []}, "no graspable point"),
+        ({"colour": 3}, "unknown field 'colour'"),
+        ({"points": [POINT | {"normal": [0, 0, 3]}]}, r"points\[0\]\.normal is .* of length 3"),
+    ],
+)
+def test_a_faulty_entry_beside_a_mesh_is_named(options, match, tmp_path):
+    trimesh.creation.box((2.0, 2.0, 0.1)).export(tmp_path / "panel.glb")
+    with pytest.raises(MapError, match=match):
+        GraspMap.from_mesh(tmp_path / "panel.glb", **{"points": [POINT]} | options)
 
 
 def test_a_map_names_a_mesh_beside_it(tmp_path):
@@ -72,11 +153,9 @@ def test_a_map_names_a_mesh_beside_it(tmp_path):
     path = tmp_path / "map.json"
     path.write_text(json.dumps(data))
     found = GraspMap.load(path)
-    assert len(found.boxes) == 1
-    np.testing.assert_allclose(found.boxes[0].centre, [0.0, 0.0, 0.0], atol=0.1)
-    low, high = found.boxes[0].bounds
-    assert (low <= [-1.0, -0.5, -0.005]).all()
-    assert (high >= [1.0, 0.5, 0.005]).all()
+    low, high = np.array([box.bounds for box in found.boxes]).transpose(1, 0, 2)
+    np.testing.assert_allclose(low.min(axis=0), [-1.0, -0.5, -0.005], atol=2e-6)
+    np.testing.assert_allclose(high.max(axis=0), [1.0, 0.5, 0.005], atol=2e-6)
     data["mesh"].pop("scale")
     path.write_text(json.dumps(data))
     with pytest.raises(MapError, match=r"2000 m long.*0\.001"):
