@@ -16,6 +16,7 @@ from mlivr_gym.agents.policies import (
     PlanPolicy,
     Policy,
     RandomPolicy,
+    ReplanningPolicy,
     baseline_policy,
     planner_policy,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "PlanPolicy",
     "Policy",
     "RandomPolicy",
+    "ReplanningPolicy",
     "baseline_policy",
     "evaluate",
     "planner_policy",

@@ -191,6 +191,40 @@ class LookingPolicy:
         return len(mask) - 1 if look else action
 
 
+class ReplanningPolicy:
+    """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
+
+    It takes the first step of the plan, and relaxes if there is no plan.
+    """
+
+    def __init__(self, cost: str = "steps", **options: Any) -> None:
+        """Plan with a cost, and further arguments of `Planner.plan`."""
+        self._cost, self._options = cost, options
+
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the action to take; see `Policy.act`.
+
+        Raises
+        ------
+        SettingError
+            If the environment is not a `ClosedLoopEnv`.
+        """
+        from mlivr_gym.envs.closed_loop import ClosedLoopEnv  # imports MuJoCo
+
+        InstanceOf(ClosedLoopEnv).read(env, FieldPath("env", SettingError))
+        assert isinstance(env, ClosedLoopEnv)
+        goal, tolerance = env.goal.tolist(), env.goal_tolerance
+        planner = Planner(env.graph)
+        result = planner.plan(
+            env.state, goal, self._cost, goal_tolerance=tolerance, **self._options
+        )
+        if result.plan is None:
+            return len(mask) - 1
+        env.follow(result.plan)
+        limb, point = result.plan.actions[0]
+        return _action_numbers(env, [(limb, env.graph.grasp_map.index(point))])[0]
+
+
 def cost_of(env: MlivrEnv) -> Cost:
     """Return the cost whose negative is the reward of an environment, without shaping and bonus.
 

@@ -30,7 +30,8 @@ from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.errors import ShapeError, StanceError
+from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
+from mlivr_gym.errors import ShapeError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
@@ -45,9 +46,6 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
-
-BOXES, PLATES = 5, 10
-"""Number of unknown boxes, and of points covered by unknown plates."""
 
 TIME_LIMIT = 5.0
 """Maximum time of each planning [s]."""
@@ -109,32 +107,6 @@ class Task(NamedTuple):
     """Steps of a robot that knows everything; None if no plan was found for it."""
     is_possible: bool
     """Whether it is not proved that the goal cannot be reached from any branches of the start."""
-
-
-def unknown_things(graph: StanceGraph, start: State, rng: np.random.Generator) -> tuple[Box, ...]:
-    """Return unknown boxes and plates that do not touch the robot at the start."""
-    grasp_map, found = graph.grasp_map, list[Box]()
-    low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
-    points = rng.permutation([k for k in range(len(grasp_map)) if k not in start.stance]).tolist()
-    while len(found) < BOXES + PLATES:
-        name = f"thing{len(found)}"
-        if len(found) < BOXES:
-            half = rng.uniform(0.08, 0.25, 3)
-            middle = rng.uniform(low + half, high - half)
-        else:
-            point = points.pop()
-            normal = grasp_map.normals[point]
-            half = 0.06 - 0.04 * np.abs(normal)
-            middle = grasp_map.positions[point] + 0.02 * normal
-        box = Box.between(name, "obstacle", middle - half, middle + half)
-        graph.add_obstacles([box])
-        try:
-            if graph.state(start.stance) == start:  # it touches the robot on none of its branches
-                found.append(box)
-        except StanceError:
-            pass
-        graph.remove_obstacles()
-    return tuple(found)
 
 
 def crossing(graph: StanceGraph, task: Task, seed: int) -> CrewMember:

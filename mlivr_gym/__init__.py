@@ -1,9 +1,9 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR-Random-v0`, `MLIVR-JEM-Unknown-v0`, `MLIVR-JEM-Cargo-v0`, `MLIVR3-JEM-v0`,
-`MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`, `MLIVR-Station-v0` and
-`MLIVR-Truss-v0`.
+`MLIVR-Random-v0`, `MLIVR-JEM-Unknown-v0`, `MLIVR-JEM-ClosedLoop-v0`, `MLIVR-JEM-Cargo-v0`,
+`MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`,
+`MLIVR-Station-v0` and `MLIVR-Truss-v0`.
 """
 
 from importlib import import_module
@@ -86,6 +86,12 @@ register(
     id="MLIVR-JEM-Unknown-v0",
     entry_point="mlivr_gym.envs.unknown_map:UnknownMapEnv",
     max_episode_steps=100,
+)
+register(
+    id="MLIVR-JEM-ClosedLoop-v0",
+    entry_point="mlivr_gym.envs.closed_loop:ClosedLoopEnv",
+    max_episode_steps=100,
+    kwargs={"success_bonus": 100.0},
 )
 for _limbs in (3, 4):
     register(

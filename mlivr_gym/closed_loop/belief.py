@@ -60,6 +60,9 @@ GRID_BORDER = 0.5
 MAX_SAMPLE = 2**31 - 1
 """Largest number of a sample of a trajectory."""
 
+CELL = 4
+"""Edge of the cells of `Belief.occupancy`, in cubes."""
+
 SENSED = "sensed"
 """First part of the ids of boxes that were sensed."""
 
@@ -156,6 +159,16 @@ class Belief:
         self.graph.vacate(sorted(self.avoided))
         self.avoided.clear()
         return True
+
+    def relax(self) -> bool:
+        """Be less cautious, see `tighten`, then `reconsider`; return whether that is possible."""
+        return self.tighten() or self.reconsider()
+
+    def withdraw(self) -> None:
+        """Let the graph have nothing any more that was sensed."""
+        sensed = [box.id for box in self.graph.obstacles if box.id.startswith(f"{SENSED}/")]
+        self.graph.remove_obstacles(sensed)
+        self.graph.vacate(sorted(self.refused | self.avoided))
 
     @checked(GIVEN)
     def add_hits(self, hits: Array, present: Configuration) -> int:
@@ -317,6 +330,16 @@ class Belief:
     def boxes(self) -> tuple[Box, ...]:
         """Return the boxes that were sensed."""
         return self._boxes_of(self._is_there, self._is_there)
+
+    def occupancy(self) -> BoolArray:
+        """Return in which cells of the module obstacles are believed, shape (nx, ny, nz).
+
+        Cells have edges of `CELL` cubes; the first begins at the corner of the grid of cubes.
+        """
+        count = -(-np.array(self._row.shape) // CELL)
+        cells = np.zeros(count, dtype=np.bool_)
+        cells[tuple((self._cubes["cell"][self._is_there] // CELL).T)] = True
+        return cells
 
     def _boxes_of(
         self, chosen: BoolArray, there: BoolArray, number: int = 0, caution: Caution | None = None

@@ -89,7 +89,7 @@ class Course:
         belief.update_graph(state)
         result = self._foreseen(state) or self._plan_from(state, 1.0)
         while result.plan is None and not self._remains(state):
-            if not (belief.tighten() or belief.reconsider()):
+            if not belief.relax():
                 break
             result = self._search(state)
         is_proved = result.reason in PROVED_IMPOSSIBLE

@@ -144,7 +144,6 @@ def run_closed_loop(
     >>> record.outcome
     'arrived'
     """
-    before = graph.obstacles, graph.occupied
     refusing_points = frozenset(graph.grasp_map.index(point) for point in refusing)
     if held := refusing_points.intersection(graph.indices(start)):
         raise SettingError(
@@ -168,10 +167,7 @@ def run_closed_loop(
     try:
         loop.run(start, refusing_points, max_steps)
     finally:
-        graph.remove_obstacles()
-        graph.vacate()
-        graph.add_obstacles(before[0])
-        graph.occupy(sorted(before[1]))
+        loop.withdraw()
     return loop.record
 
 
@@ -191,6 +187,7 @@ class _Loop:
         self._robot = SensingRobot(executor, camera, seed, self._crew, show)
         self._executor, self._belief = executor, self._robot.belief
         self.record, self._course = self._robot.record, Course(self._belief, plan_from)
+        self.withdraw = self._belief.withdraw
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""

@@ -7,7 +7,7 @@ steps of a stance graph (`current_moves`), and pictures (`viewer`). `vector_env`
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -23,14 +23,10 @@ from mlivr_gym.envs.layout_tasks import LayoutTasks, fewest_steps
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TotalReward
-from mlivr_gym.envs.snapshots import (
-    action_caption,
-    motion_at_rest,
-    recorded_motion,
-)
+from mlivr_gym.envs.snapshots import Motion, action_caption, motion_at_rest, recorded_motion
 from mlivr_gym.envs.stance_graph_env import StanceGraphEnv
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.task import TaskGenerator
+from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance
@@ -39,6 +35,7 @@ from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import CLEARANCE, Settings
 from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 if TYPE_CHECKING:
@@ -47,6 +44,19 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.limits import Limits
     from mlivr_gym.simulation.step_executor import StepExecutor
+
+
+class Attempt(NamedTuple):
+    """What came of a valid action."""
+
+    after: State
+    """The state after it."""
+    displacement: float = 0.0
+    """Base displacement [m]."""
+    grasp_failed: bool = False
+    """Whether a grasp failed, and the limb is back on the point that it left."""
+    simulated: Motion | None = None
+    """The motion in simulation."""
 
 
 class MlivrEnv(StanceGraphEnv):
@@ -293,8 +303,8 @@ class MlivrEnv(StanceGraphEnv):
             task = draw_task_with_tables(self.moves, self.tasks, stream, self.goal_tolerance, start)
             start, goal = start or task.start, task.goal if goal is None else goal
         if executor is not None:
-            start = executor.start(start, given.plan, executor.draw(stream))
-            self._simulation_info = executor.measures
+            executor, start = self._begin_simulation(executor, Task(start, goal), given, stream)
+            self._executor, self._simulation_info = executor, executor.measures
         if not self.moves.successors(start):
             raise StanceError(
                 f"no step leaves the start stance {graph.ids(start.stance)}; choose another start"
@@ -337,37 +347,50 @@ class MlivrEnv(StanceGraphEnv):
                 "the last step failed; call reset() to start another episode"
             )
         action = action_number(action, self.graph.limbs * points)
-        limb, point = divmod(action, points)
-        valid, displacement, failed = bool(self._mask[action]), 0.0, False
-        before = self._distance
-        self.steps, simulated = self.steps + 1, None
+        valid, before, made = bool(self._mask[action]), self._distance, Attempt(state)
+        self.steps += 1
         if valid:
-            after = self.moves.take(state, action)
-            reached = self.moves.stance_properties(after).base_position
-            displacement = distance(reached, self._properties.base_position)
-            failed = self._grasp_fails(point)
-            if failed:
-                displacement *= 2.0
-                after = state_after_failure(self.graph, state, after, limb)
-            if self._executor is not None:
-                base = self._executor.configuration[0]
-                after, executed = self._executor.step(limb, point, after.branch_sets)
-                self._simulation_info, simulated = (
-                    self._executor.measures,
-                    recorded_motion(executed),
-                )
-                if self._executor.measures["failure"]:
-                    displacement = float(np.linalg.norm(self._executor.configuration[0] - base))
-            self._enter_state(after)
-            self.base_translation += displacement
+            made = self._attempt(action)
+            self._enter_state(made.after)
+            self.base_translation += made.displacement
         success = self._distance <= self.goal_tolerance
         outcome = StepOutcome(
-            displacement, before, self._distance, success, valid, self.graph.max_displacement
+            made.displacement, before, self._distance, success, valid, self.graph.max_displacement
         )
-        reward = self.reward(outcome)
-        self._record_event(action_caption(self.graph, (limb, point), valid, failed), simulated)
+        reward, moved = self.reward(outcome), divmod(action, points)
+        caption = action_caption(self.graph, moved, valid, made.grasp_failed)
+        self._record_event(caption, made.simulated)
         ended = success or bool(self._simulation_info.get("failure"))
-        return self._observation(), float(reward), ended, False, self._info(not valid, failed)
+        info = self._info(not valid, made.grasp_failed)
+        return self._observation(), float(reward), ended, False, info
+
+    def _begin_simulation(
+        self, executor: StepExecutor, task: Task, given: ResetOptions, stream: Stream
+    ) -> tuple[StepExecutor, State]:
+        """Put the simulated robot into the start; return its state, one branch for each limb.
+
+        With it comes the executor of the episode.
+        """
+        return executor, executor.start(task.start, given.plan, executor.draw(stream))
+
+    def _attempt(self, action: int) -> Attempt:
+        """Make the step of a valid action, or attempt it."""
+        state, executor = self.state, self._executor
+        limb, point = divmod(action, len(self.graph.grasp_map))
+        after = self.moves.take(state, action)
+        reached = self.moves.stance_properties(after).base_position
+        displacement = distance(reached, self._properties.base_position)
+        if executor is None:
+            if self._grasp_fails(point):
+                back = state_after_failure(self.graph, state, after, limb)
+                return Attempt(back, 2.0 * displacement, True)
+            return Attempt(after, displacement)
+        base = executor.configuration[0]
+        after, executed = executor.step(limb, point, after.branch_sets)
+        self._simulation_info = executor.measures
+        if executor.measures["failure"]:
+            displacement = float(np.linalg.norm(executor.configuration[0] - base))
+        return Attempt(after, displacement, simulated=recorded_motion(executed))
 
     def _grasp_fails(self, point: int) -> bool:
         """Return whether an attempt to grasp a point fails."""

@@ -45,9 +45,13 @@ class Observation(TypedDict):
     """Whether each limb may be on each branch and flip, limb by limb, at `branch + 8 flip`, shape
     (16 N,), int8."""
     occupied: NotRequired[NDArray[np.int8]]
-    """Whether each point is occupied, shape (m,), int8; only with `LayoutTasks`."""
+    """Whether each point is occupied, shape (m,), int8; only with `LayoutTasks` or in
+    `ClosedLoopEnv`."""
     unknown: NotRequired[NDArray[np.int8]]
     """Whether each point was not seen yet, shape (m,), int8; only in `UnknownMapEnv`."""
+    obstacles: NotRequired[NDArray[np.int8]]
+    """Whether an obstacle is believed in each cell, shape (nx, ny, nz), int8; only in
+    `ClosedLoopEnv`."""
 
 
 def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:

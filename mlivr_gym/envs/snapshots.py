@@ -21,7 +21,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.recording import Failure
+    from mlivr_gym.simulation.recording import Failure, Recording
     from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 
 FRAMES_PER_ACTION = 25
@@ -72,8 +72,11 @@ def motion_at_rest(configuration: Configuration) -> Motion:
 def recorded_motion(executed: SimulatedInterval | Failure) -> Motion | None:
     """Return the motion of a simulated step, or None if it could not start."""
     recording = getattr(executed, "recording", None)
-    if recording is None:
-        return None
+    return None if recording is None else motion_of(recording)
+
+
+def motion_of(recording: Recording) -> Motion:
+    """Return the motion of the robot in a recording."""
     return recording.base_positions, recording.base_quaternions, recording.joint_positions
 
 

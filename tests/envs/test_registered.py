@@ -17,19 +17,22 @@ ENVIRONMENTS = {
     ),
     "MLIVR-Random-v0": lambda env: env.tasks == LayoutTasks(),
     "MLIVR-JEM-Unknown-v0": lambda env: env.tasks == LayoutTasks(clustered=True),
+    "MLIVR-JEM-ClosedLoop-v0": lambda env: env.boxes == 5 and env.plates == 10,
     "MLIVR3-JEM-v0": lambda env: env.graph.robot.name == "mlivr3",
     "MLIVR4-JEM-v0": lambda env: env.graph.robot.name == "mlivr4",
 }
 """Names, and what they promise."""
 
 
-def arguments(small_map):
+def arguments(small_map, name=""):
+    if "ClosedLoop" in name:
+        return {"map": small_map, "camera": {"pixels": 10, "period": 1.0}}
     return {"map": small_map, "collisions": False}
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_a_registered_environment_is_sound_and_made_again_from_json(small_map, name):
-    made = gymnasium.make(name, **arguments(small_map))
+    made = gymnasium.make(name, **arguments(small_map, name))
     assert ENVIRONMENTS[name](made.unwrapped)
     check_env(made.unwrapped, skip_render_check=True)
     check_env_of_sb3(made.unwrapped)
