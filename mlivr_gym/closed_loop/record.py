@@ -18,7 +18,7 @@ ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 
 
 LINES = {
-    "sensed": "sees something new, {boxes} boxes beside the map",
+    "sensed": "sees something new, {boxes} boxes now",
     "planned": "plans {steps} steps",
     "waits": "waits {duration:.0f} s for a crew member to pass",
     "holds": "holds all points, since no step leads away from a crew member",
