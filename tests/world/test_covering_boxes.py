@@ -40,6 +40,19 @@ def test_each_point_lies_in_a_box_and_no_box_is_far_from_the_points(seed, count,
     np.testing.assert_allclose(np.prod(2.0 * halves, axis=1).sum(), cubes * resolution**3)
 
 
+@pytest.mark.parametrize("cubes", [127, 128, 255, 256, 257, 32_768, 65_535, 65_536, 65_537])
+def test_a_long_row_of_cubes_is_one_box_for_each_gap(cubes):
+    """Both ends of the row are there, so that the numbers of the cubes reach the last one."""
+    gaps = np.array([cubes // 3, cubes - 2])
+    cells = np.delete(np.arange(cubes), gaps)
+    points = np.column_stack([np.zeros((cubes - 2, 2)), 0.01 * (cells + 0.5) - 300.0])
+    for turn in range(3):
+        boxes = point_cloud_boxes(np.roll(points, turn, axis=1), 0.01)
+        bounds = np.array([box.bounds for box in boxes])[:, :, (2 + turn) % 3]
+        ends = [[0, gaps[0]], [gaps[0] + 1, gaps[1]], [cubes - 1, cubes]]
+        np.testing.assert_allclose(bounds, 0.01 * np.array(ends) - 300.0, atol=1e-9)
+
+
 @given(SEEDS, st.floats(0.01, 0.4), st.booleans())
 def test_a_box_covers_its_capsule_and_little_more(seed, radius, is_ball):
     """The distances from another shape are those of another library."""
