@@ -157,9 +157,11 @@ class Numbers:
     most: float = np.inf
     """Maximum of each number."""
     unit: str = ""
-    """The unit. Of lengths [m] above `most` the message asks whether they are in millimetres."""
+    """The unit. Of lengths [m] above `most` the message ends with `hint`."""
     rows: tuple[int, int] = (1, MAX_PARTS)
     """Minimum and maximum number of rows where the shape leaves it open."""
+    hint: str = "lengths are in metres: is this in millimetres?"
+    """End of the message about a length that is too large."""
 
     def read(self, value: object, place: FieldPath) -> Array:
         """Return the numbers as an array of floats."""
@@ -189,8 +191,7 @@ class Numbers:
             if not np.isfinite(found[first]):
                 raise place.refused(array.item(first), "a finite number")
             if self.unit == "m" and abs(found[first]) > self.most:
-                hint = "lengths are in metres: is this in millimetres?"
-                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m; {hint}")
+                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m; {self.hint}")
             raise place.refused(float(found[first]), self._range())
         return found
 

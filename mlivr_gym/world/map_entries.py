@@ -23,9 +23,9 @@ from mlivr_gym.schema import (
     are_rotations,
 )
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, check_unique
-from mlivr_gym.world.boxes import CORNER, Box, Boxes
+from mlivr_gym.world.boxes import Box, Boxes
 from mlivr_gym.world.mesh_boxes import mesh_boxes
-from mlivr_gym.world.rails import DIRECTION, HANDRAIL, SEGMENT, Handrail, Segment
+from mlivr_gym.world.rails import DIRECTION, HANDRAIL, POSITION, SEGMENT, Handrail, Segment
 from mlivr_gym.world.units import (
     UNIT_OF_LENGTH,
     check_points,
@@ -50,7 +50,7 @@ CLEARANCE = Tuples((), 0.0, MAX_LENGTH, "m")
 """Distance of points from handrails."""
 
 POINT = Fields(
-    {"id": NAME, "face": NAME, "position": CORNER, "normal": DIRECTION, "rail": DIRECTION}
+    {"id": NAME, "face": NAME, "position": POSITION, "normal": DIRECTION, "rail": DIRECTION}
 )
 """A point of a map file."""
 
@@ -71,7 +71,7 @@ class AnyMap(Anything):
         return value
 
 
-PART = Fields({"id": NAME, "map": AnyMap()}, {"translation": CORNER, "rotation": Rotation()})
+PART = Fields({"id": NAME, "map": AnyMap()}, {"translation": POSITION, "rotation": Rotation()})
 """A map that is placed in another one by a rigid transform."""
 
 REMARKS = ("description", "frame", "sources", "provenance")
@@ -88,7 +88,7 @@ MODULE = Fields(
         "spacing": SPACING,
         "handrails": ListOf(HANDRAIL),
         "clearance": CLEARANCE,
-        "cabin": Fields({"min": CORNER, "max": CORNER}),
+        "cabin": Fields({"min": POSITION, "max": POSITION}),
         "boxes": Boxes("panel"),
         "mesh": MESH,
         "parts": ListOf(PART),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,10 +95,13 @@ DIRECTION = Tuples((3,), -1e6, 1e6)
 LENGTH = Tuples((), MIN_SIZE, MAX_LENGTH, "m")
 """A length above zero."""
 
+POSITION = replace(CORNER, hint="for a map in millimetres give unit 'mm'")
+"""A position in a map."""
+
 SEGMENT = Struct(
     Segment,
     {
-        "id": NAME, "face": NAME, "start": CORNER, "end": CORNER, "normal": DIRECTION,
+        "id": NAME, "face": NAME, "start": POSITION, "end": POSITION, "normal": DIRECTION,
         "width": LENGTH, "thickness": LENGTH,
     },
 )  # fmt: skip
@@ -107,8 +110,8 @@ SEGMENT = Struct(
 HANDRAIL = Struct(
     Handrail,
     {
-        "id": NAME, "face": NAME, "min": CORNER, "max": CORNER, "axis": Choice(("x", "y", "z")),
-        "bar_min": OrNone(CORNER), "bar_max": OrNone(CORNER),
+        "id": NAME, "face": NAME, "min": POSITION, "max": POSITION, "axis": Choice(("x", "y", "z")),
+        "bar_min": OrNone(POSITION), "bar_max": OrNone(POSITION),
     },
 )  # fmt: skip
 """Fields of a `Handrail`."""

@@ -52,7 +52,7 @@ def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
         ((HEADER, "A,0,zero,0,0,0,1,1,0,0,f"), ("line 2: y is 'zero'", "finite number")),
         ((HEADER, "A,0,,0,0,0,1,1,0,0,f"), ("line 2: y is ''", "finite number")),
         ((HEADER, "A,0,nan,0,0,0,1,1,0,0,f"), ("line 2: y is 'nan'", "finite number")),
-        ((HEADER, "A,0,1400,0,0,0,1,1,0,0,f"), ("line 2: y is 1400", "1000 m", "millimetres")),
+        ((HEADER, "A,0,1400,0,0,0,1,1,0,0,f"), ("line 2: y is 1400", "1000 m", "unit 'mm'")),
         ((HEADER, "A,0,0,0,0,0,1,1,2e6,0,f"), ("line 2: ry is 2000000.0", "from -1e+06 to 1e+06")),
         (
             (HEADER, ROWS[0], "", "B,0,0,0,0,0,2,1,0,0,f"),
