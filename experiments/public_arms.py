@@ -4,9 +4,10 @@
     unzip -d descriptions example_robot_data-*.whl
     python experiments/public_arms.py descriptions/cmeel.prefix/share
 
-Two UR10 and two Franka Panda, the latter with joint 6 held, on a cube, between two drawn stances of
-the JEM, with collisions checked and capsules along the links. The Panda's joint limits leave few
-postures above the default threshold of `w_m`, and its base stands lower. Writes
+Two UR3, UR5, UR10 and Franka Panda, the latter with joint 6 held, on a cube, between two drawn
+stances of the JEM, with collisions checked and capsules along the links. Base and upper arm of the
+UR5 are not compared: the UR5e's base is larger. The Panda's joint limits leave few postures
+above the default threshold of `w_m`, and its base stands lower. Writes
 `public_arms.json`, whose table `readme.py` shows in the docs, and `public_arms.png`: each robot by
 its visual meshes in the first, a middle and the last stance.
 """
@@ -28,14 +29,19 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 ARMS: dict[str, tuple[str, float, dict[str, Any]]] = {
+    "UR3": ("ur_description/urdf/ur3_robot.urdf", 0.1, {"capsules": "ur5e"}),
+    "UR5": (
+        "ur_description/urdf/ur5_robot.urdf", 0.1,
+        {"capsules": "ur5e", "apart": [("base", "upper_arm")]},
+    ),
     "UR10": (
         "ur_description/urdf/ur10_robot.urdf", 0.1,
-        {"tool_frame": "tool0", "body_size": 0.3, "mount_radius": 0.2},
+        {"tool_frame": "tool0", "body_size": 0.3, "mount_radius": 0.2, "capsules": "ur5e"},
     ),
     "Franka Panda": (
         "panda_description/urdf/panda.urdf", 0.03,
         {"tool_frame": "panda_hand_tcp", "held_joint": "panda_joint6", "held_angle": 1.8,
-         "body_size": 0.2, "heights": (0.4, 0.44, 0.48, 0.52)},
+         "body_size": 0.2, "heights": (0.4, 0.44, 0.48, 0.52), "capsules": "ur5e"},
     ),
 }  # fmt: skip
 """File in the package, threshold of `w_m`, and arguments of `RobotSpec.from_urdf`."""
@@ -81,15 +87,14 @@ def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
     """Return what is measured of a robot, and its pictures."""
     file, threshold, options = ARMS[name]
     robots = share / "example-robot-data" / "robots"
-    robot = RobotSpec.from_urdf(
-        robots / file, package_dirs=[share], capsules="ur5e", name=name, **options
-    )
+    robot = RobotSpec.from_urdf(robots / file, package_dirs=[share], name=name, **options)
     graph = stance_graph(robot=robot, settings=Settings(limb_threshold=threshold))
     assert isinstance(graph, TwoLimbGraph)
     plan = walk_of(graph)
     done = execute(graph, plan)
     return {
-        "file": file, "held": options.get("held_joint"), "threshold": threshold,
+        "file": file, "options": ", ".join(f"{key}={value!r}" for key, value in options.items()),
+        "threshold": threshold,
         "stances": len(graph), "steps": len(plan.steps), "walked": done.failure is None,
         "walk_s": done.simulated_time,
         "capture_m": max(capture.distance for capture in done.captures),
@@ -99,11 +104,11 @@ def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
 def markdown(data: dict[str, Any]) -> str:
     """Return the table for the page on robots."""
     head = (
-        "arms | file of example-robot-data 6.0.0 | held joint | least w_m | stances | steps | "
+        "arms | file of example-robot-data 6.0.0 | options | least w_m | stances | steps | "
         "duration of the walk [s] | largest error of a capture [mm]"
     )
     return table(head, (
-        (name, f"`{row['file']}`", row["held"] or "none", f"{row['threshold']:g}",
+        (name, f"`{row['file']}`", f"`{row['options']}`", f"{row['threshold']:g}",
          f"{row['stances']:,}", row["steps"], f"{row['walk_s']:.0f}" if row["walked"] else "fails",
          f"{1e3 * row['capture_m']:.1f}")
         for name, row in data.items()

@@ -279,13 +279,15 @@ def _of_one_arm(
 def _stand_off(limb: FileLimb) -> float:
     """Return how far from the body an arm must stand for its upper arm to turn freely [m].
 
-    What counts are the capsules about joint 2, which come equally close at every angle.
+    What counts are the capsules about joint 2, which come equally close at every angle, and of the
+    longer ones the end about it, which is never farther than where the arm points away.
     """
     lows = [0.0]
     for capsule in limb.capsules:
-        far = max(float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end))
-        if capsule.link == "upper_arm" and far < capsule.radius:
-            lows.append(far + capsule.radius + UPPER_ARM_GAP - limb.limb.d1)
+        ends = [float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end)]
+        if capsule.link == "upper_arm" and min(ends) < capsule.radius:
+            away = max(ends) if max(ends) < capsule.radius else -min(ends)
+            lows.append(away + capsule.radius + UPPER_ARM_GAP - limb.limb.d1)
     return round(max(lows), 3)
 
 

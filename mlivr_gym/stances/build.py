@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.collisions.always_close import told_always_close
 from mlivr_gym.compiled.warming import mark_of, warming
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
@@ -85,8 +86,9 @@ def _why_empty(graph: TwoLimbGraph) -> str:
         f"depart at w_m >= {graph.settings.path_floor:g}"
     )
     if touching:
+        told = told_always_close(graph.robot, graph.settings.clearance)
         return (
             f"of {graph.reachable} stances in reach none is left; of those that meet {thresholds} "
-            f"{touching}"
+            f"{touching}{': ' if told else ''}{told}"
         )
     return f"of {graph.reachable} stances in reach none meets {thresholds}"
