@@ -1,6 +1,6 @@
 """Which branches of inverse kinematics are found of arms of each family, and how fast.
 
-    python experiments/arm_branches.py [--out results] [--poses 500]
+    python experiments/arm_branches.py [--out results] [--poses 500] [--workers 2]
 
 Flange poses at drawn joint angles, in the limb base frame. The closed form of each arm is compared
 with EAIK, which knows the arm by the axes of the joints that move; every solution is brought back
@@ -19,7 +19,7 @@ from typing import Any
 import eaik.IK_HP as hp
 import numpy as np
 import pinocchio as pin
-from reports import experiment, table
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import SphericalWristLimb, robot_spec
 from mlivr_gym.arrays import Array
@@ -68,6 +68,9 @@ ARMS: dict[str, tuple[str, AnyLimb]] = {
     "Franka, joint 6": ("spherical shoulder", FRANKA),
 }
 """Family and limb by name; the joint is the one that is held."""
+
+HELD = {"iiwa 14": IIWA, "Gen3": GEN3, "Franka": FRANKA}
+"""Arms of which each joint is held in turn."""
 
 
 def poses_of(limb: AnyLimb, count: int) -> Array:
@@ -143,27 +146,32 @@ def counted(solver: Callable[[Array], int], poses: Array) -> dict[str, Any]:
     return {"found": found, "seconds": took}
 
 
-def measured(limb: AnyLimb, count: int) -> dict[str, Any]:
-    """Return what is measured of an arm."""
-    poses = poses_of(limb, count)
-    solutions, took = of_package(limb, poses)
+def branches(task: int, arm: str, poses: int) -> dict[str, Any]:
+    """Return what the package and EAIK find of an arm."""
+    limb = ARMS[arm][1]
+    targets = poses_of(limb, poses)
+    solutions, took = of_package(limb, targets)
     model = pinocchio_arm(limb)
-    errors = [largest_error(model, *both) for both in zip(poses, solutions, strict=True)]
+    errors = [largest_error(model, *both) for both in zip(targets, solutions, strict=True)]
     ours = [len(rows) for rows in solutions]
-    out: dict[str, Any] = {"found": sum(ours), "seconds": took, "error": max(errors)}
-    other = counted(eaik_solver(limb), poses)
+    other = counted(eaik_solver(limb), targets)
     pairs = list(zip(ours, other["found"], strict=True))
-    out["eaik"] = {
-        "found": sum(other["found"]),
-        "fewer": sum(a < b for a, b in pairs),
-        "more": sum(a > b for a, b in pairs),
-        "seconds": other["seconds"],
+    return {
+        "found": sum(ours),
+        "seconds": took,
+        "largest_error": max(errors),
+        "eaik": {
+            "found": sum(other["found"]),
+            "fewer": sum(a < b for a, b in pairs),
+            "more": sum(a > b for a, b in pairs),
+            "seconds": other["seconds"],
+        },
     }
-    return out
 
 
-def largest_w_m(limb: SphericalWristLimb, held: int, count: int) -> float:
-    """Return the largest `w_m` at drawn angles of a seven-joint arm with one joint held."""
+def largest_w_m(task: int, arm: str, draws: int) -> dict[str, float]:
+    """Return the largest `w_m` at drawn angles of an arm that holds the joint of index `task`."""
+    limb = HELD[arm]
     places = [(0.0, 0.0, limb.d1), (0.0, -limb.d2, limb.d1)]
     places += [(limb.b2, -limb.d2, limb.d1 + limb.a2)]
     x, y, z = limb.b2 + limb.a3, -limb.d2 - limb.d3, limb.d1 + limb.a2 + limb.d4
@@ -180,33 +188,29 @@ def largest_w_m(limb: SphericalWristLimb, held: int, count: int) -> float:
     frame = model.addFrame(pin.Frame("flange", parent, tip, pin.FrameType.OP_FRAME))
     data, rng, best = model.createData(), np.random.default_rng(0), 0.0
     scale = robot_spec("mlivr2").characteristic_length * limb.arm_length / (0.425 + 0.3922)
-    for q in rng.uniform(-np.pi, np.pi, (count, 7)):
+    for q in rng.uniform(-np.pi, np.pi, (draws, 7)):
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         columns = pin.computeFrameJacobian(model, data, q, frame, world)
-        six = np.delete(columns, held - 1, axis=1)
+        six = np.delete(columns, task, axis=1)
         best = max(best, float(limb_manipulability(six, scale)))
-    return best
+    return {"w_m": best}
 
 
-def all_measured(poses: int, draws: int) -> dict[str, Any]:
+def measured(poses: int, draws: int, workers: int) -> dict[str, Any]:
     """Return what is measured of all arms."""
-    held = {"iiwa 14": IIWA, "Gen3": GEN3, "Franka": FRANKA}
-    return {
-        "poses": poses,
-        "draws": draws,
-        "w_m": {
-            name: {str(joint): largest_w_m(limb, joint, draws) for joint in range(1, 8)}
-            for name, limb in held.items()
-        },
-        "arms": {name: measured(limb, poses) for name, (_, limb) in ARMS.items()},
-    }
+    arms = study_rows("arm_branches:branches", 1, workers, arm=list(ARMS), poses=[poses])
+    held = study_rows("arm_branches:largest_w_m", 7, workers, arm=list(HELD), draws=[draws])
+    w_m: dict[str, dict[str, float]] = {name: {} for name in HELD}
+    for row in held:
+        w_m[row["arm"]][str(row["task"] + 1)] = row["w_m"]
+    return {"poses": poses, "draws": draws, "w_m": w_m, "arms": {row["arm"]: row for row in arms}}
 
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
     rows = [
         (
-            name, ARMS[name][0], f"{row['found']:,}", f"{row['error']:.1e}",
+            name, ARMS[name][0], f"{row['found']:,}", f"{row['largest_error']:.1e}",
             f"{1e6 * row['seconds']:.2g}", f"{row['eaik']['found']:,}",
             f"{row['eaik']['fewer']} / {row['eaik']['more']}",
             f"{1e6 * row['eaik']['seconds']:.3g}",
@@ -240,4 +244,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("arm_branches", __doc__, all_measured, markdown, poses=500, draws=20000)
+    experiment("arm_branches", __doc__, measured, markdown, poses=500, draws=20000, workers=CORES)

@@ -1,6 +1,6 @@
 """Measure what cargo costs: steps, time and force of one query, for bags of different masses.
 
-    python experiments/cargo.py [--out results]
+    python experiments/cargo.py [--out results] [--workers 2]
 
 Bags of the same size lie on the body of the two-limb robot; each plan is carried out in MuJoCo at
 two paces. Writes `cargo.json`, `cargo.md` and the film `cargo.gif`.
@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import GOAL, START, experiment, table
-from tqdm import tqdm
+from reports import CORES, GOAL, START, experiment, study_rows, table
 
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.film import film
@@ -26,8 +25,8 @@ from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-MASSES = (None, 1.0, 10.0, 30.0, 100.0)
-"""Masses of the bags [kg]; None for no bag."""
+MASSES = (0.0, 1.0, 10.0, 30.0, 100.0)
+"""Masses of the bags [kg]; 0 for no bag."""
 
 FILMED = 30.0
 """Mass of the bag in the film [kg]."""
@@ -36,34 +35,35 @@ SIZE = (0.4, 0.4, 0.3)
 """Edges of each bag [m]."""
 
 
-def planned(mass: float | None) -> tuple[StanceGraph, Plan]:
+def planned(mass: float) -> tuple[StanceGraph, Plan]:
     """Return the graph of the robot with a bag, and its plan."""
-    robot = carrying(robot_spec("mlivr2"), None if mass is None else Cargo(mass, SIZE))
+    robot = carrying(robot_spec("mlivr2"), Cargo(mass, SIZE) if mass else None)
     graph = stance_graph(robot=robot)
     return graph, Planner(graph).plan(START, GOAL, "steps").unwrap()
 
 
-def measured() -> dict[str, Any]:
-    """Return stances, steps and translation [m] for each mass, and the walks at each pace."""
-    rows = []
-    for mass in tqdm(MASSES, desc="masses", mininterval=5.0):
-        graph, plan = planned(mass)
-        row: dict[str, Any] = {
-            "mass": mass, "stances": len(graph), "steps": len(plan.steps),
-            "translation": plan.base_translation,
-        }  # fmt: skip
-        for pace in ("fast", "gentle"):
-            walked = execute(graph, plan, PACES[pace])
-            peaks = walked.peaks
-            row[pace] = {
-                "time": walked.simulated_time,
-                "force": float(station_load(walked.recording).peak_forces.max()),
-                "grasp_torque": float(np.max(peaks.grasp_torque)),
-                "base_error": float(peaks.base_error),
-                "failed": walked.failure is not None,
-            }
-        rows.append(row)
-    return {"rows": rows}
+def walks(task: int, mass: float) -> dict[str, Any]:
+    """Return stances, steps and translation [m] with a bag, and the walk at each pace."""
+    graph, plan = planned(mass)
+    row: dict[str, Any] = {
+        "stances": len(graph), "steps": len(plan.steps), "translation": plan.base_translation,
+    }  # fmt: skip
+    for pace in ("fast", "gentle"):
+        walked = execute(graph, plan, PACES[pace])
+        peaks = walked.peaks
+        row[pace] = {
+            "time": walked.simulated_time,
+            "force": float(station_load(walked.recording).peak_forces.max()),
+            "grasp_torque": float(np.max(peaks.grasp_torque)),
+            "base_error": float(peaks.base_error),
+            "failed": walked.failure is not None,
+        }
+    return row
+
+
+def measured(workers: int) -> dict[str, Any]:
+    """Return the walks with each mass."""
+    return {"rows": study_rows("cargo:walks", 1, workers, mass=MASSES)}
 
 
 def masses(data: dict[str, Any]) -> str:
@@ -72,7 +72,7 @@ def masses(data: dict[str, Any]) -> str:
     for row in data["rows"]:
         cells.append(
             [
-                "no bag" if row["mass"] is None else f"{row['mass']:g}", f"{row['stances']:,}",
+                f"{row['mass']:g}" if row["mass"] else "no bag", f"{row['stances']:,}",
                 row["steps"], f"{row['translation']:.2f}",
                 *(
                     f"{row[pace][name]:.{digits}f}"
@@ -114,4 +114,4 @@ def moving_picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("cargo", __doc__, measured, markdown, moving_picture)
+    experiment("cargo", __doc__, measured, markdown, moving_picture, workers=CORES)

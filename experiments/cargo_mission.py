@@ -1,6 +1,6 @@
 """Measure a mission with bags of different masses: picked up, carried and stowed by three limbs.
 
-    python experiments/cargo_mission.py [--out results]
+    python experiments/cargo_mission.py [--out results] [--workers 2]
 
 Each mission is carried out in MuJoCo at two paces. Writes `cargo_mission.json`,
 `cargo_mission.md` and the film `cargo_mission.gif`.
@@ -11,11 +11,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from reports import experiment, table
-from tqdm import tqdm
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import stance_graph
-from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
+from mlivr_gym.closed_loop.cargo_mission import CargoMission, plan_cargo_mission
 from mlivr_gym.pictures.mission_film import mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.limits import PACES
@@ -33,25 +32,31 @@ FILMED = 10.0
 """Mass of the bag in the film [kg]."""
 
 
-def measured() -> dict[str, Any]:
-    """Return limb, steps, times [s] and loads for each mass and pace."""
-    graph, rows = stance_graph(robot="mlivr3"), []
-    for mass in tqdm(MASSES, desc="masses", mininterval=5.0):
-        mission = plan_cargo_mission(graph, START, PICK, STOW, Cargo(mass, SIZE))
-        row: dict[str, Any] = {
-            "mass": mass, "limb": mission.limb, "steps": [len(p.steps) for p in mission.plans],
-        }  # fmt: skip
-        for pace in ("fast", "gentle"):
-            parts = mission.execute(PACES[pace])
-            row[pace] = {
-                "times": {part.name: float(part.recording.times[-1]) for part in parts},
-                "force": max(float(part.peaks.grasp_force.max()) for part in parts),
-                "torque": max(float(part.peaks.grasp_torque.max()) for part in parts),
-                "miss": max(part.miss for part in parts),
-                "failed": parts[-1].failure is not None,
-            }
-        rows.append(row)
-    return {"rows": rows}
+def planned(mass: float) -> CargoMission:
+    """Return the mission with a bag of a mass."""
+    return plan_cargo_mission(stance_graph(robot="mlivr3"), START, PICK, STOW, Cargo(mass, SIZE))
+
+
+def missions(task: int, mass: float) -> dict[str, Any]:
+    """Return limb, steps, times [s] and loads of the mission at each pace."""
+    mission = planned(mass)
+    row: dict[str, Any] = {"limb": mission.limb, "steps": [len(p.steps) for p in mission.plans]}
+    for pace in ("fast", "gentle"):
+        parts = mission.execute(PACES[pace])
+        row[pace] = {
+            "times": dict.fromkeys(PARTS, 0.0)
+            | {part.name: float(part.recording.times[-1]) for part in parts},
+            "force": max(float(part.peaks.grasp_force.max()) for part in parts),
+            "torque": max(float(part.peaks.grasp_torque.max()) for part in parts),
+            "miss": max(part.miss for part in parts),
+            "failed": parts[-1].failure is not None,
+        }
+    return row
+
+
+def measured(workers: int) -> dict[str, Any]:
+    """Return the missions with each mass."""
+    return {"rows": study_rows("cargo_mission:missions", 1, workers, mass=MASSES)}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -63,7 +68,7 @@ def markdown(data: dict[str, Any]) -> str:
         cells.append(
             [
                 f"{row['mass']:g}", row["limb"], *row["steps"],
-                *(f"{times.get(part, 0.0):.1f}" for part in PARTS),
+                *(f"{times[part]:.1f}" for part in PARTS),
                 *(f"{sum(row[pace]['times'].values()):.1f}" for pace in ("fast", "gentle")),
                 *(f"{row[pace]['force']:.0f}" for pace in ("fast", "gentle")),
                 *(f"{row[pace]['torque']:.0f}" for pace in ("fast", "gentle")),
@@ -91,11 +96,9 @@ make up to {force:.0f} N. [How to carry cargo](../docs/how-to/cargo.md).
 
 def moving_picture(data: dict[str, Any], path: Path) -> None:
     """Film the mission with a bag of `FILMED` kilograms."""
-    mission = plan_cargo_mission(
-        stance_graph(robot="mlivr3"), START, PICK, STOW, Cargo(FILMED, SIZE)
-    )
+    mission = planned(FILMED)
     mission_film(mission, mission.execute(), path.with_suffix(".gif"), size=(480, 270))
 
 
 if __name__ == "__main__":
-    experiment("cargo_mission", __doc__, measured, markdown, moving_picture)
+    experiment("cargo_mission", __doc__, measured, markdown, moving_picture, workers=CORES)

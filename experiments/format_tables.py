@@ -126,8 +126,6 @@ def kind_in_words(kind: Any) -> str:
             return "pair of " + ", ".join(f"`{' '.join(pair)}`" for pair in kind.pairs)
         case SizeOrEdges():
             return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
-        case LimbValidator():
-            return "object"
         case Named():
             return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
                 f"`{name}`" for name in ARMS

@@ -1,6 +1,6 @@
 """Measure expert, greedy and random policy on the fixed tasks of `MLIVR-Random-v0`.
 
-    python experiments/random_layouts.py [--tasks 200] [--out results]
+    python experiments/random_layouts.py [--tasks 200] [--out results] [--workers 2]
 
 Each fixed task has a layout of its own. The protocol is that of `docs/benchmark.md`. Writes
 `random_layouts.json` and `random_layouts.md`; takes a minute.
@@ -14,12 +14,11 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import experiment, table
-from tqdm import tqdm
+from reports import CORES, experiment, study_rows, table
 
 import mlivr_gym  # noqa: F401
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
-from mlivr_gym.agents.evaluation import Evaluation, EvaluationTask, bootstrap
+from mlivr_gym.agents.evaluation import EvaluationTask, bootstrap
 from mlivr_gym.agents.policies import Policy, baseline_policy
 from mlivr_gym.envs.env import MlivrEnv
 
@@ -45,36 +44,42 @@ def fixed_tasks(env: MlivrEnv, numbers: Iterable[int]) -> tuple[list[EvaluationT
 
 def protocol(
     env: MlivrEnv, policy: Policy, tasks: list[EvaluationTask], fewest: list[int]
-) -> tuple[dict[str, Any], Evaluation]:
-    """Return success, steps over the fewest, and base translation, with the whole evaluation."""
+) -> dict[str, Any]:
+    """Return success, steps, steps over the fewest, and base translation of a policy."""
     result = evaluate(env, policy, tasks, max_steps=MOST_STEPS)
-    ratio = (result.steps / np.array(fewest))[result.success]
-    moved = result.base_translation[result.success]
+    done = result.success
+    means = {
+        "steps": result.steps[done],
+        "over_fewest": (result.steps / np.array(fewest))[done],
+        "base_translation_m": result.base_translation[done],
+    }
     return {
         "success": result.success_rate,
-        "over_fewest": float(ratio.mean()) if len(ratio) else None,
-        "base_translation_m": float(moved.mean()) if len(moved) else None,
-    }, result
+        "success_interval": bootstrap(done.astype(float)),
+        **{name: float(one.mean()) if done.any() else None for name, one in means.items()},
+    }
 
 
-def measured(tasks: int) -> dict[str, Any]:
-    """Return the results of each policy."""
+def of_policy(task: int, policy: str, count: int) -> dict[str, Any]:
+    """Return the results of a policy, with the fewest steps and the occupied share of each task."""
     env = gymnasium.make("MLIVR-Random-v0", disable_env_checker=True).unwrapped
     assert isinstance(env, MlivrEnv)
-    fixed, fewest = fixed_tasks(env, range(tasks))
-    rows = {}
-    for name, policy in tqdm(POLICIES.items()):
-        figures, found = protocol(env, policy, fixed, fewest)
-        rows[name] = figures | {
-            "success_interval": bootstrap(found.success.astype(float)),
-            "steps": float(found.steps[found.success].mean()),
-        }
-    shares = [len(task.occupied) / len(env.graph.grasp_map) for task in fixed]
+    fixed, fewest = fixed_tasks(env, range(count))
+    shares = [len(one.occupied) / len(env.graph.grasp_map) for one in fixed]
+    found = protocol(env, POLICIES[policy], fixed, fewest)
+    return {"results": found, "fewest": fewest, "shares": shares}
+
+
+def measured(tasks: int, workers: int) -> dict[str, Any]:
+    """Return the results of each policy."""
+    kind, policies = "random_layouts:of_policy", list(POLICIES)
+    rows = study_rows(kind, 1, workers, policy=policies, count=[tasks])
+    fewest, shares = rows[0]["fewest"], rows[0]["shares"]
     return {
         "tasks": tasks,
         "occupied": [min(shares), max(shares)],
         "fewest_steps": dict(sorted(Counter(fewest).items())),
-        "policies": rows,
+        "policies": {row["policy"]: row["results"] for row in rows},
     }
 
 
@@ -111,4 +116,4 @@ episodes.
 
 
 if __name__ == "__main__":
-    experiment("random_layouts", __doc__, measured, markdown, tasks=200)
+    experiment("random_layouts", __doc__, measured, markdown, tasks=200, workers=CORES)

@@ -66,7 +66,7 @@ class Curve:
         """Evaluate an actor-critic of sb3-contrib after some environment steps."""
         actor_critic.set_training_mode(False)
         learned = LearnedPolicy(actor_critic, "pointer")
-        self.points.append({"steps": steps, **protocol(self.env, learned, *self._given)[0]})
+        self.points.append(protocol(self.env, learned, *self._given) | {"steps": steps})
         actor_critic.set_training_mode(True)
         self._bar.set_postfix(self.points[-1], refresh=False)
 
@@ -134,7 +134,7 @@ def run_of(task: int, method: str) -> Measure:
     seconds = time.perf_counter() - began
     actor_critic.set_training_mode(False)
     learned = LearnedPolicy(actor_critic, "pointer")
-    tested, _ = protocol(env, learned, *fixed_tasks(env, TESTED))
+    tested = protocol(env, learned, *fixed_tasks(env, TESTED))
     return {"curve": curve.points, "test": tested, "seconds": round(seconds, 1)}
 
 
@@ -143,7 +143,7 @@ def anchors() -> dict[str, Measure]:
     env = make_env()
     tasks, fewest = fixed_tasks(env, TESTED)
     policies = {"exact table": ExpertPolicy(), "random possible steps": RandomPolicy(0)}
-    found = {name: protocol(env, one, tasks, fewest)[0] for name, one in policies.items()}
+    found = {name: protocol(env, one, tasks, fewest) for name, one in policies.items()}
     return found | {"fewest": {"mean": float(np.mean(fewest)), "most": int(np.max(fewest))}}
 
 

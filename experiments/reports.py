@@ -10,6 +10,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ import numpy as np
 from tqdm import tqdm
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym.envs.task import Task
+from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
@@ -178,6 +181,13 @@ def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLim
     graph = stance_graph(grasp_map or jem_map(), settings=Settings(**settings))
     assert isinstance(graph, TwoLimbGraph)
     return graph
+
+
+@cache
+def graph_and_tasks(count: int, seed: int, **settings: Any) -> tuple[TwoLimbGraph, list[Task]]:
+    """Return the graph of two limbs in the JEM, and random tasks on it, once for each process."""
+    graph, rng = two_limb_graph(**settings), np.random.default_rng(seed)
+    return graph, [sample_task(graph, rng, 0.2) for _ in range(count)]
 
 
 def case_3() -> tuple[StanceGraph, Plan]:

@@ -1,6 +1,6 @@
 """Measure what the check of steps adds to the paper's Table I, and what a price of regrasps does.
 
-    python experiments/table1_study.py [--out results] [--pairs 200]
+    python experiments/table1_study.py [--out results] [--pairs 200] [--workers 2]
 
 Table I itself is made by `mlivr-gym table1 --out results`. Two studies on random tasks: how many
 plans that check nodes alone cannot be executed, and how a price for each regrasp trades steps for
@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import experiment, table, two_limb_graph
-from tqdm import tqdm
+from reports import CORES, experiment, graph_and_tasks, study_rows, table, two_limb_graph
 
-from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.viewer.marks import states_of
@@ -26,56 +24,57 @@ PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp on the Pareto front [m]."""
 
 
-def transition_study(pairs: int) -> dict[str, Any]:
-    """Count the plans of both costs that check nodes alone and cannot be executed."""
-    checked = two_limb_graph(collisions=False)
-    free = two_limb_graph(transitions=False, collisions=False)
-    planner, node_only = Planner(checked), Planner(free)
-    rng = np.random.default_rng(2026)
-    blocked = {"base": 0, "steps": 0}
-    extra, solved = [], 0
-    for _ in tqdm(range(pairs), desc="node-only plans", mininterval=2.0):
-        start, goal = sample_task(checked, rng, 0.2)
-        for cost in blocked:
-            plan = node_only.plan(start.stance, goal, cost).unwrap()
-            blocked[cost] += None in states_of(checked, plan)
-            if cost == "base":
-                with_check = planner.plan(start.stance, goal, cost).plan
-                solved += with_check is not None
-                if with_check is not None and plan.base_translation > 0.0:
-                    extra.append(with_check.base_translation / plan.base_translation - 1.0)
+def checked_pair(task: int, pairs: int) -> dict[str, Any]:
+    """Return which plans that check nodes alone cannot be executed, and both base translations."""
+    graph, drawn = graph_and_tasks(pairs, 2026, collisions=False)
+    free, (start, goal) = two_limb_graph(transitions=False, collisions=False), drawn[task]
+    base, steps = (
+        Planner(free).plan(start.stance, goal, cost).unwrap() for cost in ("base", "steps")
+    )
+    checked = Planner(graph).plan(start.stance, goal, "base").plan
     return {
-        "pairs": pairs,
-        "blocked": blocked["base"],
-        "blocked_steps": blocked["steps"],
-        "solved": solved,
-        "extra_translation": float(np.mean(extra)),
+        "blocked": None in states_of(graph, base),
+        "blocked_steps": None in states_of(graph, steps),
+        "free": base.base_translation,
+        "checked": None if checked is None else checked.base_translation,
     }
 
 
-def pareto(pairs: int) -> list[dict[str, float]]:
-    """Return mean steps and mean base translation over random tasks for each price of a regrasp."""
-    graph = two_limb_graph(collisions=False)
-    planner, rng = Planner(graph), np.random.default_rng(7)
-    tasks = [sample_task(graph, rng, 0.2) for _ in range(pairs)]
-    rows = []
-    for price in tqdm(PRICES, desc="prices of a regrasp", mininterval=2.0):
-        plans = [
-            planner.plan(s.stance, g, "weighted", regrasp_price=price).unwrap() for s, g in tasks
-        ]
-        rows.append(
-            {
-                "price": price,
-                "steps": float(np.mean([len(plan.steps) for plan in plans])),
-                "base_translation": float(np.mean([plan.base_translation for plan in plans])),
-            }
-        )
-    return rows
+def transition_study(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Count the plans of both costs that check nodes alone and cannot be executed."""
+    solved = [row for row in rows if row["checked"] is not None]
+    return {
+        "pairs": len(rows),
+        "blocked": sum(row["blocked"] for row in rows),
+        "blocked_steps": sum(row["blocked_steps"] for row in rows),
+        "solved": len(solved),
+        "extra_translation": float(
+            np.mean([row["checked"] / row["free"] - 1.0 for row in solved if row["free"] > 0.0])
+        ),
+    }
 
 
-def measured(pairs: int) -> dict[str, Any]:
-    """Return the results of both studies."""
-    return {"transition_study": transition_study(pairs), "pareto": pareto(pairs)}
+def priced_pair(task: int, price: float, pairs: int) -> dict[str, Any]:
+    """Return steps and base translation [m] of the plan of a random task at a price of regrasps."""
+    graph, drawn = graph_and_tasks(pairs, 7, collisions=False)
+    start, goal = drawn[task]
+    plan = Planner(graph).plan(start.stance, goal, "weighted", regrasp_price=price).unwrap()
+    return {"steps": len(plan.steps), "base_translation": plan.base_translation}
+
+
+def measured(pairs: int, workers: int) -> dict[str, Any]:
+    """Return the results of both studies, the second as means at each price of a regrasp."""
+    checked = study_rows("table1_study:checked_pair", pairs, workers, pairs=[pairs])
+    rows = study_rows("table1_study:priced_pair", pairs, workers, price=PRICES, pairs=[pairs])
+    pareto = [
+        {"price": price}
+        | {
+            name: float(np.mean([row[name] for row in rows if row["price"] == price]))
+            for name in ("steps", "base_translation")
+        }
+        for price in PRICES
+    ]
+    return {"transition_study": transition_study(checked), "pareto": pareto}
 
 
 def draw_pareto(study: dict[str, Any], path: Path) -> None:
@@ -130,4 +129,4 @@ step a support limb would have to let go or pass a singularity. With steps check
 
 
 if __name__ == "__main__":
-    experiment("table1_study", __doc__, measured, markdown, draw_pareto, pairs=200)
+    experiment("table1_study", __doc__, measured, markdown, draw_pareto, pairs=200, workers=CORES)
