@@ -69,12 +69,12 @@ def run(args: argparse.Namespace) -> int:
     args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
     args.result["motions"] = [knots.tolist() for knots in mission.motions]
+    if args.out:
+        write_whole(args.out, json.dumps(args.result, indent=1))
+        print(f"mission: {args.out}")
     if args.film:
         from mlivr_gym.pictures.mission_film import mission_film
 
         mission_film(mission, parts, args.film)
         print(f"film: {args.film}")
-    if args.out:
-        write_whole(args.out, json.dumps(args.result, indent=1))
-        print(f"mission: {args.out}")
     return SUCCESS if failure is None else FAILED

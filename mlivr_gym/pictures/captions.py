@@ -23,7 +23,10 @@ def strip_height(height: int) -> int:
 
 
 def with_caption(picture: Image, caption: str, height: int) -> Image:
-    """Add a line of text below a picture; `height` is the total height with the text [px]."""
+    """Add a line of text below a picture; `height` is the total height with the text [px].
+
+    Of a text that is too long, even in the smallest letters, the last words are left out.
+    """
     strip = strip_height(height)
     if not strip:
         return picture
@@ -35,7 +38,11 @@ def with_caption(picture: Image, caption: str, height: int) -> Image:
     size, available = max(9, round(0.62 * strip)), picture.shape[1] - strip
     while size > 9 and draw.textlength(caption, font=_font(size)) > available:
         size -= 1
-    draw.text((0.5 * strip, 0.5 * strip), caption, fill="black", font=_font(size), anchor="lm")
+    shown, words = caption, caption.split()
+    while len(words) > 1 and draw.textlength(shown, font=_font(size)) > available:
+        words.pop()
+        shown = " ".join([*words, "..."])
+    draw.text((0.5 * strip, 0.5 * strip), shown, fill="black", font=_font(size), anchor="lm")
     return np.concatenate([picture, np.asarray(line)])
 
 

@@ -86,7 +86,7 @@ class Moment(NamedTuple):
 def _told(record: ClosedLoopRecord, happened: Sequence[Event]) -> str:
     """Return what happened last in a few words; at the end, also why it ended."""
     if happened and happened[-1].kind == "end":
-        proof = ", with a proof" if record.proved else ""
+        proof = ", with a proof that there is no plan" if record.proved else ""
         return f"{record.outcome}{proof}: {record.reason}"
     return "; ".join(event.line for event in happened if event.time == happened[-1].time)
 

@@ -177,7 +177,7 @@ def test_a_stop_with_a_proof_is_told():
     events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
     record = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
     assert Moment.of(record, 2.0).news == ""
-    assert Moment.of(record, 3.0).news == "stopped, with a proof: no way"
+    assert Moment.of(record, 3.0).news == "stopped, with a proof that there is no plan: no way"
 
 
 def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
