@@ -9,8 +9,10 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
+from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.joint_chain import HeldJoint, JointChain
+from mlivr_gym.robot.joint_chain import HeldJoint, JointChain, RecognisedArm
+from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
 
 JOINTS = 6
@@ -125,6 +127,11 @@ def _with_held_joint(
     index = HELD_JOINT - 1 if name is None else joints.index(name)
     figures = file.joints[arm.joints[index]]
     low, high = figures.limits or (-np.pi, np.pi)
+    if angle is None and not low <= 0.0 <= high:
+        raise RobotError(
+            f"held_angle is missing; joint {figures.name!r}, which is held, turns from {low:g} to "
+            f"{high:g} rad and cannot be at 0"
+        )
     angle = 0.0 if angle is None else angle
     if not low <= angle <= high:
         raise RobotError(
@@ -157,6 +164,37 @@ def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
         flange,
         held,
     )
+
+
+def limb_in_family(file: Description, arm: FileArm, found: RecognisedArm) -> AnyLimb:
+    """Return the limb; an error of the joint that is held has its name and angle in the file."""
+    limits = _limits(file, arm, found)
+    try:
+        return found.limb(limits)
+    except RobotError as fault:
+        if arm.held is None:
+            raise
+        joint, held = arm.held
+        raise RobotError(
+            f"joint {file.joints[joint].name!r} cannot be held at {held.angle:g} rad, give another "
+            f"held_angle: {fault}"
+        ) from None
+
+
+def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple[float, float]]:
+    """Return the limits of the limb's joint angles [rad]."""
+    out = []
+    for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
+        figures = file.joints[joint]
+        if figures.limits is None:
+            raise RobotError(
+                f"joint {figures.name!r} has no limits; give it a lower and an upper angle [rad], "
+                "the lower one first"
+            )
+        ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
+        low, high = sorted(sign * end + offset for end in ends)
+        out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
+    return out
 
 
 def body_frame(data: Any, body: int) -> Array:

@@ -14,12 +14,11 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import FileArm, chain_of, tool_frame_of
+from mlivr_gym.robot.file_arms import FileArm, chain_of, limb_in_family, tool_frame_of
 from mlivr_gym.robot.file_chain import FileChain
 from mlivr_gym.robot.file_parts import LimbParts, limb_parts
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
 from mlivr_gym.robot.joint_chain import DECIMALS, JointChain, RecognisedArm
-from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.recognition import recognised
@@ -181,7 +180,7 @@ def limb_of(
     members = limb_parts(file, arms, number, options.tool_length is None)
     joints = chain_of(file, arm, members.flange)
     found = recognised(joints)
-    limb = found.limb(_limits(file, arm, found))
+    limb = limb_in_family(file, arm, found)
     if file.is_exported:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
     found = found._replace(offsets=found.offsets + limb.joint_shifts)
@@ -242,22 +241,6 @@ def _check_size(file: Description, arm: FileArm, tool: Array) -> None:
             f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
             f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
         )
-
-
-def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple[float, float]]:
-    """Return the limits of the limb's joint angles [rad]."""
-    out = []
-    for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
-        figures = file.joints[joint]
-        if figures.limits is None:
-            raise RobotError(
-                f"joint {figures.name!r} has no limits; give it a lower and an upper angle [rad], "
-                "the lower one first"
-            )
-        ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
-        low, high = sorted(sign * end + offset for end in ends)
-        out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
-    return out
 
 
 def _of_limb(file: Description, name: str, number: int) -> Any:

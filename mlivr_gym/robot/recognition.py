@@ -10,8 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.joint_chain import JointChain, RecognisedArm, axis_text
+from mlivr_gym.robot.joint_chain import (
+    ALIGNED,
+    HeldJoint,
+    JointChain,
+    RecognisedArm,
+    axis_text,
+    crossing_fault,
+    right_angle_fault,
+)
 from mlivr_gym.robot.recognised_ur import three_parallel
 from mlivr_gym.robot.recognised_wrist import spherical_shoulder, spherical_wrist
 
@@ -25,39 +35,91 @@ class ArmFamily(NamedTuple):
     """Number of joints of its arms."""
     recognise: Callable[[JointChain], RecognisedArm | str]
     """Return the arm, or why the chain is not of this family."""
+    axes: str
+    """How each axis lies to the next: `x` crosses it at a right angle, `r` is at a right angle to
+    it, `p` is parallel."""
+
+    def broken(self, chain: JointChain) -> int:
+        """Return how many of `axes` a chain of as many joints does not have."""
+        return sum(not RELATIONS[one](chain, k) for k, one in enumerate(self.axes))
+
+
+RELATIONS: dict[str, Callable[[JointChain, int], bool]] = {
+    "x": lambda chain, k: not crossing_fault(chain, k, k + 1),
+    "r": lambda chain, k: not right_angle_fault(chain, k, k + 1),
+    "p": lambda chain, k: bool(np.linalg.norm(np.cross(*chain.axes[k : k + 2])) <= ALIGNED),
+}
+"""Whether an axis of a chain and the next one lie so to each other, see `ArmFamily.axes`."""
 
 
 def recognised(chain: JointChain) -> RecognisedArm:
     """Return an arm in the terms of the first family that it belongs to.
 
-    Raises a `RobotError` if it belongs to none; the message has the reason for each family and the
-    axes.
+    Raises a `RobotError` if it belongs to none; the message has the reason for each family, the
+    nearest one, and the axes.
     """
-    reasons = []
+    reasons: list[str] = []
+    tried: list[tuple[int, int, ArmFamily]] = []
     for family in FAMILIES:
         seen = chain if family.joints == len(chain.names) else chain.moving
-        if len(seen.names) != family.joints:
-            reasons.append(f"{family.name}: it has {len(seen.names)} joints, not {family.joints}")
+        count = len(seen.names)
+        if count != family.joints:
+            joints = "joint" if count == 1 else "joints"
+            reasons.append(f"{family.name}: it has {count} {joints}, not {family.joints}")
             continue
         found = family.recognise(seen)
         if isinstance(found, RecognisedArm):
             return found
         reasons.append(f"{family.name}: {found}")
+        tried.append((family.broken(seen), len(tried), family))
     axes = ", ".join(
         f"{name} {axis_text(axis)}" for name, axis in zip(chain.names, chain.axes, strict=True)
     )
     held = "" if chain.held is None else f" with joint {chain.names[chain.held.joint]!r} held"
     raise RobotError(
         f"the arm of joints {chain.names[0]!r} to {chain.names[-1]!r}{held} is of no supported "
-        f"family ({'; '.join(reasons)}); axes of its joints: {axes}"
+        f"family ({'; '.join(reasons)}){_other_held(chain) or _nearest(tried)}; "
+        f"axes of its joints: {axes}"
+    )
+
+
+def _nearest(tried: list[tuple[int, int, ArmFamily]]) -> str:
+    """Return which family has the most axes in common, of families with what they lack."""
+    if not tried:
+        return ""
+    broken, _, family = min(tried)
+    between = len(family.axes)
+    return (
+        f"; the nearest is {family.name!r}, as which {between - broken} of {between} pairs of "
+        "successive axes lie"
+    )
+
+
+def _other_held(chain: JointChain) -> str:
+    """Return with which other joints held at 0 an arm is of a family; empty if with none."""
+    if chain.held is None:
+        return ""
+    found: dict[str, list[str]] = {}
+    for k, name in enumerate(chain.names):
+        if k == chain.held.joint:
+            continue
+        other = chain._replace(held=HeldJoint(k, 0.0, (-np.pi, np.pi)))
+        for family in FAMILIES:
+            seen = other if family.joints == len(other.names) else other.moving
+            if family.joints == len(seen.names) and not isinstance(family.recognise(seen), str):
+                found.setdefault(family.name, []).append(repr(name))
+                break
+    return "".join(
+        f"; with held_joint {' or '.join(names)} it is of the family {family!r}"
+        for family, names in found.items()
     )
 
 
 FAMILIES: tuple[ArmFamily, ...] = (
-    ArmFamily("three parallel axes, as a UR arm", 6, three_parallel),
-    ArmFamily("spherical shoulder and wrist, as an iiwa", 7, spherical_wrist),
-    ArmFamily("spherical shoulder, as a Franka", 7, spherical_shoulder),
-    ArmFamily("spherical wrist", 6, spherical_wrist),
-    ArmFamily("spherical shoulder of six joints", 6, spherical_shoulder),
+    ArmFamily("three parallel axes, as a UR arm", 6, three_parallel, "xppxx"),
+    ArmFamily("spherical shoulder and wrist, as an iiwa", 7, spherical_wrist, "xxrrxx"),
+    ArmFamily("spherical shoulder, as a Franka", 7, spherical_shoulder, "xxrrxr"),
+    ArmFamily("spherical wrist", 6, spherical_wrist, "rprxx"),
+    ArmFamily("spherical shoulder of six joints", 6, spherical_shoulder, "xxrpr"),
 )
 """Families of arms, in the order in which a chain is compared with them."""

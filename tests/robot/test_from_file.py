@@ -107,6 +107,10 @@ def five(text):
     return text[:cut] + text[end:]
 
 
+def one_joint(text):
+    return text[: text.index('<joint name="joint2"')] + "</robot>"
+
+
 def seven(text):
     more = """<joint name="joint7" type="revolute"><parent link="link6"/><child link="link7"/>
     <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
@@ -140,6 +144,8 @@ def in_millimetres(text):
         (replaced('type="revolute"', 'type="fixed"'), {}, "the file has no limb"),
         (five, {}, r"'joint1' to 'joint5' .* it has 5 joints, not 6.*axes of its joints: joint1"),
         (seven, {}, "with joint 'joint3' held is of no supported family"),
+        (crooked, {}, "; the nearest is 'three parallel axes, as a UR arm', as which 3 of 5"),
+        (one_joint, {}, r"'joint1' to 'joint1' .*it has 1 joint, not 6; .*axes of its joints"),
         (crooked, {}, r"axis .* of joint 'joint3' is not parallel to axis .* of joint 'joint2'"),
         (loop, {}, "link 'link4' is the child of 2 joints; .* tree"),
         (

@@ -1,5 +1,7 @@
 """Arms of all families from URDF and MJCF: Pinocchio tells where flanges are."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -219,6 +221,37 @@ def test_what_the_closed_form_does_not_cover_is_refused_in_one_line(tmp_path, fr
         read_robot(written(tmp_path, one_arm(frames=frames)), **held)
     assert "\n" not in str(caught.value)
     assert "axes of its joints: joint1" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["IIWA14", "FRANKA", "GEN3"])
+def test_joints_that_could_be_held_are_named_where_another_cannot(tmp_path, name):
+    """By brute force: those with which the file is read."""
+    path = written(
+        tmp_path, one_arm(frames={"IIWA14": IIWA14, "FRANKA": FRANKA, "GEN3": GEN3}[name])
+    )
+    read, told = set(), {}
+    for joint in (f"joint{k}" for k in range(1, 8)):
+        try:
+            read_robot(path, held_joint=joint, held_angle=0.5)
+            read.add(joint)
+        except RobotError as fault:
+            told[joint] = str(fault)
+    assert read
+    for fault in told.values():
+        advice = fault[fault.index("with held_joint") : fault.index("; axes of its joints")]
+        assert set(re.findall(r"'(joint\d)'", advice)) == read
+        assert "it is of the family 'spherical shoulder" in advice
+
+
+def test_a_joint_that_is_held_without_an_angle_is_told_in_the_terms_of_the_file(tmp_path):
+    path = written(tmp_path, one_arm(frames=FRANKA))
+    words = "joint 'joint6' cannot be held at 0 rad, give another held_angle: .* are in line"
+    with pytest.raises(RobotError, match=words):
+        read_robot(path, held_joint="joint6")
+    text = one_arm(frames=FRANKA).replace('lower="-3.1" upper="3.0"', 'lower="0.2" upper="3.0"')
+    words = "held_angle is missing; joint 'joint3', .* turns from 0.2 to 3 rad and cannot be at 0"
+    with pytest.raises(RobotError, match=words):
+        read_robot(written(tmp_path, text))
 
 
 def test_frames_are_those_of_their_steps():
