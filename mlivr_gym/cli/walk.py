@@ -49,6 +49,8 @@ def add_command(add: Add) -> None:
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
     option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
+    text = "box that the robot believes in, though it is gone [m]; may be repeated"
+    option(parser, "--gone X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
     text = "line on which a crew member crosses the cabin at 0.5 m/s [m]; may be repeated"
     option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
@@ -83,15 +85,14 @@ def run(args: argparse.Namespace) -> int:
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
         start, goal = chosen_task(graph, args)
-    unknown = [
-        Box.between(f"unknown{k}", "obstacle", box[:3], box[3:])
-        for k, box in enumerate(args.unknown)
-    ]
+    unknown, gone = _boxes("unknown", args.unknown), _boxes("gone", args.gone)
+    graph.add_obstacles(gone)
     crew = [CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew]
     record = run_closed_loop(
         graph, start, goal, args.cost,
         goal_tolerance=args.tolerance,
         unknown=unknown,
+        gone=[box.id for box in gone],
         refusing=args.refusing,
         crew=crew,
         camera=None if args.blind else DepthCamera(noise=args.noise),
@@ -100,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
         show=_show,
         filmed=args.film is not None,
     )  # fmt: skip
+    graph.remove_obstacles([box.id for box in gone])
     args.result |= record.to_dict()
     times = 1e3 * record.replanning_times
     print(
@@ -119,6 +121,13 @@ def run(args: argparse.Namespace) -> int:
     if record.crew_distance is not None and record.crew_distance <= 0.0:
         return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
+
+
+def _boxes(name: str, corners: list[list[float]]) -> list[Box]:
+    """Return boxes by their lower and upper corners [m], with numbered names."""
+    return [
+        Box.between(f"{name}{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(corners)
+    ]
 
 
 def _draw(

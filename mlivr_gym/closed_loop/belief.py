@@ -24,7 +24,7 @@ from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.schema import Anything, Integer
+from mlivr_gym.schema import Anything, Integer, OrNone
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
@@ -70,6 +70,7 @@ GIVEN: Validators = {
     "graph": InstanceOf(StanceGraph),
     "noise": NOISE,
     "hits": HITS,
+    "origins": OrNone(HITS),
     "present": Anything(),  # read by `checked_configuration`
     "trajectory": InstanceOf(Trajectory),
     "first": Integer(0, MAX_SAMPLE),
@@ -102,6 +103,8 @@ class Belief:
         Indices of the points that count as occupied after attempts to grasp them.
     avoided
         Indices of the points that count as occupied after paths to them were blocked.
+    gone
+        Ids of the obstacles that the graph had, through which the cameras have looked.
     shapes
         Collision shapes of the robot.
     """
@@ -127,9 +130,10 @@ class Belief:
         cabin = graph.grasp_map.cabin
         self._origin = cabin[0] - GRID_BORDER
         shape = np.ceil((cabin[1] - cabin[0] + 2.0 * GRID_BORDER) / CUBE).astype(np.int64)
+        self._before = graph.obstacles
         grid = self._origin, CUBE, tuple(shape.tolist())
-        self._known_boxes = (*graph.grasp_map.boxes, *graph.obstacles)
-        self._known = KnownBoxes(self._known_boxes, noise, grid)
+        self._known = KnownBoxes(graph.grasp_map.boxes, noise, grid, graph.obstacles)
+        self.gone: list[str] = []
         self.shapes = LimbShapes(graph.robot)
         self._row = np.full(shape, -1, dtype=np.int64)  # of each cube, -1 for one without hits
         self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with enough hits
@@ -166,12 +170,15 @@ class Belief:
 
     def withdraw(self) -> None:
         """Let the graph have nothing any more that was sensed."""
-        sensed = [box.id for box in self.graph.obstacles if box.id.startswith(f"{SENSED}/")]
-        self.graph.remove_obstacles(sensed)
+        names = {box.id for box in self._before}
+        others = [box for box in self.graph.obstacles if box.id not in names]
+        others = [box for box in others if not box.id.startswith(f"{SENSED}/")]
+        self.graph.remove_obstacles()
+        self.graph.add_obstacles([*self._before, *others])
         self.graph.vacate(sorted(self.refused | self.avoided))
 
     @checked(GIVEN)
-    def add_hits(self, hits: Array, present: Configuration) -> int:
+    def add_hits(self, hits: Array, present: Configuration, origins: Array | None = None) -> int:
         """Take in hits of rays; return the number of cubes that are parts of new obstacles.
 
         New obstacles are more than `APART` cubes away from all that were seen before. The graph is
@@ -183,6 +190,9 @@ class Belief:
             Measured positions of surfaces in the module frame [m], shape (k, 3).
         present
             The present configuration of the robot.
+        origins
+            Where the rays began [m], shape (k, 3). An obstacle of the graph, but not of the map,
+            which enough rays have passed through, see `KnownBoxes`, is gone. By default none goes.
 
         Raises
         ------
@@ -191,6 +201,8 @@ class Belief:
             Nothing is taken in then.
         """
         present = checked_configuration(self.graph.robot, present)
+        if origins is not None:
+            self.gone += self._known.see_through(hits, origins)
         unexplained, cells = self._known.unexplained(hits)
         rows = self._rows(cells)
         cubes = self._cubes
@@ -245,6 +257,8 @@ class Belief:
         It is told of what has come up. Only where obstacles must go, since the robot is there, all
         are replaced. The state has one branch for each limb, unless nothing was sensed yet.
         """
+        if gone := {box.id for box in self.graph.obstacles}.intersection(self.gone):
+            self.graph.remove_obstacles(sorted(gone))
         if not len(self._cubes):
             return
         cubes, replaced = self._cubes, list[str]()
@@ -276,9 +290,9 @@ class Belief:
     def tighten(self) -> bool:
         """Take the next of `CAUTIONS` from now on; return whether there is one.
 
-        `update_graph` then replaces all boxes.
+        There is none if nothing was sensed. `update_graph` then replaces all boxes.
         """
-        if self._caution == CAUTIONS[-1]:
+        if self._caution == CAUTIONS[-1] or not len(self._cubes):
             return False
         hits, self._caution = self._caution.hits, CAUTIONS[CAUTIONS.index(self._caution) + 1]
         if self._caution.hits > hits:
@@ -314,7 +328,7 @@ class Belief:
         chosen = self._is_beside[tuple(cells.T)]
         chosen &= ((corners <= high) & (corners + CUBE >= low)).all(axis=1)
         seen = self._boxes_of(chosen, chosen, caution=CAUTIONS[-1])
-        return path.will_touch((*self._known_boxes, *seen), sample, present)
+        return path.will_touch((*self._known.boxes, *seen), sample, present)
 
     @checked(GIVEN)
     def path(self, trajectory: Trajectory) -> PathCheck:

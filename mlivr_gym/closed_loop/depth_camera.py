@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,15 @@ GIVEN: Validators = {
     "pixels": InstanceOf(slice),
 }
 """Validators of the arguments."""
+
+
+class Look(NamedTuple):
+    """What cameras have measured at one time."""
+
+    hits: Array
+    """Positions of surfaces in the module frame [m], shape (k, 3)."""
+    origins: Array
+    """Positions of the cameras that saw them [m], shape (k, 3)."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +123,7 @@ class DepthCamera(ParameterSet):
         robot: RobotSpec,
         rng: np.random.Generator,
         pixels: slice = ALL_PIXELS,
-    ) -> Array:
+    ) -> Look:
         """Return the hits: the surface points that the cameras measure around a simulated robot.
 
         Parameters
@@ -130,16 +139,16 @@ class DepthCamera(ParameterSet):
 
         Returns
         -------
-        Array
-            Positions of surfaces in the module frame [m], shape (k, 3); a ray that hits nothing
-            within the range gives none.
+        Look
+            The hits, and from where they were seen; a ray that hits nothing within the range gives
+            none.
 
         Raises
         ------
         SettingError
             If an argument is of another type.
         """
-        of_robot, hits = np.isin(model.geom_bodyid, robot_body_ids(model)), []
+        of_robot, looks = np.isin(model.geom_bodyid, robot_body_ids(model)), []
         for position, image in self._images(model, data, robot):
             rays = image[pixels]
             geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
@@ -150,8 +159,9 @@ class DepthCamera(ParameterSet):
             hit = (geom >= 0) & (distance <= self.max_range)
             hit[hit] = ~of_robot[geom[hit]]
             distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
-            hits.append(position + distance[:, None] * rays[hit])
-        return np.concatenate(hits)
+            hits = position + distance[:, None] * rays[hit]
+            looks.append(Look(hits, np.broadcast_to(position, hits.shape)))
+        return Look(*map(np.concatenate, zip(*looks, strict=True)))
 
     def _images(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec

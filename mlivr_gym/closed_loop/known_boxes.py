@@ -7,14 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.arguments import Reader
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import shortened
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.schema import FieldPath, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH
 from mlivr_gym.world.boxes import Box
 
 EXPLAINED_DEVIATIONS = 5.0
 """Distance from a known box within which a hit belongs to it, in standard deviations."""
+
+INSIDE = 0.03
+"""Depth below the faces of a box at which a ray passes through it, for errors of poses [m]."""
+
+PASSES = 20
+"""Number of rays through a movable box after which it is gone."""
+
+PARALLEL = 1e-12
+"""Least length of a ray along an axis of a box, which stands for none [m]."""
 
 ROUNDING = 1e-4
 """Distance added to this for the rounding of numbers [m]."""
@@ -44,20 +53,82 @@ HITS = Reader(_read_hits)
 """Validator of measured positions of surfaces in the module frame."""
 
 
+def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolArray:
+    """Return which rays pass through a box, at least `INSIDE` below its faces, shape (k,).
+
+    A ray that ends in the box, or within the noise behind it, does not.
+
+    Parameters
+    ----------
+    box
+        The box.
+    hits, origins
+        Where the rays end and begin in the module frame [m], shape (k, 3) each.
+    noise
+        Standard deviation of a measured distance [m].
+    """
+    rotation, half = np.array(box.rotation), np.array(box.half) - INSIDE
+    if (half <= 0.0).any():
+        return np.zeros(len(hits), dtype=np.bool_)
+    begin, along = (origins - box.centre) @ rotation, (hits - origins) @ rotation
+    along = np.where(np.abs(along) < PARALLEL, PARALLEL, along)
+    planes = np.stack([(-half - begin) / along, (half - begin) / along])
+    entry = np.maximum(planes.min(axis=0).max(axis=1), 0.0)
+    end = 1.0 - EXPLAINED_DEVIATIONS * noise / np.linalg.norm(along, axis=1)
+    leave = planes.max(axis=0).min(axis=1)
+    return np.asarray((entry < leave) & (leave < end))
+
+
 class KnownBoxes:
     """Boxes sorted by the cubes of a grid, so that a hit is compared with those at its cube."""
 
     def __init__(
-        self, boxes: Sequence[Box], noise: float, grid: tuple[Array, float, tuple[int, ...]]
+        self,
+        fixed: Sequence[Box],
+        noise: float,
+        grid: tuple[Array, float, tuple[int, ...]],
+        movable: Sequence[Box] = (),
     ) -> None:
         """Sort boxes into the cubes of a grid that they explain in part.
 
         `noise` is the standard deviation of a measured distance [m]; the grid is given by its lower
-        corner [m], the edge of a cube [m] and the number of cubes along each axis.
+        corner [m], the edge of a cube [m] and the number of cubes along each axis. Movable boxes
+        may turn out to be gone.
         """
         self._origin, self._edge, self._shape = grid
-        self._tolerance = EXPLAINED_DEVIATIONS * noise + ROUNDING
-        ordered = sorted(boxes, key=lambda box: -float(np.prod(box.half)))  # large ones hide most
+        self._fixed, self._noise = tuple(fixed), noise
+        self._passes = dict.fromkeys(movable, 0)  # the number of rays through each movable box
+        self._sort()
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """The boxes that are not gone."""
+        return *self._fixed, *self._passes
+
+    def see_through(self, hits: Array, origins: Array) -> list[str]:
+        """Give up the movable boxes that `PASSES` rays have passed through; return their ids.
+
+        The rays begin at `origins` and end at `hits`, both in the module frame [m], shape (k, 3).
+        Raises a `SettingError` if there are not as many of both.
+        """
+        if len(origins) != len(hits):
+            raise SettingError(
+                f"origins has {len(origins)} rows; it must have {len(hits)}, as hits"
+            )
+        for box in self._passes:
+            self._passes[box] += int(passes_through(box, hits, origins, self._noise).sum())
+        gone = [box for box, count in self._passes.items() if count >= PASSES]
+        for box in gone:
+            del self._passes[box]
+        if gone:
+            self._sort()
+        return [box.id for box in gone]
+
+    def _sort(self) -> None:
+        """Sort the boxes into the cubes."""
+        self._tolerance = EXPLAINED_DEVIATIONS * self._noise + ROUNDING
+        # Large boxes come first, since they hide most.
+        ordered = sorted(self.boxes, key=lambda box: -float(np.prod(box.half)))
         self._centre = np.array([box.centre for box in ordered]).reshape(-1, 3)
         self._half = np.array([box.half for box in ordered]).reshape(-1, 3)
         self._rotation = np.array([box.rotation for box in ordered]).reshape(-1, 3, 3)

@@ -39,6 +39,7 @@ from mlivr_gym.planners.why_not import goal_occupancy
 from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
+from mlivr_gym.stances.obstacles import IDS
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MAX_PARTS
@@ -59,6 +60,7 @@ HOLDING_TIME = 2.0
     {
         **QUERY,
         "unknown": ListOf(InstanceOf(Box), 0, MAX_PARTS),
+        "gone": IDS,
         "refusing": STANCE,
         "crew": ListOf(InstanceOf(CrewMember), 0, 100),
         "camera": OrNone(InstanceOf(DepthCamera)),
@@ -78,6 +80,7 @@ def run_closed_loop(
     *,
     goal_tolerance: float = GOAL_TOLERANCE,
     unknown: Sequence[Box] = (),
+    gone: Sequence[str] = (),
     refusing: Sequence[str | int] = (),
     crew: Sequence[CrewMember] = (),
     camera: DepthCamera | None = None,
@@ -105,6 +108,9 @@ def run_closed_loop(
         Radius of the goal region [m].
     unknown
         Boxes that the robot does not know.
+    gone
+        Ids of obstacles of the graph that are not there, which the robot does not know. It gives
+        them up when its cameras have looked through them.
     refusing
         Points, by id or index, that refuse a grasp, which the robot does not know.
     crew
@@ -149,7 +155,10 @@ def run_closed_loop(
         raise SettingError(
             f"refusing has {graph.grasp_map.ids[min(held)]!r}, which the robot holds at the start"
         )
-    executor = StepExecutor(graph, setup or Setup(), (*graph.obstacles, *unknown))
+    if absent := set(gone) - {box.id for box in graph.obstacles}:
+        raise SettingError(f"gone has {min(absent)!r}, which is not an obstacle of the graph")
+    there = (box for box in graph.obstacles if box.id not in gone)
+    executor = StepExecutor(graph, setup or Setup(), (*there, *unknown))
     planner = Planner(graph)
     inflation = INFLATION if graph.limbs > 2 and time_limit is not None else None
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
@@ -194,11 +203,12 @@ class _Loop:
         executor, record, ids = self._executor, self.record, self.graph.grasp_map.ids
         state = self.graph.state(start)
         first = self._course.replan(state)  # it chooses the branches of the start
-        if first.plan is None:
+        if first.plan is None and not self._robot.may_see_through:
             record.proved = first.reason in PROVED_IMPOSSIBLE
             self._robot.end(STOPPED, self._why_none(first))
             return
-        self._robot.start(state, first.plan if first.plan.steps else None, refusing)
+        plan = first.plan if first.plan is not None and first.plan.steps else None
+        self._robot.start(state, plan, refusing)
         attempts = 0
         while not record.reason:
             plan = self._plan(executor.state)

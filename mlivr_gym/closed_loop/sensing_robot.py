@@ -105,6 +105,11 @@ class SensingRobot:
         simulation.is_localised = self._camera is not None
         return state
 
+    @property
+    def may_see_through(self) -> bool:
+        """Whether the robot may find out that an obstacle of the graph is gone."""
+        return self._camera is not None and bool(self.graph.obstacles)
+
     def look_round(self) -> None:
         """Look in all directions, and believe what is seen; without cameras nothing is."""
         if self._camera is not None:
@@ -114,10 +119,13 @@ class SensingRobot:
         """Look, and believe what is seen."""
         simulation, belief = self.executor.simulation, self.belief
         model, data = simulation.model, simulation.data
-        hits = camera.measure(model, data, self.graph.robot, self._rng, pixels)
-        has_found = belief.add_hits(hits, self.executor.configuration)
+        hits, origins = camera.measure(model, data, self.graph.robot, self._rng, pixels)
+        known = len(belief.gone)
+        has_found = belief.add_hits(hits, self.executor.configuration, origins)
         if self.record.footage is not None:
             self.record.footage.looks.append((simulation.time, belief.boxes()))
+        for box in belief.gone[known:]:
+            self.note("gone", box=box)
         if has_found:
             self.note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from mlivr_gym.cli.main import main
@@ -72,3 +73,17 @@ def test_a_walk_that_touches_the_crew_has_failed(capsys, monkeypatch, distance, 
     assert main([*START, *GOAL, "--crew", "2.2", "0.0", "-0.3", "2.3", "0.0", "-0.3"]) == code
     told = "it touched the crew" if code else "at least 0.10 m from the crew"
     assert told in capsys.readouterr().out
+
+
+def test_what_is_gone_is_believed_during_the_walk(monkeypatch):
+    believed = []
+
+    def walk(graph, *_, gone, **__):
+        believed.append(([box.bounds.tolist() for box in graph.obstacles], gone))
+        return ClosedLoopRecord(ARRIVED, "it may")
+
+    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", walk)
+    box = [[3.0, -0.2, 0.0], [3.2, 0.2, 0.4]]
+    assert main([*START, *GOAL, "--gone", *map(str, box[0] + box[1])]) == 0
+    np.testing.assert_allclose(believed[0][0], [box])
+    assert believed[0][1] == ["gone0"]

@@ -32,7 +32,7 @@ def seen(jem, plan):
         )
         belief, rng = Belief(graph, CAMERA.noise), np.random.default_rng(5)
         for _ in range(times):
-            hits = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
+            hits, _ = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
             belief.add_hits(hits, plan.configuration(0))
         belief.update_graph(graph.state(points))
         return belief

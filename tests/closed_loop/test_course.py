@@ -1,5 +1,6 @@
 """A robot keeps what remains of its plan while that is cheaper than a new plan and possible."""
 
+import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
@@ -84,7 +85,9 @@ def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
         asked.append(patience)
         return next(answers)
 
-    course = Course(Belief(graph, 0.003), plan_from)
+    belief = Belief(graph, 0.003)
+    belief.add_hits(np.array([[6.0, 0.0, 0.0]]), graph.configuration(start))
+    course = Course(belief, plan_from)
     course.replan(start)
     course.taken += 1
     course.replan(state)

@@ -44,7 +44,8 @@ def first_hit(origin, direction, boxes):
 
 def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     camera, robot = DepthCamera(pixels=9, noise=0.0), checked_graph.robot
-    points = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    look = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    points, origins = look
     base = simulation.data.body("base")
     rotation = base.xmat.reshape(3, 3)
     boxes, expected = [*checked_graph.grasp_map.boxes, WALL], []
@@ -63,6 +64,8 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
             distance = first_hit(origin, ray, boxes)
             if distance <= camera.max_range:
                 expected.append(origin + distance * ray)
+    lenses = np.array([origin for origin, _ in views])
+    assert np.linalg.norm(origins[:, None] - lenses, axis=2).min(axis=1).max() < 1e-9
     expected = np.array(expected)
     away = np.linalg.norm(points[:, None] - expected, axis=2)
     assert away.min(axis=1).max() < 1e-9  # each point is a first hit
@@ -73,11 +76,12 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
 def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_graph):
     robot = checked_graph.robot
     one = DepthCamera(noise=0.0)
-    exact = one.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
-    noisy = DepthCamera(noise=0.01).measure(
+    exact, _ = one.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
+    noisy, origins = DepthCamera(noise=0.01).measure(
         simulation.model, simulation.data, robot, np.random.default_rng(0)
     )
     error = np.linalg.norm(noisy - exact, axis=1)
+    assert np.linalg.norm(np.cross(exact - origins, noisy - origins), axis=1).max() < 1e-9
     assert np.sqrt((error**2).mean()) == pytest.approx(0.01, rel=0.05)
 
 
@@ -132,4 +136,4 @@ def test_what_is_no_simulation_is_not_measured(simulation, checked_graph, name):
 
 def test_a_ray_that_hits_nothing_within_the_range_gives_no_point(simulation, checked_graph):
     given = simulation.model, simulation.data, checked_graph.robot, np.random.default_rng(0)
-    assert DepthCamera(pixels=3, max_range=0.001).measure(*given).shape == (0, 3)
+    assert DepthCamera(pixels=3, max_range=0.001).measure(*given).hits.shape == (0, 3)

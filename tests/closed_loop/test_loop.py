@@ -8,7 +8,7 @@ import pytest
 from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.closed_loop import loop
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.depth_camera import DepthCamera, Look
 from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.closed_loop.sensing_robot import ATTEMPTS
@@ -106,8 +106,8 @@ class LateCamera(DepthCamera):
     """Cameras that see nothing before the first step has begun."""
 
     def measure(self, model, data, robot, rng, pixels):
-        hits = super().measure(model, data, robot, rng, pixels)
-        return hits if data.time > 0.0 else hits[:0]
+        look = super().measure(model, data, robot, rng, pixels)
+        return look if data.time > 0.0 else Look(look.hits[:0], look.origins[:0])
 
 
 def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
@@ -125,6 +125,43 @@ def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
     assert record.peak_force < 60.0
 
 
+def test_it_looks_through_a_box_that_is_gone(graph, plan):
+    """The box shuts the way of the free plan; without cameras the robot believes in it."""
+    point = graph.grasp_map.index(plan.steps[0].to_point)
+    middle = graph.grasp_map.positions[point] + 0.25 * graph.grasp_map.normals[point]
+    box = Box.between("gone", "obstacle", middle - 0.15, middle + 0.15)
+    graph.add_obstacles([box])
+    try:
+        blind = run_closed_loop(graph, START, GOAL, gone=["gone"], max_steps=2)
+        record = run_closed_loop(graph, START, GOAL, gone=["gone"], camera=CAMERA)
+        kept = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=1)
+        assert graph.obstacles == (box,)
+    finally:
+        graph.remove_obstacles()
+    assert "gone" not in kinds(blind)
+    assert [event.values for event in record.events if event.kind == "gone"] == [{"box": "gone"}]
+    assert (record.outcome, record.steps) == (ARRIVED, len(plan.steps))
+    assert not record.sensed
+    assert "gone" not in kinds(kept)  # it is there
+
+
+def test_it_looks_before_it_believes_that_no_way_is_left(graph):
+    around = Box.between("goal", "obstacle", np.array(GOAL) - 0.3, np.array(GOAL) + 0.3)
+    graph.add_obstacles([around])
+    try:
+        blind = run_closed_loop(graph, START, GOAL, gone=["goal"])
+        record = run_closed_loop(graph, START, GOAL, gone=["goal"], camera=CAMERA, max_steps=1)
+    finally:
+        graph.remove_obstacles()
+    assert (blind.outcome, blind.proved) == (STOPPED, True)
+    assert (record.steps, record.proved) == (1, False)
+
+
+def test_what_is_gone_must_be_an_obstacle(graph):
+    with pytest.raises(SettingError, match="gone has 'bag'"):
+        run_closed_loop(graph, START, GOAL, gone=["bag"])
+
+
 class FaultyCamera(DepthCamera):
     """Cameras that raise an error, by `fault`, at a time."""
 
@@ -138,8 +175,9 @@ class BlankCamera(DepthCamera):
     """Cameras that measure no numbers from a time on."""
 
     def measure(self, model, data, robot, rng, pixels):
-        hits = super().measure(model, data, robot, rng, pixels)
-        return np.full_like(hits, np.nan) if data.time >= self.at else hits
+        look = super().measure(model, data, robot, rng, pixels)
+        blank = look._replace(hits=np.full_like(look.hits, np.nan))
+        return blank if data.time >= self.at else look
 
 
 @pytest.fixture

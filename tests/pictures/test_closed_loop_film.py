@@ -29,9 +29,9 @@ class WatchedCamera(DepthCamera):
     """Cameras whose hits are kept beside their times."""
 
     def measure(self, model, data, robot, rng, pixels):
-        hits = super().measure(model, data, robot, rng, pixels)
-        HITS.append((data.time, hits))
-        return hits
+        look = super().measure(model, data, robot, rng, pixels)
+        HITS.append((data.time, look.hits))
+        return look
 
 
 HITS = []

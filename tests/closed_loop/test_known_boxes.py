@@ -1,0 +1,63 @@
+"""Rays that pass through boxes, against samples along the rays."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box
+from mlivr_gym.closed_loop.known_boxes import (
+    EXPLAINED_DEVIATIONS,
+    INSIDE,
+    PASSES,
+    KnownBoxes,
+    passes_through,
+)
+from mlivr_gym.errors import SettingError
+
+GRID = np.array([-2.0, -2.0, -2.0]), 0.05, (80, 80, 80)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_ray_passes_through_if_samples_of_it_lie_deep_in_the_box(seed):
+    rng = np.random.default_rng(seed)
+    half, noise = rng.uniform(0.02, 0.6, 3), 0.003
+    turn = Rotation.random(random_state=seed % 2**31).as_matrix()
+    box = Box(
+        "box", "obstacle", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(half), tuple(map(tuple, turn))
+    )
+    origins, hits = rng.uniform(-1.5, 1.5, (2, 40, 3))
+    length = np.linalg.norm(hits - origins, axis=1)
+    share = np.linspace(0.0, 1.0, 2001)[:, None, None]
+    local = (origins + share * (hits - origins) - box.centre) @ turn
+    depth = (half - np.abs(local)).min(axis=2)
+    deep, deeper = (depth > INSIDE).any(axis=0), (depth > INSIDE + 0.002).any(axis=0)
+    short = (1.0 - share[:, 0]) * length < EXPLAINED_DEVIATIONS * noise
+    ends = ((depth > INSIDE) & short).any(axis=0)
+    found = passes_through(box, hits, origins, noise)
+    assert not found[~deep & ~_near(depth)].any()
+    assert found[deeper & ~ends].all()
+    assert not found[((depth > INSIDE + 0.002) & short).any(axis=0)].any()
+
+
+def _near(depth):
+    return depth.max(axis=0) > INSIDE - 0.002
+
+
+def test_enough_rays_make_a_movable_box_gone_and_what_is_in_its_place_unexplained():
+    wall = Box.between("wall", "rack", (1.0, -1.0, -1.0), (1.2, 1.0, 1.0))
+    bag = Box.between("bag", "obstacle", (-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
+    known = KnownBoxes([wall], 0.003, GRID, [bag])
+    behind = np.repeat([[1.0, 0.0, 0.0]], PASSES, axis=0)
+    before = np.repeat([[-1.0, 0.0, 0.0]], PASSES, axis=0)
+    inside = np.array([[0.1, 0.0, 0.0]])
+    assert not len(known.unexplained(inside)[0])
+    assert known.see_through(np.repeat(inside, 100, axis=0), before[:1].repeat(100, axis=0)) == []
+    assert known.see_through(behind[1:], before[1:]) == []
+    assert known.see_through(behind[:1], before[:1]) == ["bag"]
+    assert known.boxes == (wall,)
+    assert len(known.unexplained(inside)[0]) == 1
+    assert known.see_through(2.0 * behind, before) == []  # the map does not change
+    with pytest.raises(SettingError, match="origins has 1 rows"):
+        known.see_through(behind, before[:1])
