@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from map_data import LADDER, POINT, SEGMENT
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError
@@ -41,13 +42,17 @@ def test_they_cover_the_surface_and_little_more(shape, seed, tmp_path):
         mesh.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
     mesh.export(tmp_path / "part.stl")
     boxes = mesh_boxes(tmp_path / "part.stl", resolution)
-    centres, halves = (np.array([getattr(box, k) for box in boxes]) for k in ("centre", "half"))
+    centres, halves, turns = (
+        np.array([getattr(box, k) for box in boxes]) for k in ("centre", "half", "rotation")
+    )
     points = surface(mesh, 3000, rng)
-    inside = (np.abs(points[:, None] - centres) <= halves + 1e-6).all(axis=2)
+    local = np.einsum("bij,pbi->pbj", turns, points[:, None] - centres)
+    inside = (np.abs(local) <= halves + 1e-6).all(axis=2)
     assert inside.any(axis=1).all()
     assert inside.sum() < 1.01 * len(points)  # no two boxes overlap
     where = rng.integers(len(boxes), size=400)
-    drawn = centres[where] + halves[where] * rng.uniform(-1.0, 1.0, (400, 3))
+    drawn = halves[where] * rng.uniform(-1.0, 1.0, (400, 3))
+    drawn = centres[where] + np.einsum("bij,bj->bi", turns[where], drawn)
     _, away, _ = trimesh.proximity.closest_point_naive(mesh, drawn)
     assert away.max() <= largest_excess(resolution)
 
@@ -62,10 +67,10 @@ def test_walls_along_the_axes_are_covered_exactly(resolution, tmp_path):
     assert len(boxes) == 11  # the faces of two solids, of which two lie in one plane
     low, high = np.array([box.bounds for box in boxes]).transpose(1, 0, 2)
     thickness = (high - low).min(axis=1)
-    assert thickness.max() < 3e-6
+    assert thickness.max() < 3e-4
     faces = [(axis, one[side][axis]) for one in corners for side in (0, 1) for axis in range(3)]
     for a, b, thin in zip(low, high, (high - low).argmin(axis=1), strict=True):
-        assert np.abs([0.5 * (a + b)[axis] - at for axis, at in faces if axis == thin]).min() < 1e-6
+        assert np.abs([0.5 * (a + b)[axis] - at for axis, at in faces if axis == thin]).min() < 1e-4
     graphs = [
         stance_graph(GraspMap.from_dict(LADDER)),
         stance_graph(GraspMap.from_mesh(tmp_path / "room.stl", resolution=resolution, **LADDER)),
@@ -80,6 +85,36 @@ def test_merged_cells_cover_each_marked_cell_once(touched):
     for first, last in merged_cells(touched):
         count[tuple(slice(a, b) for a, b in zip(first, last, strict=True))] += 1
     np.testing.assert_array_equal(count, touched)
+
+
+def turned(ladder, turn, shift):
+    """The segments of a map, moved by a rigid transform."""
+
+    def move(place):
+        return (turn @ np.array(place) + shift).tolist()
+
+    return [
+        segment | {
+            "start": move(segment["start"]), "end": move(segment["end"]),
+            "normal": (turn @ np.array(segment["normal"])).tolist(),
+        }
+        for segment in ladder["segments"]
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("angles", [(45, 0, 0), (0, -45, 90), (10, 20, 30), (200, 70, -140)])
+def test_rails_may_lie_on_a_tilted_panel(angles, tmp_path):
+    """As many stances are left as without the panel, on which the rails lie."""
+    turn = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
+    shift = np.array([7.3, -4.1, 2.7])
+    rails = turned(LADDER, turn, shift)
+    panel = trimesh.creation.box(bounds=[(-1.0, -1.0, -0.05), (2.8, 1.0, 0.0)])
+    panel.apply_transform(np.block([[turn, shift[:, None]], [np.zeros(3), 1.0]]))
+    panel.export(tmp_path / "panel.stl")
+    found = GraspMap.from_mesh(tmp_path / "panel.stl", segments=rails)
+    assert len(found.boxes) == 6 + len(rails)
+    free = stance_graph(GraspMap.from_dict({"segments": rails}))
+    assert len(stance_graph(found)) == len(free) > 100
 
 
 TURN = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 0, 1), (0.3, 0.1, 0.0))
@@ -107,7 +142,7 @@ def test_each_format_gives_the_same_body(suffix, tmp_path):
         for one in (tmp_path / "body.stl", path)
     ]
     assert len(made[0]) == len(made[1])
-    np.testing.assert_allclose(made[0], made[1], atol=3e-6)
+    np.testing.assert_allclose(made[0], made[1], atol=3e-4)
 
 
 def test_rails_on_a_mesh_are_a_map_in_one_call(tmp_path):
@@ -154,8 +189,8 @@ def test_a_map_names_a_mesh_beside_it(tmp_path):
     path.write_text(json.dumps(data))
     found = GraspMap.load(path)
     low, high = np.array([box.bounds for box in found.boxes]).transpose(1, 0, 2)
-    np.testing.assert_allclose(low.min(axis=0), [-1.0, -0.5, -0.005], atol=2e-6)
-    np.testing.assert_allclose(high.max(axis=0), [1.0, 0.5, 0.005], atol=2e-6)
+    np.testing.assert_allclose(low.min(axis=0), [-1.0, -0.5, -0.005], atol=2e-4)
+    np.testing.assert_allclose(high.max(axis=0), [1.0, 0.5, 0.005], atol=2e-4)
     data["mesh"].pop("scale")
     path.write_text(json.dumps(data))
     with pytest.raises(MapError, match=r"2000 m long.*0\.001"):
