@@ -64,6 +64,10 @@ FIRST_EXPANSION_LIMIT = 50
 LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
 
+CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**2
+"""The limit before which all nodes are checked against obstacles, so that bounds over what is left
+show whether these cut the goal off."""
+
 
 class TableSearch(PathSearch):
     """A search over the table of a graph, given by lower bounds over it."""
@@ -204,6 +208,8 @@ class TableSearch(PathSearch):
                     self._bounds_of_rest(goal_bounds), expansion_limit
                 )
             expansion_limit *= LIMIT_GROWTH
+            if self.graph.obstacles and expansion_limit == CUT_OFF_LIMIT:
+                self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
 
     def proves(self, cost: float) -> bool:
         """Return whether the bounds over what is not known to be blocked leave no cheaper path."""

@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from remembered import StepsAskedOnce
+from scipy import sparse
 from small_tables import COSTS, every_pair, goal_at, searching, small_table
 
 from mlivr_gym import Box, stance_graph
@@ -15,7 +16,7 @@ from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lazy_table import LazyNodeTable
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
@@ -347,3 +348,24 @@ def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(know
             assert "no path from" in found.message
     assert ends == {"", "search exhausted"}
     assert max(bounds) < 1.0 + 1e-6
+
+
+def test_a_wall_across_the_module_is_found_to_cut_off_the_goal(jem):
+    """By a search that is short, though thousands of stances can be reached."""
+    graph, goal = stance_graph(jem), (4.2, 0.0, 0.42)
+    planner = Planner(graph)
+    graph.add_obstacles([Box.between("wall", "obstacle", (3.4, -2.0, -2.0), (3.5, 2.0, 2.0))])
+    found = planner.plan(("D2a:4", "D2b:4"), goal, "steps")
+    graph.node_postures(np.arange(len(graph.points)))
+    held = (graph.steps.branch_sets != 0).all(axis=1)
+    first, second = graph.points[held].T
+    both = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(len(jem), len(jem)))
+    stances = sparse.block_array([[None, both], [both.T, None]])
+    _, part = sparse.csgraph.connected_components(stances)
+    near = np.linalg.norm(graph.base_position[held] - goal, axis=1) <= 0.2
+    reached = part[first] == part[jem.index("D2a:4")]
+    assert found.plan is None
+    assert found.reason == SEARCH_EXHAUSTED
+    assert near.any()
+    assert not (reached & near).any()
+    assert found.expanded < 1000 < reached.sum()
