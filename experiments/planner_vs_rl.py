@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 from comparison_report import figure, markdown
-from comparison_walks import Walks, carry_out
+from comparison_walks import Walk, carry_out
 from reports import CORES, ROOT, experiment, study_rows
 from train_policies import GRASP_FAILURE
 
@@ -41,6 +41,7 @@ from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.test_set import freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
+from mlivr_gym.transitions.state import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 """Number of tasks in each split."""
@@ -141,17 +142,19 @@ def of_split(task: int, method: str, policies: str) -> dict[str, Any]:
         return {"family": None}
     lax = name == NO_THRESHOLDS
     arguments = {"manipulability": False} if lax else {"precompute": world.split != "dense"}
-    env, walks = environment(at, **arguments), Walks()
+    env, walks = environment(at, **arguments), list[Walk]()
+
+    def keep(env: MlivrEnv, states: tuple[State, ...]) -> None:
+        walks.append([[*state.stance, *state.branch_sets] for state in states])
+
     tasks = [world.tasks[k] for k in group]
     env.graph.occupy(tasks[0].occupied)
     policy = make(method, env, policies)
-    result = evaluate(
-        env, policy, tasks, max_steps=MOST_STEPS, progress=walks.count, execute=walks.keep
-    )
+    result = evaluate(env, policy, tasks, max_steps=MOST_STEPS, execute=keep)
     env.graph.vacate()
     found = record(result, group)
     if world.split == "same" and not lax:
-        found["walks"] = walks.by_episode(result)
+        found["walks"] = [walks.pop(0) if reached else None for reached in result.success]
     return {"family": world.split, "part": f"{at}/{group[0]}", "found": found}
 
 
