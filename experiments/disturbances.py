@@ -10,25 +10,21 @@ for the paper's controller, for feedforward and for the guided controller. Write
 from __future__ import annotations
 
 from dataclasses import fields
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from dynamic_simulation import drawn_plans
+from dynamic_simulation import graph_and_plans
 from matplotlib.figure import Figure
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import save_figure
-from mlivr_gym.planners import Plan
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, NONE
 from mlivr_gym.simulation.limits import GENTLE, Limits
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
 
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""
@@ -69,16 +65,9 @@ HEAD = (
 )
 
 
-@cache
-def graph_and_plans(count: int) -> tuple[StanceGraph, list[Plan]]:
-    """Return the stance graph, and the first plans of the held-out tasks."""
-    graph = stance_graph()
-    return graph, drawn_plans(graph, count, TASKS)
-
-
 def walk(task: int, controller: str, disturbance: str, plans: int) -> dict[str, Any]:
     """Execute the plan of a task once, with its own random disturbances."""
-    graph, made = graph_and_plans(plans)
+    graph, made = graph_and_plans(plans, TASKS)
     timing, parameters = CONTROLLERS[controller]
     ranges = {"all": ALL, "none": NONE}.get(disturbance) or ALL.only(disturbance)
     setup = Setup(timing, parameters, disturbances=ranges)

@@ -1,11 +1,11 @@
 """Simulate plans in MuJoCo: Case 3 at several paces, random plans, and varied limits.
 
-    python experiments/dynamic_simulation.py [--out results] [--plans 50]
+    python experiments/dynamic_simulation.py [--out results] [--plans 50] [--workers 2]
 
 Case 3 is executed by each controller at each pace. Random plans are executed at each pace by the
 full controller. Without simulation, the duration of their steps is computed for varied limits of
 joints and grasps. The speed of the simulation is measured. Writes `dynamic_simulation.json` and
-`.md`, `dynamic_simulation.png`, `dynamic_simulation_fast.png` and `pace.png`.
+`.md`, `dynamic_simulation_fast.png` and `pace.png`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,15 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from dynamic_report import CONTROLLERS as NAMES
 from dynamic_report import markdown, pace_figure
-from reports import case_3, experiment
+from reports import CORES, case_3, experiment, study_rows
 from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
@@ -59,12 +61,36 @@ SEED = 20261121
 """Seed of the random plans."""
 
 
+@cache
+def graph_and_plans(count: int, seed: int = SEED) -> tuple[StanceGraph, list[Plan]]:
+    """Return the graph, and plans of random tasks, alternately for base cost and step cost."""
+    graph, rng = stance_graph(), np.random.default_rng(seed)
+    planner, plans = Planner(graph), list[Plan]()
+    while len(plans) < count:
+        state, goal = sample_task(graph, rng, 0.2)
+        cost = ("base", "steps")[len(plans) % 2]
+        result = planner.plan(graph.ids(state.stance), goal.tolist(), cost)
+        if result.plan is None:
+            print(f"no plan: {result.message}", flush=True)
+        elif result.plan.steps:
+            plans.append(result.plan)
+    return graph, plans
+
+
+def executed(graph: StanceGraph, plan: Plan, controller: str, pace: str) -> Execution:
+    """Execute a plan with a controller at a pace."""
+    setup = Setup(PACES[pace], CONTROLLERS[controller])
+    simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
+    return execute(graph, plan, setup.timing, simulation=simulation)
+
+
 def figures(execution: Execution) -> dict[str, Any]:
     """Return the values of an execution that the tables show."""
     peaks, failure = execution.peaks, execution.failure
+    told = ("kind", "step", "phase", "message")
     return {
         "success": failure is None,
-        "failure": None if failure is None else failure.to_dict(),
+        "failure": None if failure is None else {name: getattr(failure, name) for name in told},
         "steps": len(execution.plan.steps),
         "steps_done": len(execution.captures),
         "step_times_s": execution.step_times.tolist(),
@@ -77,67 +103,33 @@ def figures(execution: Execution) -> dict[str, Any]:
         "largest_capture_distance_mm": max(
             (1e3 * c.distance for c in execution.captures), default=None
         ),
-        "simulation_time_s": execution.simulation_computing_time,
-        "preparation_time_s": execution.trajectory_computing_time,
     }
 
 
-def executed(graph: StanceGraph, plan: Plan, controller: str, pace: str) -> Execution:
-    """Execute a plan with a controller at a pace."""
-    setup = Setup(PACES[pace], CONTROLLERS[controller])
-    simulation = setup.simulation(graph.grasp_map, graph.robot, graph.obstacles)
-    return execute(graph, plan, setup.timing, simulation=simulation)
+def walk(task: int, controller: str, pace: str) -> dict[str, Any]:
+    """Execute Case 3 with a controller at a pace."""
+    return figures(executed(*case_3(), controller, pace))
 
 
-def walks(graph: StanceGraph, plan: Plan) -> list[dict[str, Any]]:
-    """Execute the same walk with each controller at each pace."""
-    return [
-        {"controller": name, "pace": pace, **figures(executed(graph, plan, name, pace))}
-        for name in CONTROLLERS
-        for pace in PACES
-    ]
-
-
-def drawn_plans(graph: StanceGraph, count: int, seed: int = SEED) -> list[Plan]:
-    """Return plans between random starts and goals, alternately for base cost and step cost."""
-    planner, rng = Planner(graph), np.random.default_rng(seed)
-    plans: list[Plan] = []
-    while len(plans) < count:
-        state, goal = sample_task(graph, rng, 0.2)
-        cost = ("base", "steps")[len(plans) % 2]
-        result = planner.plan(graph.ids(state.stance), goal.tolist(), cost)
-        if result.plan is None:
-            print(f"no plan: {result.message}", flush=True)
-        elif result.plan.steps:
-            plans.append(result.plan)
-    return plans
-
-
-def random_plans(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
-    """Execute random plans at each pace with the full controller."""
-    data = {}
-    for pace, timing in PACES.items():
-        simulation = Setup(timing).simulation(graph.grasp_map, graph.robot)
-        rows = [
-            figures(execute(graph, plan, timing, simulation=simulation))
-            for plan in tqdm(plans, desc=f"plans at pace {pace}", mininterval=5.0)
-        ]
-        times = np.concatenate([row["step_times_s"] for row in rows])
-        done = [row for row in rows if row["success"]]
-        data[pace] = {
-            "plans": len(plans),
-            "steps": sum(row["steps"] for row in rows),
-            "succeeded": len(done),
-            "seconds_a_step": [float(times.mean()), float(np.median(times)), float(times.max())],
-            "largest_base_error_mm": max(row["largest_base_error_mm"] for row in rows),
-            "largest_capture_distance_mm": max(row["largest_capture_distance_mm"] for row in done),
-            "peak_grasp_force_N": max(row["peak_grasp_force_N"] for row in rows),
-            "peak_grasp_torque_N_m": max(row["peak_grasp_torque_N_m"] for row in rows),
-            "failures": [
-                {"plan": k, **row["failure"]} for k, row in enumerate(rows) if not row["success"]
-            ],
-        }
-    return data
+def random_plans(task: int, pace: str, plans: int) -> dict[str, Any]:
+    """Execute random plans at a pace with the full controller, one after the other."""
+    (graph, drawn), timing = graph_and_plans(plans), PACES[pace]
+    simulation = Setup(timing).simulation(graph.grasp_map, graph.robot)
+    rows = [figures(execute(graph, plan, timing, simulation=simulation)) for plan in drawn]
+    times = np.concatenate([row["step_times_s"] for row in rows])
+    done = [row for row in rows if row["success"]]
+    return {
+        "steps": sum(row["steps"] for row in rows),
+        "succeeded": len(done),
+        "seconds_a_step": [float(times.mean()), float(np.median(times)), float(times.max())],
+        "largest_base_error_mm": max(row["largest_base_error_mm"] for row in rows),
+        "largest_capture_distance_mm": max(row["largest_capture_distance_mm"] for row in done),
+        "peak_grasp_force_N": max(row["peak_grasp_force_N"] for row in rows),
+        "peak_grasp_torque_N_m": max(row["peak_grasp_torque_N_m"] for row in rows),
+        "failures": [
+            {"plan": k, **row["failure"]} for k, row in enumerate(rows) if not row["success"]
+        ],
+    }
 
 
 def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
@@ -227,30 +219,29 @@ def overhead(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, float]:
     }
 
 
-def measured(plans: int) -> dict[str, Any]:
+def measured(plans: int, workers: int) -> dict[str, Any]:
     """Return the results of all parts."""
-    (case, plan), graph = case_3(), stance_graph()
-    drawn = drawn_plans(graph, plans)
+    kind, paces = "dynamic_simulation", list(PACES)
+    cases = study_rows(f"{kind}:walk", 1, workers, controller=list(NAMES), pace=paces)
+    rows = study_rows(f"{kind}:random_plans", 1, workers, pace=paces, plans=[plans])
+    graph, drawn = graph_and_plans(plans)
     return {
         "machine": f"Python {platform.python_version()}, MuJoCo {mujoco.__version__}, one core",
-        "walks": walks(case, plan),
-        "shortest_fixed": shortest_fixed(case, plan),
-        "random_plans": random_plans(graph, drawn),
+        "walks": cases,
+        "shortest_fixed": shortest_fixed(*case_3()),
+        "random_plans": {row["pace"]: row for row in rows},
         "pace": pace(graph, drawn),
         "overhead": overhead(graph, drawn[:10]),
     }
 
 
 def draw(data: dict[str, Any], path: Path) -> None:
-    """Draw Case 3 with two controllers, and the durations within varied limits."""
-    graph, plan = case_3()
-    for end, name, pace in (("", "paper", "paper"), ("_fast", "full", "fast")):
-        done = executed(graph, plan, name, pace)
-        title = f"Case 3, controller: {name}, pace: {pace}"
-        file = path.with_stem(path.stem + end)
-        simulation_figure(done.recording, done.captures, done.failure, file, title)
+    """Draw Case 3 as fast as the limits allow, and the durations within varied limits."""
+    done = executed(*case_3(), "full", "fast")
+    title, file = "Case 3, controller: full, pace: fast", path.with_stem(f"{path.stem}_fast")
+    simulation_figure(done.recording, done.captures, done.failure, file, title)
     pace_figure(data, path.with_stem("pace"))
 
 
 if __name__ == "__main__":
-    experiment("dynamic_simulation", __doc__, measured, markdown, draw, plans=50)
+    experiment("dynamic_simulation", __doc__, measured, markdown, draw, plans=50, workers=CORES)

@@ -1,6 +1,6 @@
 """Count how often robots with two to eight limbs can hold a random stance and leave it.
 
-    python experiments/limb_starts.py [--out results]
+    python experiments/limb_starts.py [--out results] [--workers 2]
 
 For each number of limbs, a robot with the default body draws 200 random stances on the JEM as
 `random_state` does, with collisions checked. Counted are the draws that are nodes, and the nodes
@@ -12,14 +12,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from reports import experiment, table
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import RobotSpec, stance_graph
 from mlivr_gym.robot.specification import MOST_LIMBS
 from mlivr_gym.stances.random_states import TRIES, random_stance
 
 
-def starts(limbs: int) -> dict[str, int]:
+def starts(task: int, limbs: int) -> dict[str, int]:
     """Return how many of `TRIES` random draws are nodes, and how many of those a step leaves."""
     graph = stance_graph(robot=RobotSpec(name=f"limbs{limbs}", limbs=limbs))
     rng = np.random.default_rng(0)
@@ -28,9 +28,10 @@ def starts(limbs: int) -> dict[str, int]:
     return {"held": len(held), "left": sum(bool(graph.successors(state)) for state in held)}
 
 
-def measured() -> dict[str, Any]:
+def measured(workers: int) -> dict[str, Any]:
     """Return the counts for each number of limbs."""
-    return {str(limbs): starts(limbs) for limbs in range(2, MOST_LIMBS + 1)}
+    rows = study_rows("limb_starts:starts", 1, workers, limbs=range(2, MOST_LIMBS + 1))
+    return {str(row["limbs"]): {name: row[name] for name in ("held", "left")} for row in rows}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -40,4 +41,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("limb_starts", __doc__, measured)
+    experiment("limb_starts", __doc__, measured, workers=CORES)

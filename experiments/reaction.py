@@ -1,6 +1,6 @@
 """Compare 50 plans of one query by steps, base translation, time, and the force on the station.
 
-    python experiments/reaction.py [--out results] [--tasks 20]
+    python experiments/reaction.py [--out results] [--tasks 20] [--workers 2]
 
 The plans are optimal for the costs of `fastest.COSTS`, have the motion of the search or that of
 least reaction on the same footholds, and are carried out in MuJoCo within several limits of the
@@ -16,20 +16,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import GOAL, START, experiment, table
-from tqdm import tqdm
+from reports import CORES, GOAL, START, experiment, graph_and_tasks, study_rows, table
 
 from mlivr_gym.arrays import BoolArray
-from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.fastest import ranked_plans, step_reactions
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
 
 SEED = 20270405
 """Seed of the random tasks."""
@@ -47,54 +43,65 @@ MOTIONS = {"of the search": "time", "least reaction": "reaction"}
 """How base poses and swings are chosen, by what the best plan is best in."""
 
 
-def execution_row(graph: StanceGraph, plan: Plan, limits: Limits) -> dict[str, Any]:
-    """Return steps, base translation [m], time [s], forces [N] and impulses [N s] of a plan."""
-    walked, planned = execute(graph, plan, limits), step_reactions(graph, plan, limits)
-    load = station_load(walked.recording)
-    sizes = np.linalg.norm(load.forces, axis=1)
-    return {
-        "steps": len(plan.steps),
-        "translation": plan.base_translation,
-        "time": walked.simulated_time,
-        "peak": float(load.peak_forces.max()),
-        "impulse": float(np.trapezoid(sizes, load.times)),
-        "planned_peak": max(one.peak_force for one in planned),
-        "planned_impulse": sum(one.impulse for one in planned),
-        "failed": walked.failure is not None,
-    }
+def plans_within(task: int, limit: float, motion: str) -> dict[str, Any]:
+    """Plan the query for each cost within a limit of the grasp force, and carry the plans out.
+
+    Returned are steps, base translation [m], time [s], forces [N] and impulses [N s] of each plan.
+    """
+    graph, plans = stance_graph(), []
+    limits = Limits(grasp_force=limit, grasp_torque=0.5 * limit)
+    for found in ranked_plans(Planner(graph), START, GOAL, limits, MOTIONS[motion]):
+        plan = found.plan
+        walked, planned = execute(graph, plan, limits), step_reactions(graph, plan, limits)
+        load = station_load(walked.recording)
+        sizes = np.linalg.norm(load.forces, axis=1)
+        plans.append({
+            "cost": found.cost if found.price is None else f"{found.price:g} m a regrasp",
+            "motion": motion,
+            "limit": limit,
+            "steps": len(plan.steps),
+            "translation": plan.base_translation,
+            "time": walked.simulated_time,
+            "peak": float(load.peak_forces.max()),
+            "impulse": float(np.trapezoid(sizes, load.times)),
+            "planned_peak": max(one.peak_force for one in planned),
+            "planned_impulse": sum(one.impulse for one in planned),
+            "failed": walked.failure is not None,
+        })  # fmt: skip
+    return {"plans": plans}
 
 
-def measured(tasks: int) -> dict[str, Any]:
+def choices(task: int, count: int) -> dict[str, Any]:
+    """Return the values of each choice for a random task, and the time of the last [s]."""
+    graph, drawn = graph_and_tasks(count, SEED)
+    planner, (state, target) = Planner(graph), drawn[task]
+    found = ranked_plans(planner, state.stance, target)
+    before = time.process_time()
+    least = ranked_plans(planner, state.stance, target, best="reaction")
+    spent = time.process_time() - before
+    chosen = (
+        min(found, key=lambda one: one.plan.base_translation),
+        min(found, key=lambda one: (len(one.plan.steps), one.plan.base_translation)),
+        found[0],
+        least[0],
+    )
+    values = [
+        [len(c.plan.steps), c.plan.base_translation, c.seconds, c.peak_force, c.impulse]
+        for c in chosen
+    ]
+    return {"values": values, "spent": spent}
+
+
+def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return the rows of the 50 plans, and means of the choices over random tasks."""
-    planner, rows = Planner(stance_graph()), list[dict[str, Any]]()
-    for force in tqdm(FORCES, desc="limits", mininterval=5.0):
-        limits = Limits(grasp_force=force, grasp_torque=0.5 * force)
-        for motion, best in MOTIONS.items():
-            for one in ranked_plans(planner, START, GOAL, limits, best):
-                cost = one.cost if one.price is None else f"{one.price:g} m a regrasp"
-                row = {"cost": cost, "motion": motion, "limit": force}
-                rows.append(row | execution_row(planner.graph, one.plan, limits))
-    rng, means, spent = np.random.default_rng(SEED), list[list[list[float]]](), list[float]()
-    for _ in tqdm(range(tasks), desc="tasks", mininterval=5.0):
-        state, target = sample_task(planner.graph, rng, 0.2)
-        found = ranked_plans(planner, state.stance, target)
-        before = time.process_time()
-        least = ranked_plans(planner, state.stance, target, best="reaction")
-        spent.append(time.process_time() - before)
-        chosen = (
-            min(found, key=lambda one: one.plan.base_translation),
-            min(found, key=lambda one: (len(one.plan.steps), one.plan.base_translation)),
-            found[0],
-            least[0],
-        )
-        means.append(
-            [
-                [len(c.plan.steps), c.plan.base_translation, c.seconds, c.peak_force, c.impulse]
-                for c in chosen
-            ]
-        )
-    mean = np.mean(means, axis=0).tolist()
-    return {"plans": rows, "tasks": tasks, "means": mean, "spent": float(np.mean(spent))}
+    runs = study_rows("reaction:plans_within", 1, workers, limit=FORCES, motion=list(MOTIONS))
+    rows = study_rows("reaction:choices", tasks, workers, count=[tasks])
+    return {
+        "plans": [one for run in runs for one in run["plans"]],
+        "tasks": tasks,
+        "means": np.mean([row["values"] for row in rows], axis=0).tolist(),
+        "spent": float(np.mean([row["spent"] for row in rows])),
+    }
 
 
 def in_front(rows: list[dict[str, Any]]) -> BoolArray:
@@ -200,4 +207,4 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("reaction", __doc__, measured, markdown, picture, tasks=20)
+    experiment("reaction", __doc__, measured, markdown, picture, tasks=20, workers=CORES)

@@ -1,10 +1,10 @@
 """Measure the robots that ship as files: stances, time of the first and of a later plan, a walk.
 
-    python experiments/robots.py [--out results]
+    python experiments/robots.py [--out results] [--only ssrms2]
 
-Each robot of two limbs that fits into the JEM plans the walk of `START` and `GOAL` with the step
-cost, collisions checked, in a process of its own, once to compile and once to measure: "first"
-contains the stance graph and every step that the search had to check, "later" is the way back.
+Each robot of two limbs plans a walk of `WALKS` with the step cost, collisions checked, in a process
+of its own, once to compile and once to measure: "first" contains the stance graph and every step
+that the search had to check, "later" is the way back. With `--only`, one robot is measured anew.
 Times are processor time, which other programs on the machine do not lengthen. The walk is then
 executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the docs, and
 `robots.png`, the robots in the first stance.
@@ -17,12 +17,12 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from reports import ROOT, experiment, study_rows, table
+from reports import ROOT, experiment, read, study_rows, table
 
-from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym import Settings, SsrmsLimb, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
@@ -32,13 +32,33 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-START, GOAL = ("D2a:3", "D2b:4"), ("D4a:0", "D4b:1")
-"""Stances between which the robots walk, two racks to port."""
 
-NAMES = [name for name in ROBOTS if name.startswith("mlivr2")]
-"""Robots of two limbs that fit into the module."""
+class Walk(NamedTuple):
+    """A walk in a place."""
+
+    start: tuple[str, str] = ("D2a:3", "D2b:4")
+    """Stance at the start."""
+    goal: tuple[str, str] = ("D4a:0", "D4b:1")
+    """Stance at whose base position the goal is; by default two racks to port."""
+    place: str = "jem"
+    """Map."""
+    clearance: float = 0.02
+    """Distance that shapes keep [m]."""
+    tolerance: float = 0.2
+    """Radius of the goal [m]."""
+    setup: str | None = None
+    """Name of limits, controller and physics of the simulation."""
+
+
+WALKS = {name: Walk() for name in ROBOTS if name.startswith("mlivr2")} | {
+    "ssrms2": Walk(
+        ("forward:1", "forward:3"), ("forward:8", "forward:10"), "truss", 0.1, 2.0, "station"
+    )
+}
+"""Walks of the robots of two limbs by name; arms of a station do not fit into the module."""
 
 CACHE = ROOT / "runs" / "robots"
 """Cache folder of the processes, without tables."""
@@ -49,20 +69,28 @@ SIZE = (420, 400)
 
 def measured(task: int, name: str) -> dict[str, Any]:
     """Return what is measured of a robot."""
-    robot, began = robot_spec(name), time.process_time()
-    graph = stance_graph(robot=robot)
+    robot, walk, began = robot_spec(name), WALKS[name], time.process_time()
+    graph = stance_graph(walk.place, robot, Settings(clearance=walk.clearance))
     planner = Planner(graph)
-    start, goal = (graph.configuration(graph.state(ids))[0].tolist() for ids in (START, GOAL))
-    plan = planner.plan(START, goal, "steps").unwrap()
+    start, goal = (
+        graph.configuration(graph.state(ids))[0].tolist() for ids in (walk.start, walk.goal)
+    )
+    within = {"goal_tolerance": walk.tolerance}
+    plan = planner.plan(walk.start, goal, "steps", **within).unwrap()
     first = time.process_time()
-    planner.plan(plan.stances[-1], start, "steps").unwrap()
+    planner.plan(plan.stances[-1], start, "steps", **within).unwrap()
     later = time.process_time()
-    execution = execute(graph, plan)
+    setup = Setup.of(walk.setup, walk.setup, walk.setup)
+    simulation = setup.simulation(graph.grasp_map, robot)
+    execution = execute(graph, plan, setup.timing, simulation=simulation)
     arms = [robot.dynamics_of(limb) for limb in range(robot.limbs)]
     masses = (arm.base_mass + sum(arm.masses) + robot.gripper_mass for arm in arms)
     return {
         "limbs": robot.limbs,
-        "arms": [arm_of(limb) or "iiwa 14" for limb in robot.every_limb],
+        "arms": [
+            arm_of(limb) or ("SSRMS" if isinstance(limb, SsrmsLimb) else "iiwa 14")
+            for limb in robot.every_limb
+        ],
         "mass_kg": robot.body_mass + sum(masses),
         "stances": len(graph),
         "first_plan_s": first - began,
@@ -74,15 +102,18 @@ def measured(task: int, name: str) -> dict[str, Any]:
     }
 
 
-def all_measured() -> dict[str, Any]:
-    """Return what is measured of each robot the second time, in a process of its own."""
+def all_measured(only: str) -> dict[str, Any]:
+    """Return what is measured of each robot the second time, in a process of its own.
+
+    If one is named, the others are those that are stored.
+    """
     for file in CACHE.glob("*.npz"):
         file.unlink()
     os.environ["MLIVR_GYM_CACHE"] = str(CACHE)
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as processes:
-        rows = study_rows("robots:measured", 2, processes, name=NAMES)
+        rows = study_rows("robots:measured", 2, processes, name=[only] if only else [*WALKS])
     others = "run", "task", "name", "error"
-    return {
+    return (read(ROOT / "results", "robots") if only else {}) | {
         row["name"]: {key: value for key, value in row.items() if key not in others}
         for row in rows
         if row["task"]
@@ -92,12 +123,13 @@ def all_measured() -> dict[str, Any]:
 def markdown(data: dict[str, Any]) -> str:
     """Return the table for the page on robots."""
     head = (
-        "robot | limbs | mass [kg] | stances | first plan [s] | later plan [s] | steps of the walk "
-        "| duration of the walk [s] | figures"
+        "robot | limbs | place | mass [kg] | stances | first plan [s] | later plan [s] | "
+        "steps of the walk | duration of the walk [s] | figures"
     )
     rows = [
         (
-            f"`{name}`", ", ".join(dict.fromkeys(row["arms"])), f"{row['mass_kg']:.1f}",
+            f"`{name}`", ", ".join(dict.fromkeys(row["arms"])), WALKS[name].place,
+            f"{row['mass_kg']:.1f}",
             f"{row['stances']:,}", f"{row['first_plan_s']:.1f}", f"{row['later_plan_s']:.2f}",
             row["steps"], f"{row['walk_s']:.0f}" if row["walked"] else "fails",
             row["source"] or "see `envs_assets/ur5e.json`",
@@ -118,11 +150,11 @@ def shot(
 
 
 def picture(data: dict[str, Any], path: Path) -> None:
-    """Draw the robots in the first stance, with their names."""
+    """Draw the robots that walk in the module in the first stance, with their names."""
     shots = []
-    for name in data:
+    for name in (name for name in data if WALKS[name].place == "jem"):
         graph = stance_graph(robot=name)
-        shown = graph.configuration(graph.state(START))
+        shown = graph.configuration(graph.state(WALKS[name].start))
         x, y, z = shown[0].tolist()
         camera = Camera((x, y, z - 0.2), distance=2.7, azimuth=70.0, elevation=-15.0)
         shots.append(shot(graph, shown, camera, name, SIZE))
@@ -130,4 +162,4 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("robots", __doc__, all_measured, draw=picture)
+    experiment("robots", __doc__, all_measured, draw=picture, only="")

@@ -9,6 +9,7 @@ are placed next to random steps.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -112,17 +113,15 @@ def study_stances(
     }
 
 
-def one_step(graph: TwoLimbGraph, s0: int, s1: int, held: int) -> Plan | None:
-    """Return the plan of a single step, made as any plan is."""
-    entry = int(graph.kept_branches(held, s0, np.array([s1]))[0])
-    stances = [tuple(graph.points[s].tolist()) for s in (s0, s1)]
-    branch_sets = [graph.branch_sets[s].tolist() for s in (s0, s1)]
-    branch_sets[0][held] = branch_sets[1][held] = entry
-    branch_sets[1][1 - held] = (
-        graph.releasable_branches(stances[1], graph.posture(stances[1]), 1 - held) & 0xFFFF
-    )
-    states = [State(stance, tuple(m)) for stance, m in zip(stances, branch_sets, strict=True)]
-    return plan_of(graph, states, np.zeros(3), 0.0, "astar")
+def one_step(graph: TwoLimbGraph, before: Sequence[int], after: Sequence[int]) -> Plan | None:
+    """Return the plan of a step between two stances, or None if it is blocked."""
+    stances = tuple(before), tuple(after)
+    branch_sets = [graph.branch_sets[graph.find(stance)] for stance in stances]
+    if not np.all(branch_sets):
+        return None
+    state = State(stances[0], tuple(branch_sets[0].tolist()))
+    reached = graph.step_to(state, stances[1])
+    return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 
 
 def random_step(
@@ -152,7 +151,7 @@ def study_steps(
         if not graph.kept_branches(held, s0, np.array([s1]))[0]:
             continue
         possible += 1
-        plan = one_step(graph, s0, s1, held)
+        plan = one_step(graph, graph.points[s0].tolist(), graph.points[s1].tolist())
         if plan is not None:
             places = sampled(graph, plan, 60)
             configurations, bad = configurations + len(places), bad + penetrating(scene, places)
@@ -235,23 +234,12 @@ def step_past_obstacle(task: int) -> dict[str, Any]:
     places = sampled(graph, plan, 500)
     box = obstacle_beside(graph, places[int(rng.integers(len(places)))][0], kind, rng)
     with obstacles(graph, box):
-        made = _made(graph, states)
+        made = one_step(graph, states[0].stance, states[1].stance)
         places = [] if made is None else sampled(graph, made, 500)
     least = least_distance(graph, Ruler(graph.robot, [*graph.grasp_map.boxes, box]), places)
     return {
         "kind": kind, "made": made is not None, "configurations": len(places), "least": least
     }  # fmt: skip
-
-
-def _made(graph: TwoLimbGraph, states: list[State]) -> Plan | None:
-    """Return the plan of the same step among the present obstacles, or None if it is blocked."""
-    stance, after = states[0].stance, states[1].stance
-    s = graph.find(stance)
-    if not graph.branch_sets[s].all() or not graph.branch_sets[graph.find(after)].all():
-        return None
-    state = State(stance, tuple(graph.branch_sets[s].tolist()))
-    reached = graph.step_to(state, after)
-    return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 
 
 def study_clearance(number: int, workers: int) -> dict[str, Any]:

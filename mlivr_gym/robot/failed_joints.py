@@ -34,10 +34,13 @@ def fields_with_failed_joint(
     if joint not in range(1, joints + 1):
         raise RobotError(f"joint is {joint!r}; it must be a whole number from 1 to {joints}")
     if whole.held_joint is None:
+        others = "only a limb of seven joints plans on"
+        if robot.limbs > 2:
+            others = "but the others can walk while it stands folded, see carrying_robot"
         raise RobotError(
             f"limb {limb} has {joints} joints: with joint {joint} failed it can hold its point, "
-            "but neither step nor follow the body, so no plan moves this robot; only a limb of "
-            "seven joints plans on"
+            "but neither step nor follow the body, so no plan moves a robot that it holds; "
+            f"{others}"
         )
     if whole.failed_joint is not None:
         if (joint, angle) == (whole.failed_joint, whole.held_angle):
