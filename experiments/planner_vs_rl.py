@@ -14,6 +14,7 @@ it takes two to three hours (`make compare`).
 from __future__ import annotations
 
 import copy
+import json
 import sys
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -23,7 +24,6 @@ from typing import Any
 import numpy as np
 import torch
 from comparison_report import figure, markdown
-from comparison_walks import Walk, carry_out
 from reports import CORES, ROOT, experiment, study_rows
 from train_policies import GRASP_FAILURE
 
@@ -40,7 +40,11 @@ from mlivr_gym.agents.evaluation import Evaluation
 from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.test_set import freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import PlanError
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.refinement import refined
+from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.simulation.execution import execute
 from mlivr_gym.transitions.state import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
@@ -142,9 +146,10 @@ def of_split(task: int, method: str, policies: str) -> dict[str, Any]:
         return {"family": None}
     lax = name == NO_THRESHOLDS
     arguments = {"manipulability": False} if lax else {"precompute": world.split != "dense"}
-    env, walks = environment(at, **arguments), list[Walk]()
+    env, walks = environment(at, **arguments), list[list[list[int]]]()
 
     def keep(env: MlivrEnv, states: tuple[State, ...]) -> None:
+        """Keep the points and branch sets of the limbs in each state of a walk."""
         walks.append([[*state.stance, *state.branch_sets] for state in states])
 
     tasks = [world.tasks[k] for k in group]
@@ -175,6 +180,44 @@ def unreliable(task: int, method: str, policies: str) -> dict[str, Any]:
     result = evaluate(env, policy, tasks.tasks, seed=1000 * task, max_steps=MOST_STEPS)
     found = record(result, range(len(tasks.tasks)))
     return {"family": "unreliable", "part": f"{task}/0", "found": found}
+
+
+def outcome(task: int, walk: str) -> dict[str, Any]:
+    """Simulate and refine a walk of a task; return success and refined base translation [m]."""
+    number, rows = json.loads(walk)
+    at = first_world("same")
+    env = environment(at, precompute=True)
+    limbs = env.graph.limbs
+    states = [State(tuple(row[:limbs]), tuple(row[limbs:])) for row in rows]
+    goal = np.array(load_test_set()[at].tasks[number].goal)
+    plan = plan_of(env.graph, states, goal, env.goal_tolerance, "walk")
+    if plan is None:
+        return {"carried_out": False, "refined_m": None}
+    try:
+        done = execute(env.graph, plan).failure is None
+    except PlanError:  # it cannot be followed inside the joint limits
+        done = False
+    return {"carried_out": done, "refined_m": refined(env.graph, plan).base_translation}
+
+
+def carry_out(rows: list[dict[str, Any]], count: int, workers: int) -> None:
+    """Simulate and refine the walks of the first `count` tasks; store the outcomes in the rows.
+
+    `rows` are the records of methods on the same map.
+    """
+    walks = [
+        [
+            json.dumps([task, walk]) if walk is not None and len(walk) > 1 else None
+            for task, walk in zip(row["tasks"][:count], row["walks"], strict=False)
+        ]
+        for row in rows
+    ]
+    different = dict.fromkeys(one for some in walks for one in some if one is not None)
+    found = study_rows("planner_vs_rl:outcome", 1, workers, walk=list(different))
+    known = {one["walk"]: one for one in found}
+    for row, some in zip(rows, walks, strict=True):
+        row["carried_out"] = [None if one is None else known[one]["carried_out"] for one in some]
+        row["refined"] = [None if one is None else known[one]["refined_m"] for one in some]
 
 
 def measured(policies: str, execute: int, workers: int) -> dict[str, Any]:
