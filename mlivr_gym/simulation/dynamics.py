@@ -44,7 +44,7 @@ class Physics(ParameterSet):
     Attributes
     ----------
     timestep
-        Time step [s]; `experiments/dynamic_simulation.py` shows its influence.
+        Time step [s].
     grasp_stiffness
         Translational stiffness of a grasp [N/m].
     grasp_damping
