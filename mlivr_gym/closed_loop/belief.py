@@ -197,8 +197,8 @@ class Belief:
         Raises
         ------
         SettingError
-            If the hits are not all finite positions, or the configuration is not one of the robot.
-            Nothing is taken in then.
+            If the hits are not all finite positions, there are not as many origins, or the
+            configuration is not one of the robot. Nothing is taken in then.
         """
         present = checked_configuration(self.graph.robot, present)
         if origins is not None:
@@ -319,7 +319,8 @@ class Belief:
         """Return whether the robot soon touches something if it stays as far from a trajectory.
 
         It should be at a sample of the trajectory, and is in its present configuration. What counts
-        is the map, and obstacles with the extent of the last of `CAUTIONS`, however close they are.
+        is the map, the obstacles that the graph had and that are not gone, and what was sensed,
+        with the extent of the last of `CAUTIONS`, however close it is.
         """
         present = checked_configuration(self.graph.robot, present)
         path, cells = self.path(trajectory), self._cubes["cell"]

@@ -157,7 +157,8 @@ class SensingRobot:
         step = self.executor.prepared(limb, point, branch_sets)
         if not isinstance(step, Failure):
             return step
-        self.note("blocked", limb=limb, point=self._name(point), failure=step.kind)
+        self.refused = "blocked"
+        self.note(self.refused, limb=limb, point=self._name(point), failure=step.kind)
         self.belief.avoid(point)
         return None
 

@@ -67,10 +67,10 @@ class ClosedLoopEnv(MlivrEnv):
 
     The observation has in addition `occupied`, the points that count as occupied, and `obstacles`,
     the cells of the module in which surfaces were seen that the map lacks. `info` has
-    `path_blocked`, whether the last step was given up for something in its path; `grasp_failed`,
-    whether the grasp was refused or missed; `is_stopped`; and with two limbs `fewest_steps`, those
-    of an optimal plan that knows the things, -1 if there is none. An attempt that failed counts as
-    a step, and its displacement is the length of the base's path.
+    `path_blocked`, whether the last step was given up, or not begun, for something in its path;
+    `grasp_failed`, whether the grasp was refused or missed; `is_stopped`; and with two limbs
+    `fewest_steps`, those of an optimal plan that knows the things, -1 if there is none. An attempt
+    that failed counts as a step, and its displacement is the length of the base's path.
 
     Attributes
     ----------
@@ -195,11 +195,12 @@ class ClosedLoopEnv(MlivrEnv):
         """Return an optimal plan among the things; None if there is none, or for more limbs."""
         if self.graph.limbs > 2:
             return None
+        planner, goal, tolerance = Planner(self.graph), task.goal.tolist(), self.goal_tolerance
         self.graph.add_obstacles(self.things)
-        goal, tolerance = task.goal.tolist(), self.goal_tolerance
-        plan = Planner(self.graph).plan(task.start, goal, "steps", goal_tolerance=tolerance).plan
-        self.graph.remove_obstacles([thing.id for thing in self.things])
-        return plan
+        try:
+            return planner.plan(task.start, goal, "steps", goal_tolerance=tolerance).plan
+        finally:
+            self.graph.remove_obstacles([thing.id for thing in self.things])
 
     def _look_round(self, state: State) -> None:
         """Look round, and let the graph have what is believed."""
@@ -217,8 +218,8 @@ class ClosedLoopEnv(MlivrEnv):
             If sensing fails. The robot then holds all its points.
         """
         belief = self._sensing.belief
-        if self._is_stopped:
-            raise gymnasium.error.ResetNeeded("the robot has stopped; call reset()")
+        if self._is_stopped or self._simulation_info.get("failure"):
+            raise gymnasium.error.ResetNeeded("the robot has stopped or failed; call reset()")
         self._refresh()
         last = self.graph.limbs * len(self.graph.grasp_map)
         action = action_number(action, last + 1)

@@ -125,6 +125,28 @@ def test_a_grasp_that_is_refused_is_no_end(empty):
     assert not empty.graph.occupied
 
 
+def test_a_point_to_which_no_swing_is_found_is_blocked(empty, monkeypatch):
+    empty.reset(seed=0, options=TASK)
+    action, state, executor = first_action(empty), empty.state, empty._executor
+    none = executor._not_begun(*divmod(action, len(empty.graph.grasp_map)), "no swing was found")
+    monkeypatch.setattr(executor, "prepared", lambda *_: none)
+    seen, _, ended, _, info = empty.step(action)
+    assert (ended, info["grasp_failed"], info["path_blocked"]) == (False, False, True)
+    assert seen["occupied"][action % len(empty.graph.grasp_map)] == 1
+    assert empty.state == state
+
+
+def test_after_a_failure_no_action_is_taken(empty):
+    empty.reset(seed=0, options=TASK)
+    empty._executor.simulation.refusing = frozenset(range(len(empty.graph.grasp_map)))
+    *_, ended, _, info = empty.step(first_action(empty))
+    assert ended
+    assert info["failure"]
+    for action in (0, empty.action_space.n - 1):
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            empty.step(action)
+
+
 def test_relaxing_ends_in_a_stop_on_all_points(env):
     env.reset(seed=0, options=TASK)
     last = env.action_space.n - 1
@@ -150,6 +172,17 @@ def test_only_what_was_sensed_leaves_the_graph(env):
     env.graph.remove_obstacles()
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(0)
+
+
+def test_things_leave_the_graph_if_planning_among_them_fails(empty, monkeypatch):
+    def fails(*_, **__):
+        raise SettingError("planning fails")
+
+    monkeypatch.setattr(empty, "boxes", 1)
+    monkeypatch.setattr(Planner, "plan", fails)
+    with pytest.raises(SettingError, match="planning fails"):
+        empty.reset(seed=0, options=TASK)
+    assert not empty.graph.obstacles
 
 
 def test_fixed_tasks_have_fixed_things(env):
