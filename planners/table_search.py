@@ -64,7 +64,7 @@ FIRST_EXPANSION_LIMIT = 50
 LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
 
-CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**2
+CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**4
 """The limit before which all nodes are checked against obstacles, so that bounds over what is left
 show whether these cut the goal off."""
 
