@@ -56,6 +56,18 @@ MESH = {"points": [POINT], "mesh": {"file": "lab.stl", "scale": 0.001, "resoluti
 PLACES_OF_FIELDS = [(data, path) for data in (WHOLE, SAVED, MESH) for path in objects(data)]
 
 
+MILLIMETRES = {
+    "unit": "mm", "points": [POINT | {"position": [9500, -400, 1200]}], "spacing": 250,
+    "boxes": [{"id": "B", "min": [-2500, 0, 0], "max": [7000, 1, 1]}],
+    "parts": [{"id": "L", "map": {"points": [POINT]}, "translation": [0, 4000, 0]}],
+}  # fmt: skip
+
+
+def test_a_map_in_millimetres_meets_it_and_is_in_metres_after_it_was_read():
+    assert MEETS(MILLIMETRES)
+    assert GraspMap.from_dict(MILLIMETRES).positions[0].tolist() == [9.5, -0.4, 1.2]
+
+
 @pytest.mark.parametrize(("data", "path"), PLACES_OF_FIELDS)
 def test_an_unknown_field_is_refused_by_schema_and_loader(data, path):
     assert MEETS(data)
@@ -68,7 +80,9 @@ def test_an_unknown_field_is_refused_by_schema_and_loader(data, path):
         GraspMap.from_dict(wrong)
 
 
-@pytest.mark.parametrize("data", [WHOLE, SAVED], ids=["written", "saved"])
+@pytest.mark.parametrize(
+    "data", [WHOLE, SAVED, MILLIMETRES], ids=["written", "saved", "millimetres"]
+)
 @given(st.data())
 @few(0.3)
 def test_what_the_schema_refuses_the_loader_refuses(data, draw):
