@@ -194,7 +194,7 @@ class LookingPolicy:
 class ReplanningPolicy:
     """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
 
-    It takes the first step of the plan, and relaxes if there is no plan.
+    It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
     """
 
     def __init__(self, cost: str = "steps", **options: Any) -> None:
@@ -215,13 +215,13 @@ class ReplanningPolicy:
         assert isinstance(env, ClosedLoopEnv)
         goal, tolerance = env.goal.tolist(), env.goal_tolerance
         planner = Planner(env.graph)
-        result = planner.plan(
+        plan = planner.plan(
             env.state, goal, self._cost, goal_tolerance=tolerance, **self._options
-        )
-        if result.plan is None:
+        ).plan
+        if plan is None or not plan.steps:
             return len(mask) - 1
-        env.follow(result.plan)
-        limb, point = result.plan.actions[0]
+        env.follow(plan)
+        limb, point = plan.actions[0]
         return _action_numbers(env, [(limb, env.graph.grasp_map.index(point))])[0]
 
 

@@ -195,6 +195,15 @@ def test_fixed_tasks_have_fixed_things(env):
     assert env.things != things[0][2]
 
 
+def test_an_episode_that_begins_at_the_goal_ends_there(empty):
+    goal = empty.graph.configuration(empty.graph.state(START))[0].tolist()
+    _, info = empty.reset(options={"start": START, "goal": goal})
+    assert (info["is_success"], info["fewest_steps"]) == (True, 0)
+    *_, ended, _, info = empty.step(first_action(empty))
+    assert ended
+    assert info["is_success"]
+
+
 def test_it_is_evaluated_as_others(empty):
     found = evaluate(empty, ReplanningPolicy(), [EvaluationTask(START, (3.0, 0.0, 0.42))])
     assert found.success_rate == 1.0
