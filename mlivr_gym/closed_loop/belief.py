@@ -1,6 +1,6 @@
 """What the robot believes of the world: its map, what it has seen beside it, and what refused it.
 
-Hits are the surface points that rays of the depth cameras measured. Those that no box of the map
+Hits are the surface points that rays of the depth cameras measured. Those that no known box
 explains are counted in a grid of cubes. Cubes with enough hits are obstacles, merged into boxes.
 Counts are kept: what was seen lasts. Where the robot is at present there is nothing else, so cubes
 that may be nearer to it than the clearance are left out as long as it is there.

@@ -53,6 +53,18 @@ HITS = Reader(_read_hits)
 """Validator of measured positions of surfaces in the module frame."""
 
 
+def _entering_ball(centre: Array, square: float, hits: Array, origins: Array) -> IntArray:
+    """Return the rays that enter a ball of a centre [m] and the square of a radius [m^2].
+
+    A ball without a ray in it takes a fraction of the time of a box.
+    """
+    along, outwards = hits - origins, centre - origins
+    length = np.einsum("ij,ij->i", along, along) + PARALLEL**2
+    share = np.clip(np.einsum("ij,ij->i", outwards, along) / length, 0.0, 1.0)
+    apart = outwards - share[:, None] * along
+    return np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= square)
+
+
 def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolArray:
     """Return which rays pass through a box, at least `INSIDE` below its faces, shape (k,).
 
@@ -68,15 +80,18 @@ def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolA
         Standard deviation of a measured distance [m].
     """
     rotation, half = np.array(box.rotation), np.array(box.half) - INSIDE
+    found = np.zeros(len(hits), dtype=np.bool_)
     if (half <= 0.0).any():
-        return np.zeros(len(hits), dtype=np.bool_)
-    begin, along = (origins - box.centre) @ rotation, (hits - origins) @ rotation
+        return found
+    rays = _entering_ball(np.array(box.centre), float(half @ half), hits, origins)
+    begin, along = (origins[rays] - box.centre) @ rotation, (hits[rays] - origins[rays]) @ rotation
     along = np.where(np.abs(along) < PARALLEL, PARALLEL, along)
     planes = np.stack([(-half - begin) / along, (half - begin) / along])
     entry = np.maximum(planes.min(axis=0).max(axis=1), 0.0)
     end = 1.0 - EXPLAINED_DEVIATIONS * noise / np.linalg.norm(along, axis=1)
     leave = planes.max(axis=0).min(axis=1)
-    return np.asarray((entry < leave) & (leave < end))
+    found[rays] = (entry < leave) & (leave < end)
+    return found
 
 
 class KnownBoxes:
