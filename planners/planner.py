@@ -156,7 +156,7 @@ class Planner:
             Joints that are locked from now on: for each the limb from 0, the joint of its arm from
             1 and the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as
             start, are those of the robot before; each failed joint must be at its angle there. The
-            robot of the plan is the one that results.
+            robot of the plan is the one that results; its graph is built in each call.
 
         Returns
         -------
