@@ -132,6 +132,9 @@ class ClosedLoopEnv(MlivrEnv):
     def record(self) -> ClosedLoopRecord:
         """What happened in the episode so far, as in a walk of the closed loop.
 
+        It has the events and the largest force, and after a failure its reason; fields that are
+        set at the end of a walk have their defaults.
+
         Raises
         ------
         gymnasium.error.ResetNeeded
