@@ -105,8 +105,14 @@ class ExpertPolicy:
         Raises
         ------
         SettingError
-            If the robot has more than two limbs, or the reward is an object of the user.
+            If the robot has more than two limbs, the reward is an object of the user, or the
+            environment has an action beside the steps.
         """
+        if mask.size != env.graph.limbs * len(env.graph.grasp_map):
+            raise SettingError(
+                f"the expert policy chooses among steps alone; {type(env).__name__} has another "
+                "action: use ReplanningPolicy for ClosedLoopEnv, LookingPolicy for UnknownMapEnv"
+            )
         if env.state.pose is not None:
             # The table lacks this state; failures of its first grasp are not considered.
             moves, points = env.table_moves(), len(env.graph.grasp_map)
