@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.agents.policies import Policy
-from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
@@ -121,7 +120,9 @@ def evaluate(
     >>> evaluate(env, ExpertPolicy(), episodes=2).success_rate
     1.0
     """
-    InstanceOf(MlivrEnv).read(env, FieldPath("env", SettingError))
+    if not isinstance(env, MlivrEnv):
+        place = FieldPath("env", SettingError)
+        raise place.refused(env, "a MlivrEnv without wrappers, as env.unwrapped is")
     tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
     if not tasks:
         raise SettingError(f"episodes is {episodes!r}; it must be at least 1")

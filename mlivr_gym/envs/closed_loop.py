@@ -24,7 +24,7 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.envs.tasks import FIRST_FIXED_SEED, TASKS
 from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.schema import FieldPath, Integer
@@ -113,7 +113,10 @@ class ClosedLoopEnv(MlivrEnv):
         if not self.graph.settings.collisions:
             raise SettingError("collisions is False; among unknown things it must be True")
         if isinstance(self.tasks, LayoutTasks):
-            raise SettingError("this environment has unknown things in place of tasks with layouts")
+            raise SettingError(
+                f"tasks is {shortened(tasks)}, which draws layouts; this environment draws unknown "
+                "things instead: give 'walk', 'far' or another TaskGenerator"
+            )
         assert not isinstance(camera, dict)  # it was read
         self.camera, self.boxes, self.plates = camera, boxes, plates
         self.things: tuple[Box, ...] = ()

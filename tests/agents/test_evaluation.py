@@ -59,7 +59,7 @@ def test_an_invalid_action_is_no_success(env):
 
 def test_an_environment_inside_wrappers_is_refused(small_map):
     wrapped = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False)
-    with pytest.raises(SettingError, match=r"env is <.*; it must be a MlivrEnv"):
+    with pytest.raises(SettingError, match=r"env is <.*; it must be a MlivrEnv without wrappers"):
         evaluate(wrapped, RandomPolicy(0), 1)
 
 
