@@ -65,6 +65,8 @@ class Mode(NamedTuple):
     """Limits, controller, physics and disturbances."""
     crew: bool = False
     """Whether a crew member crosses the cabin."""
+    gone: bool = False
+    """Whether the robot believes in `BOXES` boxes that are not there, beside those it lacks."""
 
 
 CAREFUL = Setup.of("careful", "delayed", disturbances=ERRORS)
@@ -84,6 +86,9 @@ MODES = {
     "two limbs, cameras, no errors": Mode("mlivr2", "cameras", Setup()),
     "two limbs, blind, no errors": Mode("mlivr2", "blind", Setup()),
     CREW: Mode("mlivr2", "cameras", Setup(), crew=True),
+    "two limbs, cameras, all errors, boxes that are gone": Mode(
+        "mlivr2", "cameras", CAREFUL, gone=True
+    ),
     "two limbs, paper's controller, cameras, all errors": Mode("mlivr2", "cameras", SLOW),
     **{
         f"{number} limbs, {name}, all errors": Mode(robot, loop, setup)
@@ -120,6 +125,13 @@ def crossing(graph: StanceGraph, task: Task, seed: int) -> CrewMember:
     return CrewMember(*line, begin=float(rng.uniform(0.0, 10.0)))
 
 
+def gone_boxes(graph: StanceGraph, task: Task, seed: int) -> tuple[Box, ...]:
+    """Return boxes in which a robot believes, and which are not there."""
+    rng = np.random.default_rng([2028, seed])
+    boxes = unknown_things(graph, graph.state(task.start), rng, BOXES, 0)
+    return tuple(replace(box, id=f"gone{k}") for k, box in enumerate(boxes))
+
+
 @cache
 def graph_of(robot: str) -> StanceGraph:
     """Return the stance graph of a robot on the JEM."""
@@ -148,20 +160,25 @@ def drawn(robot: str, seed: int) -> Task:
 
 def walk(task: int, mode: str) -> dict[str, Any]:
     """Walk a task in one mode."""
-    robot, loop, setup, with_crew = MODES[mode]
+    robot, loop, setup, with_crew, with_gone = MODES[mode]
     graph, given = graph_of(robot), drawn(robot, task)
     row: dict[str, Any] = {"in_hindsight": given.in_hindsight, "is_possible": given.is_possible}
     if loop == "open":
         return row | open_loop(graph, given, setup, task)
+    gone = gone_boxes(graph, given, task) if with_gone else ()
+    graph.add_obstacles(gone)
     try:
         record = run_closed_loop(
             graph, given.start, given.goal.tolist(), unknown=given.unknown,
+            gone=[box.id for box in gone],
             camera=DepthCamera() if loop == "cameras" else None, setup=setup, seed=task,
             max_steps=60, crew=[crossing(graph, given, task)] if with_crew else [],
             time_limit=limit_of(graph),
         )  # fmt: skip
     except ShapeError:
         return row | {"outcome": None}
+    finally:
+        graph.remove_obstacles()
     return row | {
         "outcome": record.outcome, "proved": record.proved,
         "is_true": record.proved and is_cut_off(graph, given, record.state),
@@ -331,7 +348,8 @@ takes 50 s a step. A robot with cameras also plans once a second *during a step*
 step leads, so that less is left to do *at the grasp*. Planning times are those of one walk on each
 core. *Open loop* is the first plan, carried out without looking. A robot that stopped holds all its
 points; its proof is about what it has sensed, and true if no plan exists from there in the whole
-module either. Crew members cross the cabin at 0.5 m/s across or along it, and do not evade the
+module either. *Boxes that are gone* are {BOXES} more boxes in which the robot believes until it
+looks through them. Crew members cross the cabin at 0.5 m/s across or along it, and do not evade the
 robot; *unavoidable* are walks in which no sequence of steps from the start keeps the distance, with
 waits of whole seconds.
 

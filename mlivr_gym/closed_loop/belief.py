@@ -12,13 +12,12 @@ and the robot plans on while it moves.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.special import ndtri
 
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.closed_loop.cautions import CAUTIONS, Caution
 from mlivr_gym.closed_loop.known_boxes import HITS, NOISE, KnownBoxes
 from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
@@ -32,21 +31,6 @@ from mlivr_gym.world.mesh_boxes import merged_cells
 
 CUBE = 0.05
 """Edge of the cubes [m]."""
-
-
-class Caution(NamedTuple):
-    """How large sensed boxes are, and how much evidence they need."""
-
-    margin: float
-    """Distance by which a box extends beyond the hits in its cubes [m]."""
-    hits: int
-    """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
-    is_denoised: bool = False
-    """Whether what the noise adds to the extent of the hits is taken away, see `_outermost`."""
-
-
-CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))
-"""The first holds as long as there is a plan; then the robot has to be less cautious."""
 
 LEAST_GROWTH = 0.005
 """Growth of a sensed box below which it is not told anew, even without a margin [m]."""
@@ -105,6 +89,8 @@ class Belief:
         Indices of the points that count as occupied after paths to them were blocked.
     gone
         Ids of the obstacles that the graph had, through which the cameras have looked.
+    doubted
+        Ids of those that were given up because no plan existed, see `relax`.
     shapes
         Collision shapes of the robot.
     """
@@ -133,7 +119,7 @@ class Belief:
         self._before = graph.obstacles
         grid = self._origin, CUBE, tuple(shape.tolist())
         self._known = KnownBoxes(graph.grasp_map.boxes, noise, grid, graph.obstacles)
-        self.gone: list[str] = []
+        self.gone, self.doubted = list[str](), list[str]()
         self.shapes = LimbShapes(graph.robot)
         self._row = np.full(shape, -1, dtype=np.int64)  # of each cube, -1 for one without hits
         self._is_beside = np.zeros(shape, dtype=np.bool_)  # touches a cube with enough hits
@@ -165,8 +151,13 @@ class Belief:
         return True
 
     def relax(self) -> bool:
-        """Be less cautious, see `tighten`, then `reconsider`; return whether that is possible."""
-        return self.tighten() or self.reconsider()
+        """Doubt obstacles, else `tighten`, else `reconsider`; return whether one of them can be.
+
+        Doubted are those that the graph had and no camera has seen; they may be seen later.
+        """
+        doubted = self._known.doubt()
+        self.doubted += doubted
+        return bool(doubted) or self.tighten() or self.reconsider()
 
     def withdraw(self) -> None:
         """Let the graph have nothing any more that was sensed."""
@@ -257,7 +248,8 @@ class Belief:
         It is told of what has come up. Only where obstacles must go, since the robot is there, all
         are replaced. The state has one branch for each limb, unless nothing was sensed yet.
         """
-        if gone := {box.id for box in self.graph.obstacles}.intersection(self.gone):
+        known = {box.id for box in self.graph.obstacles}
+        if gone := known.intersection(self.gone + self.doubted):
             self.graph.remove_obstacles(sorted(gone))
         if not len(self._cubes):
             return

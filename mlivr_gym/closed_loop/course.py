@@ -81,9 +81,9 @@ class Course:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
         Of two that cost the same, the new one is followed, except in a retry of a step. If neither
-        exists, a plan is sought among smaller and fewer boxes, see `Belief.tighten`, with points to
-        which paths were blocked, see `Belief.reconsider`, and then, unless it is proved that there
-        is none, for `PATIENCE` times as long.
+        exists, a plan is sought without obstacles that were told and not seen, among smaller and
+        fewer boxes, and with points to which paths were blocked, see `Belief.relax`, and then,
+        unless it is proved that there is none, for `PATIENCE` times as long.
         """
         belief = self._belief
         belief.update_graph(state)

@@ -20,7 +20,7 @@ INSIDE = 0.03
 """Depth below the faces of a box at which a ray passes through it, for errors of poses [m]."""
 
 PASSES = 20
-"""Number of rays through a movable box after which it is gone."""
+"""Number of rays through a movable box after which it is gone, or on it after which it is seen."""
 
 PARALLEL = 1e-12
 """Least length of a ray along an axis of a box, which stands for none [m]."""
@@ -94,6 +94,13 @@ def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolA
     return found
 
 
+def surface_distances(box: Box, positions: Array) -> Array:
+    """Return the distances of positions (k, 3) from the surface of a box, shape (k,) [m]."""
+    excess = np.abs((positions - box.centre) @ np.array(box.rotation)) - box.half
+    outside = np.linalg.norm(np.maximum(excess, 0.0), axis=1)
+    return np.asarray(np.where(outside > 0.0, outside, -excess.max(axis=1)))
+
+
 class KnownBoxes:
     """Boxes sorted by the cubes of a grid, so that a hit is compared with those at its cube."""
 
@@ -113,6 +120,8 @@ class KnownBoxes:
         self._origin, self._edge, self._shape = grid
         self._fixed, self._noise = tuple(fixed), noise
         self._passes = dict.fromkeys(movable, 0)  # the number of rays through each movable box
+        self._hits = dict.fromkeys(movable, 0)  # the number of rays that end on it
+        self._has_looked = False
         self._sort()
 
     @property
@@ -130,14 +139,27 @@ class KnownBoxes:
             raise SettingError(
                 f"origins has {len(origins)} rows; it must have {len(hits)}, as hits"
             )
+        self._has_looked = True
         for box in self._passes:
             self._passes[box] += int(passes_through(box, hits, origins, self._noise).sum())
-        gone = [box for box, count in self._passes.items() if count >= PASSES]
-        for box in gone:
+            self._hits[box] += int((surface_distances(box, hits) <= self._tolerance).sum())
+        return self._give_up([box for box, count in self._passes.items() if count >= PASSES])
+
+    def doubt(self) -> list[str]:
+        """Give up the movable boxes that fewer than `PASSES` rays have hit; return their ids.
+
+        None is given up before the first look.
+        """
+        unseen = [box for box in self._passes if self._hits[box] < PASSES]
+        return self._give_up(unseen if self._has_looked else [])
+
+    def _give_up(self, boxes: Sequence[Box]) -> list[str]:
+        """Take movable boxes to be gone; return their ids."""
+        for box in boxes:
             del self._passes[box]
-        if gone:
+        if boxes:
             self._sort()
-        return [box.id for box in gone]
+        return [box.id for box in boxes]
 
     def _sort(self) -> None:
         """Sort the boxes into the cubes."""

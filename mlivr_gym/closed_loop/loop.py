@@ -235,11 +235,14 @@ class _Loop:
                 raise robot.fault
             robot.look_round()
             began = time.perf_counter()
+            doubted = len(self._belief.doubted)
             result = self._course.replan(state, robot.refused == "refused")
             computing_time = time.perf_counter() - began
         except MlivrError as fault:
             robot.end(STOPPED, f"sensing or planning failed: {fault}")
             return None
+        for box in self._belief.doubted[doubted:]:
+            robot.note("doubts", box=box)
         plan = self._course.plan
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE

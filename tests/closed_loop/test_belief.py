@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CAUTIONS, CUBE, Belief, _outermost
+from mlivr_gym.closed_loop.belief import CUBE, Belief, _outermost
+from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.errors import MlivrError, SettingError

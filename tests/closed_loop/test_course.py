@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.closed_loop.belief import CAUTIONS, Belief
+from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.planners import Planner
 

@@ -13,6 +13,7 @@ from mlivr_gym.closed_loop.known_boxes import (
     PASSES,
     KnownBoxes,
     passes_through,
+    surface_distances,
 )
 from mlivr_gym.errors import SettingError
 
@@ -61,3 +62,31 @@ def test_enough_rays_make_a_movable_box_gone_and_what_is_in_its_place_unexplaine
     assert known.see_through(2.0 * behind, before) == []  # the map does not change
     with pytest.raises(SettingError, match="origins has 1 rows"):
         known.see_through(behind, before[:1])
+
+
+def test_only_boxes_that_no_ray_has_hit_are_doubted():
+    wall = Box.between("wall", "rack", (1.0, -1.0, -1.0), (1.2, 1.0, 1.0))
+    seen = Box.between("seen", "obstacle", (-0.2, 0.5, -0.2), (0.2, 0.9, 0.2))
+    unseen = Box.between("unseen", "obstacle", (0.8, -0.5, -0.2), (1.1, -0.1, 0.2))
+    known = KnownBoxes([wall], 0.003, GRID, [seen, unseen])
+    hits = np.repeat([[-0.2, 0.7, 0.0], [1.0, -0.3, 0.0]], PASSES, axis=0)  # one in `unseen`
+    assert known.doubt() == []  # nobody has looked
+    assert known.see_through(hits, hits - [0.05, 0.0, 0.0]) == []
+    assert known.doubt() == ["unseen"]
+    assert known.boxes == (wall, seen)
+    assert known.doubt() == []
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_distances_from_the_surface_are_those_of_the_closest_sample_on_it(seed):
+    rng = np.random.default_rng(seed)
+    half = rng.uniform(0.1, 0.4, 3)
+    box = Box("box", "obstacle", (0.1, 0.2, 0.3), tuple(half))
+    axis, sign = rng.integers(3, size=20_000), rng.choice([-1.0, 1.0], 20_000)
+    surface = rng.uniform(-half, half, (20_000, 3))
+    surface[np.arange(20_000), axis] = sign * half[axis]
+    positions = rng.uniform(-0.6, 0.6, (5, 3))
+    nearest = np.linalg.norm(positions[:, None] - surface, axis=2).min(axis=1)
+    found = surface_distances(box, positions + np.array(box.centre))
+    assert (found <= nearest + 1e-12).all()
+    assert (nearest - found < 0.03).all()

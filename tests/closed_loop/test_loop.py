@@ -157,6 +157,24 @@ def test_it_looks_before_it_believes_that_no_way_is_left(graph):
     assert (record.steps, record.proved) == (1, False)
 
 
+def test_it_goes_and_looks_at_what_leaves_no_plan(graph):
+    """At first the walls round the goal are too far to be seen."""
+    goal = np.array([6.0, 0.0, 0.42])
+    around = Box.between("goal", "obstacle", goal - 0.3, goal + 0.3)
+    camera = DepthCamera(period=0.5, max_range=1.5)
+    graph.add_obstacles([around])
+    try:
+        record = run_closed_loop(graph, START, goal, gone=["goal"], camera=camera, max_steps=3)
+        there = run_closed_loop(graph, START, goal, camera=camera, max_steps=12)
+    finally:
+        graph.remove_obstacles()
+    assert "doubts" in kinds(record)
+    assert record.steps == 3
+    assert (there.outcome, there.proved) == (STOPPED, True)
+    assert there.steps > 0
+    assert there.sensed
+
+
 def test_what_is_gone_must_be_an_obstacle(graph):
     with pytest.raises(SettingError, match="gone has 'bag'"):
         run_closed_loop(graph, START, GOAL, gone=["bag"])

@@ -1,0 +1,20 @@
+"""How large a robot takes sensed obstacles to be, from most to least cautious."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Caution(NamedTuple):
+    """How large sensed boxes are, and how much evidence they need."""
+
+    margin: float
+    """Distance by which a box extends beyond the hits in its cubes [m]."""
+    hits: int
+    """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
+    is_denoised: bool = False
+    """Whether what the noise adds to the extent of the hits is taken away, see `_outermost`."""
+
+
+CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))
+"""The first holds as long as there is a plan; then the robot has to be less cautious."""
