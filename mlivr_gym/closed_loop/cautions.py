@@ -13,7 +13,7 @@ class Caution(NamedTuple):
     hits: int
     """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
     is_denoised: bool = False
-    """Whether what the noise adds to the extent of the hits is taken away, see `_outermost`."""
+    """Whether what the noise adds to the extent of the hits is taken away, see `Belief`."""
 
 
 CAUTIONS = (Caution(0.01, 2), Caution(0.001, 2), Caution(0.001, 2, True), Caution(0.001, 3, True))

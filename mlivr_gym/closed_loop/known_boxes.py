@@ -142,7 +142,8 @@ class KnownBoxes:
         self._has_looked = True
         for box in self._passes:
             self._passes[box] += int(passes_through(box, hits, origins, self._noise).sum())
-            self._hits[box] += int((surface_distances(box, hits) <= self._tolerance).sum())
+            if self._hits[box] < PASSES:
+                self._hits[box] += int((surface_distances(box, hits) <= self._tolerance).sum())
         return self._give_up([box for box, count in self._passes.items() if count >= PASSES])
 
     def doubt(self) -> list[str]:
