@@ -73,8 +73,10 @@ CAREFUL = Setup.of("careful", "delayed", disturbances=ERRORS)
 SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
 """Setups of the robot's own controller and of the paper's, with all errors."""
 
-CREW, CREW_TASKS = "two limbs, cameras, no errors, a crew member crosses", 24
-"""The series in which a crew member crosses the cabin, and its largest number of tasks."""
+CREW = "two limbs, cameras, no errors, a crew member crosses"
+GONE = "two limbs, cameras, all errors, boxes that are gone"
+MOST_TASKS = {CREW: 24, GONE: 100}
+"""The series with crew members and with boxes that are gone, and their largest numbers of tasks."""
 
 MOST_STEPS = 20_000
 """Maximum number of steps in the search for a way out after a crew member came too close."""
@@ -86,9 +88,7 @@ MODES = {
     "two limbs, cameras, no errors": Mode("mlivr2", "cameras", Setup()),
     "two limbs, blind, no errors": Mode("mlivr2", "blind", Setup()),
     CREW: Mode("mlivr2", "cameras", Setup(), crew=True),
-    "two limbs, cameras, all errors, boxes that are gone": Mode(
-        "mlivr2", "cameras", CAREFUL, gone=True
-    ),
+    GONE: Mode("mlivr2", "cameras", CAREFUL, gone=True),
     "two limbs, paper's controller, cameras, all errors": Mode("mlivr2", "cameras", SLOW),
     **{
         f"{number} limbs, {name}, all errors": Mode(robot, loop, setup)
@@ -244,9 +244,11 @@ COLUMNS = (
 
 def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return all walks by mode."""
-    others = [mode for mode in MODES if mode != CREW]
-    rows = study_rows("closed_loop:walk", tasks, workers, mode=others)
-    rows += study_rows("closed_loop:walk", min(tasks, CREW_TASKS), workers, mode=[CREW])
+    rows = study_rows(
+        "closed_loop:walk", tasks, workers, mode=[mode for mode in MODES if mode not in MOST_TASKS]
+    )
+    for mode, most in MOST_TASKS.items():
+        rows += study_rows("closed_loop:walk", min(tasks, most), workers, mode=[mode])
     return {"tasks": tasks, "modes": by_mode(rows)}
 
 
