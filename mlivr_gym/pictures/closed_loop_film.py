@@ -130,7 +130,7 @@ def closed_loop_film(
     Parameters
     ----------
     graph
-        The stance graph of what the robot knew at the start.
+        The stance graph of what the robot knew at the start, without obstacles that were gone.
     record
         The record of a walk with `filmed=True`.
     path
