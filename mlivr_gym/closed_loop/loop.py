@@ -202,12 +202,17 @@ class _Loop:
         """Sense, plan and step until the walk ends."""
         executor, record, ids = self._executor, self.record, self.graph.grasp_map.ids
         state = self.graph.state(start)
-        first = self._course.replan(state)  # it chooses the branches of the start
-        if first.plan is None and not self._robot.may_see_through:
-            record.proved = first.reason in PROVED_IMPOSSIBLE
+        if self._robot.may_see_through:  # what is gone has no say in the branches of the start
+            self._robot.start(state, None, refusing)
+            self._robot.look_round()
+            self._belief.update_graph(state)
+            state = self.graph.state(start)
+        first = self._replan(state)  # it chooses the branches of the start
+        if first.plan is None:
+            record.proved, record.sensed = first.reason in PROVED_IMPOSSIBLE, self._belief.boxes()
             self._robot.end(STOPPED, self._why_none(first))
             return
-        plan = first.plan if first.plan is not None and first.plan.steps else None
+        plan = first.plan if first.plan.steps else None
         self._robot.start(state, plan, refusing)
         attempts = 0
         while not record.reason:
@@ -235,14 +240,11 @@ class _Loop:
                 raise robot.fault
             robot.look_round()
             began = time.perf_counter()
-            doubted = len(self._belief.doubted)
-            result = self._course.replan(state, robot.refused == "refused")
+            result = self._replan(state, robot.refused == "refused")
             computing_time = time.perf_counter() - began
         except MlivrError as fault:
             robot.end(STOPPED, f"sensing or planning failed: {fault}")
             return None
-        for box in self._belief.doubted[doubted:]:
-            robot.note("doubts", box=box)
         plan = self._course.plan
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE
@@ -254,6 +256,14 @@ class _Loop:
         if self.record.footage is not None:
             self.record.footage.plans.append((self._executor.simulation.time, plan))
         return plan
+
+    def _replan(self, state: State, is_retry: bool = False) -> PlanningResult:
+        """Plan the remainder of the walk, and record what is doubted for its sake."""
+        doubted = len(self._belief.doubted)
+        result = self._course.replan(state, is_retry)
+        for box in self._belief.doubted[doubted:]:
+            self._robot.note("doubts", box=box)
+        return result
 
     def _step(self, plan: Plan) -> None:
         """Take the next step of a plan; if a crew member is in the way, make way for it."""

@@ -175,6 +175,21 @@ def test_it_goes_and_looks_at_what_leaves_no_plan(graph):
     assert there.sensed
 
 
+def test_what_is_gone_has_no_say_in_the_branches_of_the_start(graph):
+    """While the robot believes in the wall, no branch is left from which a step leads on."""
+    wall = Box.between("wall", "obstacle", (3.0, -1.0, -1.0), (3.3, 1.0, 0.0))
+    bag = Box.between("bag", "obstacle", (3.6, -0.35, -0.9), (3.9, 0.35, 0.0))
+    for unknown in ((), (bag,)):
+        graph.add_obstacles([wall])
+        try:
+            record = run_closed_loop(
+                graph, START, GOAL, unknown=unknown, gone=["wall"], camera=CAMERA, max_steps=1
+            )
+        finally:
+            graph.remove_obstacles()
+        assert record.steps == 1
+
+
 def test_what_is_gone_must_be_an_obstacle(graph):
     with pytest.raises(SettingError, match="gone has 'bag'"):
         run_closed_loop(graph, START, GOAL, gone=["bag"])
