@@ -54,6 +54,8 @@ def add_command(add: Add) -> None:
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
     text = "line on which a crew member crosses the cabin at 0.5 m/s [m]; may be repeated"
     option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
+    text = "time of each planning [s]; if it finds no plan, it is tried once for four times as long"
+    option(parser, "--time-limit S", text, type=float)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
     controller_option(parser)
@@ -98,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
         camera=None if args.blind else DepthCamera(noise=args.noise),
         setup=Setup.of(args.pace, args.controller, disturbances=args.disturbances),
         seed=args.seed,
+        time_limit=args.time_limit,
         show=_show,
         filmed=args.film is not None,
     )  # fmt: skip

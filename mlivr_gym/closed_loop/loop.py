@@ -52,6 +52,9 @@ LOOKS = 4
 INFLATION = 2.0
 """Suboptimality bound of the plans of more than two limbs, with a time limit."""
 
+FAULT = "sensing or planning failed"
+"""Reason of a stop after an error of the package."""
+
 HOLDING_TIME = 2.0
 """Time after which a robot that cannot make way looks again for a step [s]."""
 
@@ -204,7 +207,11 @@ class _Loop:
         state = self.graph.state(start)
         if self._robot.may_see_through:  # what is gone has no say in the branches of the start
             self._robot.start(state, None, refusing)
-            self._robot.look_round()
+            try:
+                self._robot.look_round()
+            except MlivrError as fault:
+                self._robot.end(STOPPED, f"{FAULT}: {fault}")
+                return
             self._belief.update_graph(state)
             state = self.graph.state(start)
         first = self._replan(state)  # it chooses the branches of the start
@@ -243,7 +250,7 @@ class _Loop:
             result = self._replan(state, robot.refused == "refused")
             computing_time = time.perf_counter() - began
         except MlivrError as fault:
-            robot.end(STOPPED, f"sensing or planning failed: {fault}")
+            robot.end(STOPPED, f"{FAULT}: {fault}")
             return None
         plan = self._course.plan
         if plan is None:

@@ -238,6 +238,19 @@ def test_cameras_without_numbers_leave_the_robot_on_all_its_points(graph, monkey
     assert loops[0]._executor.simulation.points == list(graph.indices(START))
 
 
+def test_cameras_that_fail_among_known_obstacles_stop_the_robot(graph, monkeypatch, loops):
+    """It looks at them before it plans."""
+    monkeypatch.setattr(BlankCamera, "at", 0.0, raising=False)
+    graph.add_obstacles([BAG])
+    try:
+        record = run_closed_loop(graph, START, GOAL, camera=BlankCamera(period=0.5))
+    finally:
+        graph.remove_obstacles()
+    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
+    assert "sensing or planning failed: hits has" in record.reason
+    assert loops[0]._executor.simulation.points == list(graph.indices(START))
+
+
 @pytest.mark.parametrize("at", [0.0, 2.0])
 @pytest.mark.parametrize("error", [SettingError, RuntimeError])
 def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at, error):
