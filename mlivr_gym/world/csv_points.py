@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from mlivr_gym.errors import MapError, path_shown, shortened
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_POINTS
 from mlivr_gym.world.map_entries import POINT, point_row
-from mlivr_gym.world.units import in_metres
+from mlivr_gym.world.units import in_metres, metres_per_unit
 
 VECTORS = {"position": ("x", "y", "z"), "normal": ("nx", "ny", "nz"), "rail": ("rx", "ry", "rz")}
 """Columns of the vectors of a point: position [m], outward normal and direction of the rail."""
@@ -36,12 +37,17 @@ class RowPath(FieldPath):
         return FieldPath(f"{row}: {VECTORS[vector][number]}", self.error)
 
 
-def read_points(path: str | Path, metres: float = 1.0) -> list[dict[str, Any]]:
-    """Read the points of a table in UTF-8, in a unit of so many metres, as plain data in that unit.
+def read_points(path: str | Path, entries: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
+    """Read the points of a table in UTF-8 as plain data, in the unit of other entries of the map.
 
     A header line names the columns. Raises a `MapError` if the file cannot be read, a column is
-    missing, unknown or named twice, or a row is no point; the message names the line.
+    missing, unknown or named twice, or a row is no point, with its line; or if the other entries
+    have points, too.
     """
+    others = dict(entries or {})
+    if "points" in others:
+        raise MapError(f"points is given beside {path_shown(path)}, which has them; leave it out")
+    metres = metres_per_unit(others, FieldPath("", MapError))
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
             return _points(csv.reader(stream), Path(path).stem, metres)

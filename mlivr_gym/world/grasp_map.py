@@ -35,7 +35,6 @@ from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.joining import joined_fields, placed_maps
 from mlivr_gym.world.map_entries import map_fields, overrides, plain_fields, whole_fields
 from mlivr_gym.world.rails import Handrail, Segment
-from mlivr_gym.world.units import metres_per_unit
 
 
 def _point_number(value: object) -> bool:
@@ -252,10 +251,10 @@ class GraspMap(EqualByData):
         Raises
         ------
         MapError
-            If the file cannot be read or a row is faulty; the message names its line.
+            If the file cannot be read or a row is faulty, with its line; or if points are given.
         """
         path = _file(path)
-        points = read_points(path, metres_per_unit(surroundings, FieldPath("", MapError)))
+        points = read_points(path, surroundings)
         place = FieldPath(f"map {path_shown(path)}", MapError)
         return place.build(cls.from_dict, surroundings | {"points": points}, name=path.stem)
 
@@ -279,7 +278,7 @@ class GraspMap(EqualByData):
         scale
             Metres per unit of the mesh, 0.001 for one in millimetres.
         resolution
-            Edge of the cubes that cover the surface, by default 0.05 m.
+            Edge of the cubes that cover the surface in the unit of the map, by default 0.05 m.
         entries
             Other fields of a map file, such as `segments`, the rails that carry points, and `unit`,
             the unit of all lengths but those in the mesh.

@@ -29,6 +29,8 @@ def test_a_table_makes_the_map_that_json_makes(tmp_path):
         assert found.to_dict() == expected.to_dict()
     boxes = [{"id": "locker", "min": [0, 1, 0], "max": [1, 2, 1]}]
     assert len(GraspMap.from_csv(path, boxes=boxes).boxes) == 1
+    with pytest.raises(MapError, match="points is given beside"):
+        GraspMap.from_csv(path, points=[])
 
 
 def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
