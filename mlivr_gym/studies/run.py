@@ -168,12 +168,26 @@ def _write(path: Path, kind: str, rows: list[Row]) -> None:
     write_whole(path, stream.getvalue())
 
 
-def _finish(path: Path, design: StudyDesign, blocks: int) -> Path:
-    """Write the rows of all blocks to one file, and remove those of the blocks."""
+def _read(path: Path) -> list[Row]:
+    """Return the rows of a Parquet file; raise a `FileError` if it cannot be read."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
+    try:
+        rows: list[Row] = pq.read_table(path).to_pylist()
+    except (pa.ArrowException, OSError) as fault:
+        reason = str(fault).splitlines()[0]
+        raise FileError(
+            f"cannot read rows of a study: {path_shown(path)} is damaged ({reason}); remove it, "
+            "and run the study again"
+        ) from None
+    return rows
+
+
+def _finish(path: Path, design: StudyDesign, blocks: int) -> Path:
+    """Write the rows of all blocks to one file, and remove those of the blocks."""
     files = [_file(path, number) for number in range(blocks)]
-    rows = [row for file in files for row in pq.read_table(file).to_pylist()]
+    rows = [row for file in files for row in _read(file)]
     _write(path / RESULT, design.kind, rows)
     for file in files:
         file.unlink()
@@ -189,13 +203,10 @@ def read_study(folder: str | Path) -> list[Row]:
     Raises
     ------
     FileError
-        If the folder holds no finished study.
+        If the folder holds no finished study, or its file cannot be read.
     """
     require("pyarrow", extra="study")
-    import pyarrow.parquet as pq
-
     path = Path(folder) / RESULT
     if not path.exists():
         raise FileError(f"folder {path_shown(folder)} holds no finished study: no file {RESULT!r}")
-    rows: list[Row] = pq.read_table(path).to_pylist()
-    return rows
+    return _read(path)

@@ -116,7 +116,8 @@ def _triangles(path: str | Path) -> Array:
     import trimesh
 
     try:
-        mesh: Any = trimesh.load(path, force="mesh")
+        # Unprocessed, since processing leaves out triangles with corners that are not finite.
+        mesh: Any = trimesh.load(path, force="mesh", process=False)
         corners = np.asarray(mesh.triangles, dtype=np.float64)
     except Exception as fault:  # trimesh has no error type of its own
         reason = str(fault).splitlines()[0] if str(fault) else type(fault).__name__

@@ -10,6 +10,7 @@ import pytest
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError, SettingError
+from mlivr_gym.files import FileError
 from mlivr_gym.planners import Planner
 from mlivr_gym.studies import StudyDesign, read_study, run_study
 from mlivr_gym.studies.rows import _task, _World, columns_of, rows_of, succeeded
@@ -196,3 +197,15 @@ def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert [one["successes"] for one in found["combinations"]] == [4, 4]
     assert main(["study", str(path), "--scheduler", "tcp://x:1"]) == 2
+
+
+@pytest.mark.parametrize("name", ["study.parquet", "blocks/000000.parquet"])
+def test_a_damaged_file_is_one_error(rows, tmp_path, name):
+    run_study(DESIGN, tmp_path, workers=1)
+    damaged = tmp_path / name
+    if not damaged.exists():
+        damaged.parent.mkdir()
+        (tmp_path / "study.parquet").unlink()
+    damaged.write_bytes(b"PAR1 and no more")
+    with pytest.raises(FileError, match=f"{damaged.name}' is damaged"):
+        read_study(run_study(DESIGN, tmp_path, workers=1).parent)

@@ -218,3 +218,12 @@ def test_a_fault_is_one_line(tmp_path, content, options, match):
     with pytest.raises(MapError, match=match) as error:
         mesh_boxes(path, **options)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("corner", ["nan", "inf"])
+def test_no_triangle_is_left_out(corner, tmp_path):
+    """The first one is sound."""
+    lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", f"v {corner} 1 1", "f 1 2 3", "f 2 3 4"]
+    (tmp_path / "part.obj").write_text("\n".join(lines) + "\n")
+    with pytest.raises(MapError, match="a corner that is not finite"):
+        mesh_boxes(tmp_path / "part.obj")
