@@ -7,6 +7,7 @@ import threading
 
 import numpy as np
 import pytest
+from small_tables import small_table
 
 from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels, limb_branch_sets
@@ -48,8 +49,10 @@ def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
                 Planner(graph).plan(start, goal, cost, heuristic=heuristic)
             Planner(graph).cost_to_go(goal, cost)
         graph.successors(graph.state(start))
-    three = stance_graph(small_map, "mlivr3")
-    three.successors(random_state(three, np.random.default_rng(0)))
+    three, table = small_table(3)
+    start = random_state(three, np.random.default_rng(0))
+    three.successors(start)
+    Planner(three).plan(start, table.base_position[-1].tolist())
     for one in ENTRIES:
         assert len(one.signatures) >= 1
         assert len(set(one.signatures) - before[one]) <= 1, one
