@@ -25,7 +25,6 @@ from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.envs.tasks import FIRST_FIXED_SEED, TASKS
 from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.simulation.recording import Recording
@@ -253,11 +252,9 @@ class ClosedLoopEnv(MlivrEnv):
 
     def _attempt(self, action: int) -> Attempt:
         """Attempt a step, and look round where it has led."""
-        state, robot = self.state, self._sensing
+        robot = self._sensing
         limb, point = divmod(action, len(self.graph.grasp_map))
-        after = self.moves.take(state, action)
-        reached = self.moves.stance_properties(after).base_position
-        displacement = distance(reached, self._properties.base_position)
+        after, displacement = self._planned_step(action)
         robot.intervals = []
         prepared = robot.prepared(limb, point, after.branch_sets)
         is_done = prepared is not None and robot.attempt(prepared)

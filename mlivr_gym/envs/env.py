@@ -29,7 +29,6 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.robot.cargo import Cargo, carrying
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
@@ -377,9 +376,7 @@ class MlivrEnv(StanceGraphEnv):
         """Make the step of a valid action, or attempt it."""
         state, executor = self.state, self._executor
         limb, point = divmod(action, len(self.graph.grasp_map))
-        after = self.moves.take(state, action)
-        reached = self.moves.stance_properties(after).base_position
-        displacement = distance(reached, self._properties.base_position)
+        after, displacement = self._planned_step(action)
         if executor is None:
             if self._grasp_fails(point):
                 back = state_after_failure(self.graph, state, after, limb)

@@ -123,6 +123,12 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._distance = distance(self._properties.base_position, self.goal.tolist())
         self._mask = self.moves.action_mask(state)
 
+    def _planned_step(self, action: int) -> tuple[State, float]:
+        """Return the state after a valid action, and the base displacement of its step [m]."""
+        after = self.moves.take(self.state, action)
+        reached = self.moves.stance_properties(after).base_position
+        return after, distance(reached, self._properties.base_position)
+
     def _observation(self) -> Observation:
         """Return the observation of the present state."""
         return observation_of(self.graph, self.state, self._properties, self.goal, self._layouts)

@@ -4,24 +4,19 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from loop_walks import BAG, CAMERA, GOAL, START, kinds
 
 from mlivr_gym import Box, MlivrError, stance_graph
-from mlivr_gym.closed_loop import loop
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera, Look
 from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.closed_loop.sensing_robot import ATTEMPTS
-from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.step_executor import StepExecutor
-
-START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
-CAMERA = DepthCamera(period=0.5)
-BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -32,10 +27,6 @@ def graph(jem):
 @pytest.fixture(scope="module")
 def plan(graph):
     return Planner(graph).plan(START, GOAL, "steps").unwrap()
-
-
-def kinds(record):
-    return [event.kind for event in record.events]
 
 
 def test_without_surprises_it_takes_the_steps_of_the_plan(graph, plan):
@@ -123,168 +114,6 @@ def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
     assert first.kind == "blocked"
     assert first.values["point"] == plan.steps[0].to_point
     assert record.peak_force < 60.0
-
-
-def test_it_looks_through_a_box_that_is_gone(graph, plan):
-    """The box shuts the way of the free plan; without cameras the robot believes in it."""
-    point = graph.grasp_map.index(plan.steps[0].to_point)
-    middle = graph.grasp_map.positions[point] + 0.25 * graph.grasp_map.normals[point]
-    box = Box.between("gone", "obstacle", middle - 0.15, middle + 0.15)
-    graph.add_obstacles([box])
-    try:
-        blind = run_closed_loop(graph, START, GOAL, gone=["gone"], max_steps=2)
-        record = run_closed_loop(graph, START, GOAL, gone=["gone"], camera=CAMERA)
-        kept = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=1)
-        assert graph.obstacles == (box,)
-    finally:
-        graph.remove_obstacles()
-    assert "gone" not in kinds(blind)
-    assert [event.values for event in record.events if event.kind == "gone"] == [{"box": "gone"}]
-    assert (record.outcome, record.steps) == (ARRIVED, len(plan.steps))
-    assert not record.sensed
-    assert "gone" not in kinds(kept)  # it is there
-
-
-def test_it_looks_before_it_believes_that_no_way_is_left(graph):
-    around = Box.between("goal", "obstacle", np.array(GOAL) - 0.3, np.array(GOAL) + 0.3)
-    graph.add_obstacles([around])
-    try:
-        blind = run_closed_loop(graph, START, GOAL, gone=["goal"])
-        record = run_closed_loop(graph, START, GOAL, gone=["goal"], camera=CAMERA, max_steps=1)
-    finally:
-        graph.remove_obstacles()
-    assert (blind.outcome, blind.proved) == (STOPPED, True)
-    assert (record.steps, record.proved) == (1, False)
-
-
-def test_it_goes_and_looks_at_what_leaves_no_plan(graph):
-    """At first the walls round the goal are too far to be seen."""
-    goal = np.array([6.0, 0.0, 0.42])
-    around = Box.between("goal", "obstacle", goal - 0.3, goal + 0.3)
-    camera = DepthCamera(period=0.5, max_range=1.5)
-    graph.add_obstacles([around])
-    try:
-        record = run_closed_loop(graph, START, goal, gone=["goal"], camera=camera, max_steps=3)
-        there = run_closed_loop(graph, START, goal, camera=camera, max_steps=12)
-    finally:
-        graph.remove_obstacles()
-    assert "doubts" in kinds(record)
-    assert record.steps == 3
-    assert (there.outcome, there.proved) == (STOPPED, True)
-    assert there.steps > 0
-    assert there.sensed
-
-
-def test_what_is_gone_has_no_say_in_the_branches_of_the_start(graph):
-    """While the robot believes in the wall, no branch is left from which a step leads on."""
-    wall = Box.between("wall", "obstacle", (3.0, -1.0, -1.0), (3.3, 1.0, 0.0))
-    bag = Box.between("bag", "obstacle", (3.6, -0.35, -0.9), (3.9, 0.35, 0.0))
-    for unknown in ((), (bag,)):
-        graph.add_obstacles([wall])
-        try:
-            record = run_closed_loop(
-                graph, START, GOAL, unknown=unknown, gone=["wall"], camera=CAMERA, max_steps=1
-            )
-        finally:
-            graph.remove_obstacles()
-        assert record.steps == 1
-
-
-def test_what_is_gone_must_be_an_obstacle(graph):
-    with pytest.raises(SettingError, match="gone has 'bag'"):
-        run_closed_loop(graph, START, GOAL, gone=["bag"])
-
-
-class FaultyCamera(DepthCamera):
-    """Cameras that raise an error, by `fault`, at a time."""
-
-    def measure(self, model, data, robot, rng, pixels):
-        if data.time >= self.at:
-            raise self.fault
-        return super().measure(model, data, robot, rng, pixels)
-
-
-class BlankCamera(DepthCamera):
-    """Cameras that measure no numbers from a time on."""
-
-    def measure(self, model, data, robot, rng, pixels):
-        look = super().measure(model, data, robot, rng, pixels)
-        blank = look._replace(hits=np.full_like(look.hits, np.nan))
-        return blank if data.time >= self.at else look
-
-
-@pytest.fixture
-def loops(monkeypatch):
-    """The loops that are run during a test."""
-    found, made = [], loop._Loop.__init__
-
-    def noted(self, *given):
-        found.append(self)
-        made(self, *given)
-
-    monkeypatch.setattr(loop._Loop, "__init__", noted)
-    return found
-
-
-@pytest.mark.parametrize("at", [0.0, 2.0])
-def test_cameras_without_numbers_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at):
-    """At rest, and during the first swing, among things that a blind robot would touch."""
-    monkeypatch.setattr(BlankCamera, "at", at, raising=False)
-    record = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=BlankCamera(period=0.5))
-    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-    assert "sensing or planning failed: hits has" in record.reason
-    assert "not finite" in record.reason
-    assert record.duration >= at
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
-
-
-def test_cameras_that_fail_among_known_obstacles_stop_the_robot(graph, monkeypatch, loops):
-    """It looks at them before it plans."""
-    monkeypatch.setattr(BlankCamera, "at", 0.0, raising=False)
-    graph.add_obstacles([BAG])
-    try:
-        record = run_closed_loop(graph, START, GOAL, camera=BlankCamera(period=0.5))
-    finally:
-        graph.remove_obstacles()
-    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-    assert "sensing or planning failed: hits has" in record.reason
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
-
-
-@pytest.mark.parametrize("at", [0.0, 2.0])
-@pytest.mark.parametrize("error", [SettingError, RuntimeError])
-def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at, error):
-    """At rest, and during the first swing; what is no error of the package is not hidden."""
-    camera = FaultyCamera(period=0.5)
-    monkeypatch.setattr(FaultyCamera, "at", at, raising=False)
-    monkeypatch.setattr(FaultyCamera, "fault", error("no picture"), raising=False)
-    if error is RuntimeError:
-        with pytest.raises(RuntimeError, match="no picture"):
-            run_closed_loop(graph, START, GOAL, camera=camera)
-    else:
-        record = run_closed_loop(graph, START, GOAL, camera=camera)
-        assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-        assert record.reason == "sensing or planning failed: no picture"
-        assert record.duration >= at
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
-
-
-@pytest.mark.parametrize("called", [2, 3])
-def test_planning_that_fails_leaves_the_robot_on_all_its_points(graph, monkeypatch, called):
-    """At the first grasp after the start, and during the first step."""
-    calls, plan = [], Planner.plan
-
-    def failing(planner, *given, **options):
-        calls.append(given)
-        if len(calls) == called:
-            raise SettingError("no memory")
-        return plan(planner, *given, **options)
-
-    monkeypatch.setattr(Planner, "plan", failing)
-    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
-    assert record.outcome == STOPPED
-    assert record.reason == "sensing or planning failed: no memory"
-    assert not record.proved
 
 
 def test_it_turns_back_before_it_touches_something(graph, plan, monkeypatch):

@@ -1,0 +1,92 @@
+"""A robot in the closed loop gives up obstacles that are not there."""
+
+import numpy as np
+import pytest
+from loop_walks import CAMERA, GOAL, START, kinds
+
+from mlivr_gym import Box, stance_graph
+from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.loop import run_closed_loop
+from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
+from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import Planner
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    return stance_graph(jem)
+
+
+@pytest.fixture(scope="module")
+def plan(graph):
+    return Planner(graph).plan(START, GOAL, "steps").unwrap()
+
+
+def test_it_looks_through_a_box_that_is_gone(graph, plan):
+    """The box shuts the way of the free plan; without cameras the robot believes in it."""
+    point = graph.grasp_map.index(plan.steps[0].to_point)
+    middle = graph.grasp_map.positions[point] + 0.25 * graph.grasp_map.normals[point]
+    box = Box.between("gone", "obstacle", middle - 0.15, middle + 0.15)
+    graph.add_obstacles([box])
+    try:
+        blind = run_closed_loop(graph, START, GOAL, gone=["gone"], max_steps=2)
+        record = run_closed_loop(graph, START, GOAL, gone=["gone"], camera=CAMERA)
+        kept = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=1)
+        assert graph.obstacles == (box,)
+    finally:
+        graph.remove_obstacles()
+    assert "gone" not in kinds(blind)
+    assert [event.values for event in record.events if event.kind == "gone"] == [{"box": "gone"}]
+    assert (record.outcome, record.steps) == (ARRIVED, len(plan.steps))
+    assert not record.sensed
+    assert "gone" not in kinds(kept)  # it is there
+
+
+def test_it_looks_before_it_believes_that_no_way_is_left(graph):
+    around = Box.between("goal", "obstacle", np.array(GOAL) - 0.3, np.array(GOAL) + 0.3)
+    graph.add_obstacles([around])
+    try:
+        blind = run_closed_loop(graph, START, GOAL, gone=["goal"])
+        record = run_closed_loop(graph, START, GOAL, gone=["goal"], camera=CAMERA, max_steps=1)
+    finally:
+        graph.remove_obstacles()
+    assert (blind.outcome, blind.proved) == (STOPPED, True)
+    assert (record.steps, record.proved) == (1, False)
+
+
+def test_it_goes_and_looks_at_what_leaves_no_plan(graph):
+    """At first the walls round the goal are too far to be seen."""
+    goal = np.array([6.0, 0.0, 0.42])
+    around = Box.between("goal", "obstacle", goal - 0.3, goal + 0.3)
+    camera = DepthCamera(period=0.5, max_range=1.5)
+    graph.add_obstacles([around])
+    try:
+        record = run_closed_loop(graph, START, goal, gone=["goal"], camera=camera, max_steps=3)
+        there = run_closed_loop(graph, START, goal, camera=camera, max_steps=12)
+    finally:
+        graph.remove_obstacles()
+    assert "doubts" in kinds(record)
+    assert record.steps == 3
+    assert (there.outcome, there.proved) == (STOPPED, True)
+    assert there.steps > 0
+    assert there.sensed
+
+
+def test_what_is_gone_has_no_say_in_the_branches_of_the_start(graph):
+    """While the robot believes in the wall, no branch is left from which a step leads on."""
+    wall = Box.between("wall", "obstacle", (3.0, -1.0, -1.0), (3.3, 1.0, 0.0))
+    bag = Box.between("bag", "obstacle", (3.6, -0.35, -0.9), (3.9, 0.35, 0.0))
+    for unknown in ((), (bag,)):
+        graph.add_obstacles([wall])
+        try:
+            record = run_closed_loop(
+                graph, START, GOAL, unknown=unknown, gone=["wall"], camera=CAMERA, max_steps=1
+            )
+        finally:
+            graph.remove_obstacles()
+        assert record.steps == 1
+
+
+def test_what_is_gone_must_be_an_obstacle(graph):
+    with pytest.raises(SettingError, match="gone has 'bag'"):
+        run_closed_loop(graph, START, GOAL, gone=["bag"])
