@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -45,27 +44,6 @@ BOXES: dict[str, Any] = {"type": float, "action": "append"}
 
 CAPSULES = "draw the collision shapes of the limbs in place of their visual meshes"
 """Help of the option `--capsules`."""
-
-Add: TypeAlias = Callable[..., argparse.ArgumentParser]
-"""`add_parser` of the subcommands, with the name and the help line of one command."""
-
-
-def command(
-    add: Add,
-    run: Callable[[argparse.Namespace], int | None],
-    description: str,
-    groups: tuple[str, ...] = (),
-) -> argparse.ArgumentParser:
-    """Add a command, whose parser `add` makes, to the command line and return its parser.
-
-    `run` runs the command and returns its exit code, or None for success; what `--json` prints it
-    puts into the dictionary `result` of its arguments. The description is the first paragraph of
-    its help. Besides `"output"` it has the options of some `GROUPS`.
-    """
-    parents = [GROUPS[group]() for group in (*groups, "output")]
-    parser = add(parents=parents, description=description)
-    parser.set_defaults(run=run)
-    return parser
 
 
 class CheckedOption(argparse.Action):
@@ -127,14 +105,8 @@ def option(
     parser.add_argument(*names, default=default, help=text, **more)
 
 
-def _parent_parser() -> argparse.ArgumentParser:
-    """Return an empty parser for argparse's `parents`."""
-    return argparse.ArgumentParser(add_help=False)
-
-
-def world_arguments() -> argparse.ArgumentParser:
-    """Return the parent parser of robot, map and settings."""
-    parser = _parent_parser()
+def world_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of robot, map and settings."""
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
     text = "joint of a seven-joint arm of a URDF or MJCF file that does not move, or one a limb"
@@ -162,31 +134,25 @@ def world_arguments() -> argparse.ArgumentParser:
     option(parser, "--limb-threshold W", "minimum limb manipulability w_m of a stance", 0.1)
     text = "minimum base manipulability w_b of a stance (default: 0.001 (2/N)^3 for N limbs)"
     option(parser, "--base-threshold W", text, type=float)
-    return parser
 
 
-def output_arguments() -> argparse.ArgumentParser:
-    """Return the parent parser of printed output."""
-    parser = _parent_parser()
+def output_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of printed output."""
     text = "print one JSON object in place of text, even if the command fails"
     option(parser, "--json", text)
     option(parser, "-q --quiet", "print neither text nor progress; errors are still printed")
-    return parser
 
 
-def obstacle_arguments() -> argparse.ArgumentParser:
-    """Return the parent parser of obstacles and occupied points."""
-    parser = _parent_parser()
+def obstacle_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of obstacles and occupied points."""
     option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
     text = "box that the robot must not touch, by its lower and upper corner [m]; may be repeated"
     option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--occupied POINT...", "ids of points that no limb may grasp", [])
-    return parser
 
 
-def query_arguments() -> argparse.ArgumentParser:
-    """Return the parent parser of start, goal and search."""
-    parser = _parent_parser()
+def query_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of start, goal and search."""
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(
         parser,
@@ -219,17 +185,14 @@ def query_arguments() -> argparse.ArgumentParser:
     text = "search for a plan, and improve it, for at most S seconds"
     option(parser, "--time-limit S", text, type=float)
     option(parser, "--limit LIMIT", "maximum number of states expanded", EXPANSIONS, LIMIT)
-    return parser
 
 
-def walk_arguments() -> argparse.ArgumentParser:
-    """Return the parent parser of start, cost and pace of walks in MuJoCo."""
-    parser = _parent_parser()
+def walk_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of start, cost and pace of walks in MuJoCo."""
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(parser, "--cost COST", "cost of the plans", "steps", Choice(("steps", "base")))
     text = "how fast the robot moves: fast, gentle, careful, or station for the arms of a station"
     option(parser, "--pace PACE", text, "fast", Choice(("fast", "gentle", "careful", "station")))
-    return parser
 
 
 def controller_option(parser: argparse.ArgumentParser) -> None:
@@ -241,16 +204,6 @@ def controller_option(parser: argparse.ArgumentParser) -> None:
     )
     controllers = Choice(("full", "feedforward", "paper", "delayed", "station"))
     option(parser, "--controller CONTROLLER", text, "full", controllers)
-
-
-GROUPS = {
-    "world": world_arguments,
-    "obstacles": obstacle_arguments,
-    "query": query_arguments,
-    "walk": walk_arguments,
-    "output": output_arguments,
-}
-"""Groups of options that several commands share, by name."""
 
 
 def search_options(args: argparse.Namespace) -> dict[str, Any]:
@@ -332,8 +285,10 @@ def refuse_ignored(args: argparse.Namespace, chosen: str, taken: tuple[str, ...]
     `chosen` is the name of that option, `taken` are those that keep their effect. Raises a
     `SettingError` if an option without effect was given.
     """
-    parsers = (world_arguments(), obstacle_arguments(), query_arguments())
-    fixed = {name for parser in parsers for name in vars(parser.parse_args([]))} - {*taken}
+    parser = argparse.ArgumentParser()
+    for add_options in (world_options, obstacle_options, query_options):
+        add_options(parser)
+    fixed = vars(parser.parse_args([])).keys() - {*taken}
     why = f"with --{chosen}, which determines it"
     refuse_without_effect(args, why, *(name for name in fixed if name in args))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
+from mlivr_gym.cli.arguments import chosen_graph, option, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -14,23 +14,20 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.table_build import build_table, files_of, find_table, write_built
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world",),
-        description="Compute the complete table of a robot on a map and store it in the cache "
-        "folder, where planners and environments find it. For two limbs it contains all steps; "
-        "for three and four limbs, all nodes and, for each step between them, an upper bound of "
-        "the branches kept. If the command is interrupted, run it again to continue.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
     text = "also write the table to this file; in a cache folder it needs the name that is printed"
     option(parser, "--out FILE", text, type=Path)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compute the table and store it."""
+    """Compute the complete table of a robot on a map.
+
+    It is stored in the cache folder, where planners and environments find it. For two limbs it
+    contains all steps; for three and four limbs, all nodes and, for each step between them, an
+    upper bound of the branches kept. If the command is interrupted, run it again to continue.
+    """
     check_outputs(args.out, inputs=input_files(args))
     graph, folder = chosen_graph(args), cache_folder()
     name = files_of(graph).name(graph)

@@ -6,7 +6,7 @@ import argparse
 import re
 from datetime import datetime
 
-from mlivr_gym.cli.arguments import Add, command, option
+from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.outputs import UNITS, file_size
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.compiled.cached_files import (
@@ -20,15 +20,8 @@ from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.files import FileError
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        description="List the tables and the machine code that are stored between runs, with "
-        "their sizes and when they were last used. Whatever is removed is computed again when it "
-        "is needed.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
     group = parser.add_mutually_exclusive_group()
     option(group, "--clear", "remove all of them")
     text = "remove the least recently used until at most this size remains, such as 500MB or 2GB"
@@ -36,7 +29,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """List the cached files, or remove some of them."""
+    """List the tables and the machine code that are stored between runs.
+
+    Their sizes and when they were last used are listed. Whatever is removed is computed again when
+    it is needed.
+    """
     files = cached_files()
     if args.clear or args.limit:
         removed = files if args.clear else least_recently_used(files, _bytes(args.limit))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from mlivr_gym.cli.arguments import Add, chosen_map, chosen_settings, command, option
+from mlivr_gym.cli.arguments import chosen_map, chosen_settings, option, walk_options, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
@@ -16,16 +16,10 @@ from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.stances.build import stance_graph
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Walk to the bag of --cargo that stands on the point --pick, pick it up with one limb, "
-        "carry it while the others walk, and stow it on the point --stow, in MuJoCo. Without "
-        "--cargo-limb the limb is the one with the cheapest walks.",
-        ("world", "walk"),
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    walk_options(parser)
     option(parser, "--pick POINT", "id of the point on which the bag stands")
     option(parser, "--stow POINT", "id of the point on which it shall stand")
     option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
@@ -33,7 +27,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Plan the mission, carry it out, describe it and write the requested file."""
+    """Walk to a bag, pick it up, carry it and stow it, in MuJoCo.
+
+    The bag of --cargo stands on the point --pick and is stowed on the point --stow. One limb
+    carries it while the others walk; without --cargo-limb it is the one with the cheapest walks.
+    """
     from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
     from mlivr_gym.simulation.limits import PACES as LIMITS
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from mlivr_gym.agents.policy_names import PLANNERS
 from mlivr_gym.robot.specification import ROBOTS
@@ -33,18 +33,15 @@ NAMES = {"--robot": ROBOTS, "--map": PLACES, "--policy": ("pretrained", *PLANNER
 """Names that options know in addition to files."""
 
 
-def add_command(add: Callable[..., argparse.ArgumentParser]) -> None:
-    """Add the command to the command line."""
-    parser = add(
-        description="Print a script with which bash or zsh completes commands, options and values.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
     parser.add_argument("shell", choices=("bash", "zsh"), help="the shell; both get one script")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Print the script."""
-    print(script(args.commands), end="")
+    """Print a script with which bash or zsh completes commands, options and values."""
+    args.result |= {"script": script(args.commands)}
+    print(args.result["script"], end="")
 
 
 def script(parsers: Mapping[str, argparse.ArgumentParser]) -> str:

@@ -4,22 +4,16 @@ from __future__ import annotations
 
 import argparse
 
-from mlivr_gym.cli.arguments import EPISODES, SEED, Add, command, environment_arguments, option
+from mlivr_gym.cli.arguments import EPISODES, SEED, environment_arguments, option, world_options
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.extras import require
 from mlivr_gym.schema import Choice
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world",),
-        description="Write episodes of the optimal expert with action masks as a Minari data set. "
-        "Needs the extra 'data'.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
     option(parser, "--id ID", "id of the data set", "mlivr/jem/expert-v0")
     option(parser, "--episodes N", "number of episodes", 200, EPISODES)
     option(parser, "--seed N", "seed of the first episode", 0, SEED)
@@ -27,7 +21,10 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Write the data set."""
+    """Write episodes of the optimal expert with action masks as a Minari data set.
+
+    Needs the extra 'data'.
+    """
     require("minari", extra="data")
     from mlivr_gym.agents.dataset import write_dataset
 

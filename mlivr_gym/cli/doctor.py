@@ -15,7 +15,6 @@ from typing import Any
 import numba
 
 from mlivr_gym import __version__
-from mlivr_gym.cli.arguments import Add, command
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
@@ -42,19 +41,13 @@ REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == 
 """A requirement in the metadata: the package, its versions, and the extra that needs it."""
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    command(
-        add,
-        run,
-        description="Check the installation: versions of the package and its requirements, "
-        "extras that are installed, GL libraries that can render, and where machine code and step "
-        "tables are stored. The exit code is 1 if something that every command needs is missing.",
-    )
-
-
 def run(args: argparse.Namespace) -> int:
-    """Check everything and print the results."""
+    """Check the installation.
+
+    Told are the versions of the package and its requirements, extras that are installed, GL
+    libraries that can render, and where machine code and step tables are stored. The exit code is 1
+    if something that every command needs is missing.
+    """
     with Progress("testing the GL libraries", quiet=args.quiet):
         gl = {name: gl_fault(name) for name in BACKENDS}
     needed = requirements()

@@ -12,11 +12,10 @@ from mlivr_gym.agents.test_set import SPLITS, load_test_set
 from mlivr_gym.cli.arguments import (
     EPISODES,
     SEED,
-    Add,
-    command,
     environment_arguments,
     option,
     refuse_without_effect,
+    world_options,
 )
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.schema import Choice, Integer
@@ -25,15 +24,9 @@ if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
     from mlivr_gym.agents.evaluation import Evaluation
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world",),
-        description="Evaluate a policy or a planner: success, steps and base translation over "
-        "seeded episodes, or over the tasks of the frozen test set (--split).",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
     text = f"pretrained, the path of a checkpoint without suffix, or {', '.join(PLANNERS)}"
     option(parser, "--policy POLICY", text, "pretrained")
     option(parser, "--episodes N", "number of episodes", 20, EPISODES)
@@ -46,7 +39,10 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Evaluate a policy in every requested world, and print the means."""
+    """Evaluate a policy or a planner: success, steps and base translation.
+
+    They are those of seeded episodes, or of the tasks of the frozen test set (--split).
+    """
     from mlivr_gym.agents.evaluation import evaluate
     from mlivr_gym.envs.env import MlivrEnv
 

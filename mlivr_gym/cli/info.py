@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import Add, chosen_graph, command, option
+from mlivr_gym.cli.arguments import chosen_graph, obstacle_options, option, world_options
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.critical import Loss, point_losses, rail_losses
@@ -19,21 +19,19 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Describe a map, a robot, the settings and their stance graph: numbers of points, stances "
-        "and steps, and why pairs of points are not stances.",
-        ("world", "obstacles"),
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
     text = "list the points and rails whose loss cuts stances off from the others (two limbs)"
     option(parser, "--critical", text)
 
 
 def run(args: argparse.Namespace) -> None:
-    """Describe map, robot, settings and stance graph."""
+    """Describe a map, a robot, the settings and their stance graph.
+
+    Told are numbers of points, stances and steps, and why pairs of points are not stances.
+    """
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
         summary = summary_of(graph)

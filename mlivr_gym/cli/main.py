@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import io
 import json
 import math
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -79,15 +79,22 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     named = COMMANDS if "completion" in given else {*given}
     for name, summary in COMMANDS.items():
-        add = partial(commands.add_parser, name, help=summary)
-        if name in named:
-            import_module(f"mlivr_gym.cli.{name}").add_command(add)
-        else:
-            add()
-    for name, added in commands.choices.items():
-        added.epilog = examples(name)
-        added.formatter_class = argparse.RawDescriptionHelpFormatter
+        added = commands.add_parser(
+            name,
+            help=summary,
+            epilog=examples(name),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         added.set_defaults(default=added.get_default, commands=commands.choices)
+        if name in named:
+            from mlivr_gym.cli.arguments import output_options
+
+            module = import_module(f"mlivr_gym.cli.{name}")
+            added.description = inspect.getdoc(module.run)
+            added.set_defaults(run=module.run)
+            if hasattr(module, "add_options"):
+                module.add_options(added)
+            output_options(added)
     return parser
 
 

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from mlivr_gym.cli.arguments import (
     COMPARED_COSTS,
-    Add,
     chosen_graph,
     chosen_map,
     chosen_obstacles,
     chosen_settings,
     chosen_task,
-    command,
+    obstacle_options,
     option,
+    query_options,
     refuse_without_effect,
     search_options,
+    world_options,
 )
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
@@ -38,16 +39,11 @@ if TYPE_CHECKING:
     from mlivr_gym.fastest import Candidate
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Plan from a start stance to a goal position of the base. Without --start and --goal, "
-        "those of the paper's Table I are used; on another map, or for another robot, they are "
-        "drawn with a fixed seed.",
-        ("world", "obstacles", "query"),
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
+    query_options(parser)
     option(parser, "--out FILE", "write the plan to a JSON file")
     option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
     text = "shorten the base path afterwards by other base poses on the same footholds"
@@ -59,7 +55,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Plan, describe the plan, and write the requested files."""
+    """Plan from a start stance to a goal position of the base.
+
+    Without --start and --goal, those of the paper's Table I are used; on another map, or for
+    another robot, they are drawn with a fixed seed.
+    """
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(args.out, *pictures, inputs=input_files(args))
     if args.cost == "reaction":

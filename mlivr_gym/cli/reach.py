@@ -6,7 +6,14 @@ import argparse
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import LIMIT, Add, chosen_graph, chosen_task, command, option
+from mlivr_gym.cli.arguments import (
+    LIMIT,
+    chosen_graph,
+    chosen_task,
+    obstacle_options,
+    option,
+    world_options,
+)
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.pictures.figures import figure_files
@@ -16,14 +23,10 @@ from mlivr_gym.schema import Integer
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Count after how many steps at least each point can be grasped from a start stance.",
-        ("world", "obstacles"),
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
     option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     text, steps = "maximum number of steps (default: no limit)", Integer(0, MAX_EXPANSIONS)
     option(parser, "--most-steps K", text, valid=steps)
@@ -32,7 +35,7 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Find the reach of a start, print it, and draw it if requested."""
+    """Count after how many steps at least each point can be grasped from a start stance."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(*pictures, inputs=input_files(args))
     with Progress("building the stance graph", quiet=args.quiet):

@@ -11,13 +11,12 @@ import numpy as np
 
 from mlivr_gym.cli.arguments import (
     CAPSULES,
-    Add,
     chosen_graph,
     chosen_map,
     chosen_task,
-    command,
     option,
     refuse_ignored,
+    world_options,
 )
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
@@ -35,16 +34,9 @@ from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world",),
-        description="Render the MuJoCo scene with the robot in a stance. For a plan, render its "
-        "start and goal stance side by side, or the one chosen with --stance, with base path, "
-        "goal and footholds.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
     option(parser, "--start POINT...", "ids of the points held, one for each limb")
     option(parser, "--plan FILE", "plan to be drawn, in its start and goal stance")
     option(parser, "--stance K", "draw only the stance of the plan after K steps", type=int)
@@ -57,7 +49,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Draw a stance, or stances of a plan, and export the scene if requested."""
+    """Render the MuJoCo scene with the robot in a stance.
+
+    For a plan, render its start and goal stance side by side, or the one chosen with --stance, with
+    base path, goal and footholds.
+    """
     _check(args)
     check_outputs(args.out, args.mjcf, inputs=input_files(args))
     check_ending(args.out, (".png",))

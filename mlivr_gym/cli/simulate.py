@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING
 from mlivr_gym.cli.arguments import (
     CAPSULES,
     SEED,
-    Add,
     chosen_graph,
     chosen_map,
-    command,
     controller_option,
+    obstacle_options,
     option,
+    query_options,
     refuse_ignored,
     refuse_without_effect,
+    world_options,
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
@@ -59,15 +60,11 @@ LOAD_FILES = ("station.png", "station.svg")
 """Files that it writes if the mass of a station is given."""
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world", "obstacles", "query"),
-        description="Execute a plan in MuJoCo: a plan from a file (--plan), of a case of Table I "
-        "(--case), or planned first with the options of `plan`.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
+    query_options(parser)
     option(parser, "--plan FILE", "execute the plan of this file instead of planning first")
     text = "use start, goal, map and cost of this case of Table I"
     option(parser, "--case CASE", text, valid=Integer(1, len(CASES)))
@@ -101,7 +98,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Execute a plan from a file, of a case of Table I, or planned first."""
+    """Execute a plan in MuJoCo.
+
+    It is a plan from a file (--plan), of a case of Table I (--case), or planned first with the
+    options of `plan`.
+    """
     _check_film(args)
     if bool(args.plan) + bool(args.case) + bool(args.start or args.goal) > 1:
         raise SettingError("give only one of --plan, --case, and --start with --goal")

@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-from mlivr_gym.cli.arguments import THREADS, Add, command, option, refuse_without_effect
+from mlivr_gym.cli.arguments import THREADS, option, refuse_without_effect
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
@@ -17,16 +17,8 @@ from mlivr_gym.schema import Choice
 from mlivr_gym.studies.design import StudyDesign
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Run a study: all combinations of the levels of some factors, such as robots, maps and "
-        "thresholds, each with random tasks. The design is read from a TOML file. Results go to "
-        "FOLDER/study.parquet, with one row for each run, and a table of their means to "
-        "FOLDER/study.md. If the command is interrupted, run it again to continue.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
     parser.add_argument("file", metavar="STUDY.toml", help="design of the study")
     option(parser, "--out FOLDER", "folder of the study (default: the name of the file)")
     text = "what computes the runs: processes of this machine, or Dask"
@@ -38,7 +30,13 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Run the study, and print a line for each combination of levels."""
+    """Run a study.
+
+    A study consists of all combinations of the levels of some factors, such as robots, maps and
+    thresholds, each with random tasks. The design is read from a TOML file. Results go to
+    FOLDER/study.parquet, with one row for each run, and a table of their means to FOLDER/study.md.
+    If the command is interrupted, run it again to continue.
+    """
     from mlivr_gym.studies.run import read_study, run_study
 
     if args.engine == "local":

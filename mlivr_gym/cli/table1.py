@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.cli.arguments import Add, command, option
+from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
 from mlivr_gym.cli.progress import Progress
@@ -62,19 +62,17 @@ FILES = (
 """Files that the command writes."""
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        description="Reproduce Table I of the paper: plan its four cases in three modes, draw the "
-        "plans, and compare the results with the paper's.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
     option(parser, "--out FOLDER", "folder of the results", "table1")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the table and its pictures; return 1 if a relation fails that every optimum meets."""
+    """Reproduce Table I of the paper.
+
+    Its four cases are planned in three modes, the plans are drawn, and the results are compared
+    with the paper's.
+    """
     out = Path(args.out)
     check_outputs(*(out / name for name in FILES), folder=out, inputs=input_files(args))
     with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:

@@ -12,11 +12,10 @@ from mlivr_gym.agents.hyperparameters import METHODS, load_hyperparameters
 from mlivr_gym.cli.arguments import (
     SEED,
     THREADS,
-    Add,
-    command,
     environment_arguments,
     option,
     refuse_without_effect,
+    world_options,
 )
 from mlivr_gym.cli.exits import LONG_GRACE, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
@@ -27,16 +26,9 @@ from mlivr_gym.files import FileError
 from mlivr_gym.schema import Choice
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world",),
-        description="Train a policy for two limbs. All steps of the map are checked once before, "
-        "unless their table ships or is cached. Ctrl-C ends the training early and writes a "
-        "checkpoint of the policy so far.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
     text = "behaviour cloning (bc), dagger, ppo, or ppo from a checkpoint (finetune)"
     option(parser, "--method METHOD", text, "dagger", Choice(METHODS))
     option(parser, "--network NETWORK", "network of the policy: pointer or mlp", "pointer")
@@ -55,7 +47,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train a policy and write its checkpoint."""
+    """Train a policy for two limbs.
+
+    All steps of the map are checked once before, unless their table ships or is cached. Ctrl-C ends
+    the training early and writes a checkpoint of the policy so far.
+    """
     require("torch", "stable_baselines3", "sb3_contrib", extra="agents")
     import torch
 

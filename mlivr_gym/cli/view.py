@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
     CAPSULES,
-    Add,
     chosen_graph,
     chosen_map,
     chosen_task,
-    command,
+    obstacle_options,
     option,
+    query_options,
     refuse_ignored,
     search_options,
+    world_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
@@ -41,16 +42,11 @@ FILES = "plan.json", "simulation.npz"
 """Files that are read from the folder of an execution."""
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        groups=("world", "obstacles", "query"),
-        description="Serve a page in the browser that plays a plan or an execution. The plan "
-        "is planned anew when a point is clicked, or goal, cost or obstacles are changed there. "
-        "With --out, write one HTML file that plays without a server. Needs the extra 'viewer'.",
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
+    query_options(parser)
     text = "plan to show; given twice, the second plan is compared with the first"
     option(parser, "--plan FILE", text, [], action="append")
     option(parser, "--execution FOLDER", "folder that `mlivr-gym simulate` has written")
@@ -63,7 +59,11 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write a page, or serve one until Ctrl-C."""
+    """Serve a page in the browser that plays a plan or an execution.
+
+    The plan is planned anew when a point is clicked, or goal, cost or obstacles are changed there.
+    With --out, write one HTML file that plays without a server. Needs the extra 'viewer'.
+    """
     require("viser", "trimesh", extra="viewer")
     _check(args)
     check_outputs(args.out, inputs=input_files(args))

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 from mlivr_gym.cli.arguments import (
     BOXES,
     SEED,
-    Add,
     chosen_graph,
     chosen_task,
-    command,
     controller_option,
+    obstacle_options,
     option,
     refuse_without_effect,
+    walk_options,
+    world_options,
 )
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
@@ -34,17 +35,11 @@ if TYPE_CHECKING:
     from mlivr_gym.stances.stance_graph import StanceGraph
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    parser = command(
-        add,
-        run,
-        "Walk to a goal in MuJoCo and replan at every grasp, and where a path turns out to be "
-        "blocked. Boxes given with --unknown and points given with --refusing are there, but the "
-        "robot does not know them: it sees boxes with the depth cameras of its body and "
-        "grippers, and notices a refused grasp. Boxes given with --box are known.",
-        ("world", "obstacles", "walk"),
-    )
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command to its parser."""
+    world_options(parser)
+    obstacle_options(parser)
+    walk_options(parser)
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
@@ -69,7 +64,12 @@ def add_command(add: Add) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Walk, describe the walk and write the requested files."""
+    """Walk to a goal in MuJoCo, and replan at every grasp and where a path is blocked.
+
+    Boxes given with --unknown and points given with --refusing are there, but the robot does not
+    know them: it sees boxes with the depth cameras of its body and grippers, and notices a refused
+    grasp. Boxes given with --box are known.
+    """
     from mlivr_gym.closed_loop.crew import CrewMember
     from mlivr_gym.closed_loop.depth_camera import DepthCamera
     from mlivr_gym.closed_loop.loop import run_closed_loop

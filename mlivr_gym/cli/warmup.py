@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import time
 
-from mlivr_gym.cli.arguments import Add, command
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.planners import Planner
@@ -14,19 +13,12 @@ from mlivr_gym.stances.build import stance_graph
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
-def add_command(add: Add) -> None:
-    """Add the command to the command line."""
-    command(
-        add,
-        run,
-        description="Compile the code that the first plan needs, once for each version of the "
-        "package. The first plan does the same; use this command to do it beforehand, for "
-        "instance while a container image is built.",
-    )
-
-
 def run(args: argparse.Namespace) -> None:
-    """Plan once, which compiles all kernels that a plan needs."""
+    """Compile the code that the first plan needs, once for each version of the package.
+
+    The first plan does the same; use this command to do it beforehand, for instance while a
+    container image is built.
+    """
     began = time.perf_counter()
     with Progress("compiling and planning", quiet=args.quiet):
         Planner(stance_graph()).plan(START, GOAL, "steps").unwrap()
