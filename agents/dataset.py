@@ -121,11 +121,8 @@ def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
 def load_dataset(dataset_id: str) -> Any:
     """Return a data set that `write_dataset` wrote, a `minari.MinariDataset`.
 
-    Raises
-    ------
-    SettingError
-        If no data set has this id, its episodes were made by other rules of the stance graph, or
-        the extra [data] is not installed.
+    Raises a `SettingError` if no data set has this id, its episodes were made by other rules of the
+    stance graph, or the extra [data] is not installed.
     """
     require(*REQUIRED_PACKAGES, extra="data")
     import minari

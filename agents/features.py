@@ -91,24 +91,11 @@ class GoalBatch(NamedTuple):
 def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> Features:
     """Return the features of k states with N limbs on m points, all in the frame of the base.
 
-    Parameters
-    ----------
-    points
-        The points.
-    states
-        The states and their actions.
-    goals
-        The goals.
-
-    Returns
-    -------
-    Features
-        `points` (k, m, 8): position, normal, whether the point is free, failure probability.
-        `limbs` (k, N, m, 8 + 4 DEPTH), of the action of each limb and point: whether the limb holds
-        the point, whether it can move there, the displacement of the base if it does, whether a
-        support limb can be released then, the lookahead of the point, and the lookahead of the
-        action; arrivals a are given as `log2(1 + a)`. `goal` (k, 5): position, distance, and goal
-        tolerance.
+    `points` (k, m, 8): position, normal, whether the point is free, failure probability. `limbs`
+    (k, N, m, 8 + 4 DEPTH), of the action of each limb and point: whether the limb holds the point,
+    whether it can move there, the displacement of the base if it does, whether a support limb can
+    be released then, the lookahead of the point, and the lookahead of the action; arrivals a are
+    given as `log2(1 + a)`. `goal` (k, 5): position, distance, and goal tolerance.
     """
     base, rotation, valid = states.base, states.rotation, states.valid
     k, limbs = states.stance.shape
@@ -147,23 +134,11 @@ def point_lookahead(
     lower bounds. With more than two limbs, whose stances are not enumerated, the distance is that
     of the point itself, and the arrivals are 0.
 
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    goal
-        Goal position [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
-    held
-        Whether each stance can be held, shape (n,); by default as in the graph.
-
-    Returns
-    -------
-    Array
-        Shape (N, m, 2 DEPTH). Entry d < DEPTH is the minimum distance of the base from the goal
-        d + 1 steps after the grasp [m], at most `MAX_GOAL_DISTANCE`. Entry DEPTH + d, the arrivals,
-        is the number of sequences of d + 1 stances that end in the goal region.
+    The goal position [m] has shape (3,), its region the radius `tolerance` [m]; `held` is whether
+    each stance can be held, shape (n,), by default as in the graph. The result has shape (N, m, 2
+    DEPTH). Entry d < DEPTH is the minimum distance of the base from the goal d + 1 steps after the
+    grasp [m], at most `MAX_GOAL_DISTANCE`. Entry DEPTH + d, the arrivals, is the number of
+    sequences of d + 1 stances that end in the goal region.
     """
     if not isinstance(graph, TwoLimbGraph):
         away = np.minimum(
@@ -232,22 +207,10 @@ def action_lookahead(env: MlivrEnv, state: State, steps: Successors, of_points: 
     all steps of a state takes long, the distance is that of the base after the step itself, and the
     arrivals are 0.
 
-    Parameters
-    ----------
-    env
-        The environment.
-    state
-        The state.
-    steps
-        The k steps that leave it.
-    of_points
-        Result of `point_lookahead`, shape (N, m, 2 DEPTH).
-
-    Returns
-    -------
-    Array
-        Shape (k, 2 DEPTH + 2): minimum distance of the base from the goal after 1 to DEPTH + 1
-        further steps [m], and number of sequences of stances that end in the goal region.
+    `steps` are the k steps that leave the state, and `of_points` is the result of
+    `point_lookahead`, shape (N, m, 2 DEPTH). The result has shape (k, 2 DEPTH + 2): minimum
+    distance of the base from the goal after 1 to DEPTH + 1 further steps [m], and number of
+    sequences of stances that end in the goal region.
     """
     out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
     out[:, : DEPTH + 1] = MAX_GOAL_DISTANCE
@@ -290,20 +253,10 @@ class TableFeatures:
     ) -> Features:
         """Return the features of k states.
 
-        Parameters
-        ----------
-        tables
-            Tables of all steps, for all points of the map.
-        stances
-            Stance indices, shape (k,).
-        branch_sets
-            Branch sets of both limbs, shape (k, 2).
-        goals
-            Goal positions [m], shape (k, 3).
-        lookahead
-            Result of `point_lookahead` for each state, shape (k, 2, m, 2 DEPTH).
-        free
-            Whether each point may be grasped, shape (m,) or (k, m); by default all.
+        Stance indices have shape (k,), branch sets of both limbs (k, 2), goal positions (k, 3) [m].
+        The tables hold all steps for all points of the map; `lookahead` is the result of
+        `point_lookahead` for each state, shape (k, 2, m, 2 DEPTH). Whether each point may be
+        grasped has shape (m,) or (k, m); by default all may.
         """
         k, m = len(stances), len(self.grasp_map)
         valid, after = np.zeros((k, 2, m), dtype=np.int8), np.zeros((k, 2, m, 3))
@@ -348,13 +301,7 @@ class PointObservation(
 
     @checked({"env": WRAPPED_ENV})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Wrap a `MlivrEnv`.
-
-        Raises
-        ------
-        SettingError
-            If the environment is not a `MlivrEnv`.
-        """
+        """Wrap a `MlivrEnv`; raise a `SettingError` if the environment is none."""
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
         inner = env.unwrapped

@@ -160,17 +160,9 @@ environment steps in all, or both in this order."""
 def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str, Any]:
     """Return the hyperparameters of one method and the sizes of the networks, after checking them.
 
-    Parameters
-    ----------
-    given
-        `imitation`, or `n_envs`, `timesteps` and `ppo`, or all of these; and `networks`.
-    path
-        Name of the hyperparameters in messages.
-
-    Raises
-    ------
-    SettingError
-        If a field is missing, unknown or invalid; the message names it.
+    Given are `imitation`, or `n_envs`, `timesteps` and `ppo`, or all of these; and `networks`.
+    Raises a `SettingError` if a field is missing, unknown or invalid; the message names it, and the
+    hyperparameters by `path`.
     """
     place = FieldPath(path, SettingError)
     found = Fields({"networks": SIZES}, METHOD_FIELDS).read(given, place)
@@ -185,12 +177,8 @@ def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str
 def fill_dagger(method: str, given: dict[str, Any]) -> dict[str, Any]:
     """Return hyperparameters whose flag `imitation.dagger` is the one that a method needs.
 
-    It is True for `"dagger"` and False for `"bc"`; other methods leave it as it is.
-
-    Raises
-    ------
-    SettingError
-        If the flag is given and contradicts the method.
+    It is True for `"dagger"` and False for `"bc"`; other methods leave it as it is. Raises a
+    `SettingError` if the flag is given and contradicts the method.
     """
     if method not in ("bc", "dagger") or "imitation" not in given:
         return given
@@ -206,17 +194,8 @@ def fill_dagger(method: str, given: dict[str, Any]) -> dict[str, Any]:
 def load_hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
     """Return the hyperparameters of a method from a JSON file, by default from the package.
 
-    Parameters
-    ----------
-    method
-        One of `METHODS`.
-    path
-        The JSON file; by default the one that ships with the package.
-
-    Raises
-    ------
-    SettingError
-        If the file cannot be read, lacks the method, or has an invalid field.
+    The method is one of `METHODS`. Raises a `SettingError` if the file cannot be read, lacks the
+    method, or has an invalid field.
 
     Examples
     --------

@@ -82,14 +82,8 @@ class _Layout(NamedTuple):
 def optimal_set_loss(logits: Tensor, valid: Tensor, optimal: Tensor) -> Tensor:
     """Return minus the mean logarithm of the summed probability of the optimal actions.
 
-    Parameters
-    ----------
-    logits
-        Logits of the actions, shape (k, a).
-    valid
-        Whether each action is valid, shape (k, a).
-    optimal
-        Whether each action is optimal, at least one in each row, shape (k, a).
+    Logits of the actions, whether each is valid, and whether it is optimal, as at least one in each
+    row is, have shape (k, a).
     """
     best = logits.masked_fill(~optimal, -torch.inf).logsumexp(dim=1)
     every = logits.masked_fill(~valid, -torch.inf).logsumexp(dim=1)
@@ -120,26 +114,12 @@ class Imitation:
     ) -> None:
         """Compute all steps of the environment, or read them from the cache.
 
-        Parameters
-        ----------
-        env
-            The environment, with two limbs and the reward `"steps"` or `"base"`. Its `tasks` draw
-            the goals. Starts are drawn among all stances from which the goal can be reached.
-        actor_critic
-            The actor-critic, which is changed in place.
-        plain_observation
-            Whether it takes the observations of the environment itself, not `point_features`.
-        hyperparameters
-            Hyperparameters.
-        seed
-            Seed of layouts, goals, rollouts and batches.
-        held_out
-            Goals that must not be learned from [m], shape (g, 3).
-
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs.
+        The environment has two limbs and the reward `"steps"` or `"base"`; its `tasks` draw the
+        goals. Starts are drawn among all stances from which the goal can be reached. The
+        actor-critic is changed in place; with `plain_observation` it takes the observations of the
+        environment itself, not `point_features`. `seed` is that of layouts, goals, rollouts and
+        batches, and `held_out` are goals that must not be learned from [m], shape (g, 3). Raises a
+        `SettingError` if the robot has more than two limbs.
         """
         self.env, self.actor_critic, self.hyperparameters = env, actor_critic, hyperparameters
         self.plain_observation = plain_observation
@@ -160,18 +140,11 @@ class Imitation:
         """Gather data and learn from them, in all rounds.
 
         At the end the weights are the exponential moving average over all gradient steps.
-
-        Parameters
-        ----------
-        progress
-            Function that is called with the number of gradient steps done, their total number, and
-            figures by name: `loss`, `value_error`, `states` gathered so far, `gathering_seconds` of
-            the round, and `rollout_success`, the share of its rollouts that reached their goal.
-
-        Raises
-        ------
-        MlivrError
-            If the reward is an object of the user, no task is found, or no goal can be reached.
+        `progress` is called with the number of gradient steps done, their total number, and figures
+        by name: `loss`, `value_error`, `states` gathered so far, `gathering_seconds` of the round,
+        and `rollout_success`, the share of its rollouts that reached their goal. Raises a
+        `MlivrError` if the reward is an object of the user, no task is found, or no goal can be
+        reached.
         """
         given = self.hyperparameters
         for k in range(given.rounds):
@@ -207,17 +180,9 @@ class Imitation:
     def gather(self, free: BoolArray, by_expert: bool) -> tuple[Samples, IntArray]:
         """Return the states that rollouts visit on one layout, labelled by the expert.
 
-        Parameters
-        ----------
-        free
-            Whether each point belongs to the layout, shape (m,).
-        by_expert
-            Whether the expert acts; otherwise the actor-critic takes its most probable action.
-
-        Returns
-        -------
-        tuple[Samples, IntArray]
-            The samples, and the number of rollouts and of those that reached their goal.
+        With them come the number of rollouts and of those that reached their goal. `free` is
+        whether each point belongs to the layout, shape (m,). The expert acts, or the actor-critic
+        takes its most probable action.
         """
         tables = without_points(self.moves.tables, ~free)
         goals, env = self._draw_goals(tables), self.env

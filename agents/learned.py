@@ -122,20 +122,10 @@ def beam_search(
     """Return actions from the present state to the goal by a beam search, or None if it finds none.
 
     Each of the `width` most probable action sequences is extended by its most probable actions,
-    whose results the steps of the environment tell. The probability of a sequence is the product of
-    those of its actions. Of the shortest sequences that reach the goal the most probable one is
-    returned. No sequence is extended to a stance that the beam has contained before.
-
-    Parameters
-    ----------
-    policy
-        A pointer policy.
-    env
-        The environment.
-    width
-        Number of action sequences in the beam.
-    max_steps
-        Maximum number of steps.
+    whose results the steps of the environment tell, at most `max_steps` times. The probability of a
+    sequence is the product of those of its actions. Of the shortest sequences that reach the goal
+    the most probable one is returned. No sequence is extended to a stance that the beam has
+    contained before. The policy must be a pointer policy.
     """
     m, tolerance = len(env.graph.grasp_map), env.goal_tolerance
     beam: list[tuple[float, State, list[int]]] = [(0.0, env.state, [])]
@@ -169,19 +159,9 @@ def beam_search(
 
 
 def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
-    """Return a policy that follows the action sequences of `beam_search`.
+    """Return a policy that follows the action sequences of a `beam_search` of some width.
 
-    Parameters
-    ----------
-    policy
-        A pointer policy.
-    width
-        Number of action sequences in the beam.
-
-    Raises
-    ------
-    SettingError
-        If the policy is not a pointer policy.
+    Raises a `SettingError` if the policy is not a pointer policy.
     """
     if policy.network != "pointer":
         raise SettingError(
@@ -193,20 +173,9 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
 def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> None:
     """Write the weights to `PATH.pt` and the configuration to `PATH.json`.
 
-    Parameters
-    ----------
-    path
-        Path without suffix.
-    actor_critic
-        The actor-critic of sb3-contrib.
-    config
-        Configuration of the training. Loading needs `network`, `sizes` and the result of
-        `made_for`; format, number of the graph's rules and checksum are added here.
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written.
+    Loading needs `network`, `sizes` and the result of `made_for` in the configuration; format,
+    number of the graph's rules and checksum are added here. Raises a `FileError` if a file cannot
+    be written.
     """
     buffer = io.BytesIO()
     torch.save(actor_critic.state_dict(), buffer)
@@ -236,19 +205,10 @@ def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
 def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """Return the policy of a checkpoint, ready to act in an environment.
 
-    Parameters
-    ----------
-    path
-        Path without suffix, or `"pretrained"` for the checkpoint that ships with the package.
-    env
-        The environment. A pointer policy fits every map and robot, an MLP only those of its
-        training.
-
-    Raises
-    ------
-    CheckpointError
-        If a file cannot be read or was altered, a weight is not finite or too large, the network
-        does not fit the environment, or it was trained by other rules of the stance graph.
+    The path has no suffix; `"pretrained"` is the checkpoint that ships with the package. A pointer
+    policy fits every map and robot, an MLP only those of its training. Raises a `CheckpointError`
+    if a file cannot be read or was altered, a weight is not finite or too large, the network does
+    not fit the environment, or it was trained by other rules of the stance graph.
 
     Examples
     --------

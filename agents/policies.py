@@ -89,11 +89,8 @@ class ExpertPolicy:
     def __init__(self, expect_failures: bool = True) -> None:
         """Start without tables; that of a goal is computed when the goal first occurs.
 
-        Parameters
-        ----------
-        expect_failures
-            Whether costs are expected costs where grasps may fail; if not, every grasp is assumed
-            to succeed.
+        Where grasps may fail, costs are expected costs; without `expect_failures`, every grasp is
+        assumed to succeed.
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
@@ -102,11 +99,8 @@ class ExpertPolicy:
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return an optimal action for the reward of the environment, the first one if several are.
 
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs, the reward is an object of the user, or the
-            environment has an action beside the steps.
+        Raises a `SettingError` if the robot has more than two limbs, the reward is an object of the
+        user, or the environment has an action beside the steps.
         """
         if mask.size != env.graph.limbs * len(env.graph.grasp_map):
             raise SettingError(
@@ -170,10 +164,7 @@ class LookingPolicy:
     def __init__(self, policy: Policy, looks: bool = True) -> None:
         """Take the policy that chooses the steps.
 
-        Raises
-        ------
-        SettingError
-            If it has no method `act`, or `looks` is neither True nor False.
+        Raises a `SettingError` if it has no method `act`, or `looks` is neither True nor False.
         """
         if not callable(getattr(policy, "act", None)):
             raise FieldPath("policy", SettingError).refused(policy, "a Policy, with a method `act`")
@@ -182,10 +173,7 @@ class LookingPolicy:
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
-        Raises
-        ------
-        SettingError
-            If the environment is not an `UnknownMapEnv`.
+        Raises a `SettingError` if the environment is not an `UnknownMapEnv`.
         """
         InstanceOf(UnknownMapEnv).read(env, FieldPath("env", SettingError))
         assert isinstance(env, UnknownMapEnv)
@@ -210,10 +198,7 @@ class ReplanningPolicy:
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
-        Raises
-        ------
-        SettingError
-            If the environment is not a `ClosedLoopEnv`.
+        Raises a `SettingError` if the environment is not a `ClosedLoopEnv`.
         """
         from mlivr_gym.envs.closed_loop import ClosedLoopEnv  # imports MuJoCo
 
@@ -234,10 +219,7 @@ class ReplanningPolicy:
 def cost_of(env: MlivrEnv) -> Cost:
     """Return the cost whose negative is the reward of an environment, without shaping and bonus.
 
-    Raises
-    ------
-    SettingError
-        If the reward is an object of the user, whose cost is not known.
+    Raises a `SettingError` if the reward is an object of the user, whose cost is not known.
     """
     reward = env.reward.step_reward
     if isinstance(reward, StepReward | BaseReward):
@@ -259,13 +241,7 @@ class PlanPolicy:
     """
 
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
-        """Take the planning method.
-
-        Parameters
-        ----------
-        find
-            Function that returns the actions from the present state to the goal, or None.
-        """
+        """Take a function that returns the actions from the present state to the goal, or None."""
         self._find = find
         self._actions: list[int] = []
         self._expected: tuple[int, ...] | None = None
@@ -294,19 +270,9 @@ def planner_policy(
 
     By default the planner plans on the stance graph of the environment, from the present state:
     after a failed grasp a limb may be on only some of its branches. A planner for another graph of
-    the same map, for example without thresholds, plans from the present stance, and its plans
-    are followed whether their actions are valid or not.
-
-    Parameters
-    ----------
-    cost
-        Cost of the plans, for example `"steps"` or `"base"`.
-    method
-        Search method.
-    planner
-        Planner for another graph.
-    **options
-        Further arguments of `Planner.plan`.
+    the same map, for example without thresholds, plans from the present stance, and its plans are
+    followed whether their actions are valid or not. Cost, method and options are arguments of
+    `Planner.plan`.
 
     Examples
     --------
@@ -344,14 +310,7 @@ def planner_policy(
 def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
     """Return a policy that follows the action sequences of a method of `planners.baselines`.
 
-    Parameters
-    ----------
-    method
-        Name of the method, see `find_walk`.
-    budget
-        Computing budget of the method, see `find_walk`.
-    seed
-        Seed of the method's random numbers.
+    The arguments are those of `find_walk`.
     """
 
     def find(env: MlivrEnv) -> list[int] | None:

@@ -43,18 +43,9 @@ class TableVecEnv(VecEnv):
         observation: str = "points",
         max_episode_steps: int = 100,
     ) -> None:
-        """Make the sub-environments.
+        """Make sub-environments with world, rewards and tasks of an unwrapped environment.
 
-        Parameters
-        ----------
-        env
-            The environment, unwrapped, whose world, rewards and tasks they have.
-        num_envs
-            Number of sub-environments k.
-        observation
-            One of `OBSERVATIONS`.
-        max_episode_steps
-            Number of steps after which an episode is truncated.
+        The observation is one of `OBSERVATIONS`. Episodes are truncated after `max_episode_steps`.
         """
         self.plain = choice("observation", observation, OBSERVATIONS) == "plain"
         self.vector_env = MlivrVectorEnv(num_envs, max_episode_steps, AutoresetMode.DISABLED, env)
@@ -119,10 +110,7 @@ class TableVecEnv(VecEnv):
     def action_masks(self) -> BoolArray:
         """Return which actions are valid, shape (k, N m).
 
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
+        Raises a `gymnasium.error.ResetNeeded` before the first reset.
         """
         if not self._info:
             raise gymnasium.error.ResetNeeded("call reset() before action_masks()")

@@ -97,10 +97,8 @@ class HeldOutWorld(NamedTuple):
 def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     """Return the maps and tasks of the test set that ships with the package, or of another file.
 
-    Raises
-    ------
-    MlivrError
-        If the file cannot be read, or its tasks were drawn by other rules of the stance graph.
+    Raises a `MlivrError` if the file cannot be read, or its tasks were drawn by other rules of the
+    stance graph.
 
     Examples
     --------
@@ -127,16 +125,9 @@ def held_out_goals() -> Array:
 
 
 def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[HeldOutWorld]:
-    """Draw a test set, write it to a file, and return it.
+    """Draw a test set from a seed, write it to a file, and return it.
 
-    Parameters
-    ----------
-    path
-        The file.
-    seed
-        Seed of all draws.
-    sizes
-        Number of tasks in each split; that of `"half"` is divided among four maps.
+    `sizes` are the numbers of tasks in the splits; that of `"half"` is divided among four maps.
     """
     rng = np.random.default_rng(seed)
     worlds = [_draw_tasks(HeldOutWorld("same", 0.2, None, ()), sizes["same"], rng)]

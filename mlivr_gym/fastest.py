@@ -61,19 +61,8 @@ def step_reactions(
 ) -> list[Reaction]:
     """Return duration, total impulse and peak force of each step of a plan.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map.
-    plan
-        The plan.
-    timing
-        `Limits`, by default `Limits()`, or `Durations`.
-
-    Raises
-    ------
-    TimingError
-        If durations violate a limit.
+    The graph is that of the plan's robot and map; the timing is by default `Limits()`. Raises a
+    `TimingError` if durations violate a limit.
     """
     paths = (RegraspPath(graph, planned_regrasp(graph, plan, k)) for k in range(len(plan.steps)))
     return [reaction_of(timed_path(path, timing)) for path in paths]
@@ -90,21 +79,10 @@ def with_least_reaction(
     one of those of `motion.swings`, without `"changed"` ones. A plan whose base poses stay is
     returned if it is no worse.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map, with the plan's obstacles.
-    plan
-        The plan.
-    timing
-        `Limits`, by default `Limits()`, or `Durations`.
-
-    Raises
-    ------
-    TimingError
-        If durations violate a limit with the given plan.
-    PlanError
-        If the plan belongs to another map or robot, or is not possible in the present world.
+    The graph is that of the plan's robot and map, with its obstacles; the timing is by default
+    `Limits()`. Raises a `TimingError` if durations violate a limit with the given plan, and a
+    `PlanError` if the plan belongs to another map or robot, or is not possible in the present
+    world.
     """
     step_reactions(graph, plan, timing)  # refuses durations that violate a limit
 

@@ -244,10 +244,7 @@ class MlivrEnv(StanceGraphEnv):
     ) -> None:
         """Build the stance graph and the spaces; the class describes the arguments.
 
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used; the message names it.
+        Raises a `MlivrError` if an argument cannot be used; the message names it.
         """
         checks = {"transitions": transitions, "precompute": precompute}
         check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
@@ -281,15 +278,8 @@ class MlivrEnv(StanceGraphEnv):
     ) -> tuple[Observation, dict[str, Any]]:
         """Start an episode; the class describes the options. A goal alone takes a drawn start.
 
-        Returns
-        -------
-        tuple[Observation, dict[str, Any]]
-            The first observation, and the information.
-
-        Raises
-        ------
-        MlivrError
-            If the options cannot be used, no task is found, or no step leaves the start.
+        Returned are the first observation and the information. Raises a `MlivrError` if the options
+        cannot be used, no task is found, or no step leaves the start.
         """
         super().reset(seed=seed)
         if not self._seeded and seed is None:
@@ -322,22 +312,10 @@ class MlivrEnv(StanceGraphEnv):
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move limb `action // m` to point `action % m`, if this action is valid.
 
-        Parameters
-        ----------
-        action
-            A whole number: an int, or an integer array or tensor without axes.
-
-        Returns
-        -------
-        tuple[Observation, float, bool, bool, dict[str, Any]]
-            Observation, reward, terminated, truncated (always False here), and the information.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset, and after a step that failed.
-        SettingError
-            If the action is not in the action space.
+        The action is an int, or an integer array or tensor without axes. Returned are observation,
+        reward, terminated, truncated (always False here), and the information. Raises a
+        `gymnasium.error.ResetNeeded` before the first reset and after a step that failed, and a
+        `SettingError` if the action is not in the action space.
         """
         self._refresh()
         state, points = self.state, len(self.graph.grasp_map)

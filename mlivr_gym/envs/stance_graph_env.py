@@ -74,10 +74,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def table_moves(self) -> TableMoves:
         """Return the steps from exact tables, which are used from now on.
 
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs.
+        Raises a `SettingError` if the robot has more than two limbs.
         """
         return self._moves.use_tables()
 
@@ -85,10 +82,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def state(self) -> State:
         """The present state: the stance and the branch set of each limb.
 
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
+        Raises a `gymnasium.error.ResetNeeded` before the first reset.
         """
         if self._state is None:
             raise gymnasium.error.ResetNeeded(
@@ -99,10 +93,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def action_masks(self) -> BoolArray:
         """Return which actions are valid, shape (N m,); `MaskablePPO` of sb3-contrib calls this.
 
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
+        Raises a `gymnasium.error.ResetNeeded` before the first reset.
         """
         self._refresh()
         return self._mask.copy()
@@ -164,10 +155,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     def render(self) -> Any:
         """Return a picture, a list of pictures, or None, by the render mode.
 
-        Raises
-        ------
-        RenderError
-            If no GL library works, or there is no screen for a window.
+        Raises a `RenderError` if no GL library works, or there is no screen for a window.
         """
         return self.viewer.render(self.snapshot, self.render_mode)
 

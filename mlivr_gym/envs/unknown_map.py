@@ -69,11 +69,8 @@ class UnknownMapEnv(MlivrEnv):
     ) -> None:
         """Build the environment; `tasks` and `options` are arguments of `MlivrEnv`.
 
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used: tasks must have layouts, and grasps fail by the layout
-            alone.
+        Raises a `MlivrError` if an argument cannot be used: tasks must have layouts, and grasps
+        fail by the layout alone.
         """
         drawn = TASKS.read(tasks, FieldPath("tasks", SettingError))
         if not isinstance(drawn, LayoutTasks):

@@ -29,25 +29,9 @@ def unknown_things(
 ) -> tuple[Box, ...]:
     """Return random boxes and plates that touch the robot at the start on none of its branches.
 
-    Parameters
-    ----------
-    graph
-        The stance graph; it is left as it was.
-    start
-        The start.
-    rng
-        Source of randomness.
-    boxes
-        Number of boxes, each anywhere among the points.
-    plates
-        Number of plates. Each lies on a point of its own that the robot does not hold.
-
-    Raises
-    ------
-    SettingError
-        If there are fewer points than plates.
-    StanceError
-        If not so many things find a place.
+    Each box lies anywhere among the points, each plate on a point of its own that the robot does
+    not hold. The graph is left as it was. Raises a `SettingError` if there are fewer points than
+    plates, and a `StanceError` if not so many things find a place.
     """
     grasp_map, found = graph.grasp_map, list[Box]()
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)

@@ -147,26 +147,14 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Reset all sub-environments, or those of `options["reset_mask"]`.
 
-        Parameters
-        ----------
-        seed
-            Seed of sub-environment 0, where number i has seed + i; or a list of k seeds. One whose
-            seed is None continues its random stream.
-        options
-            `reset_mask`, k flags; `start`, point ids or indices of each stance, (k, N); `goal`,
-            shape (k, 3) [m]; or `task`, the numbers of fixed tasks, shape (k,). What is not given
-            is drawn by `tasks`.
+        `seed` is that of sub-environment 0, where number i has seed + i, or a list of k seeds; one
+        whose seed is None continues its random stream. Options are `reset_mask`, k flags; `start`,
+        point ids or indices of each stance, (k, N); `goal`, shape (k, 3) [m]; or `task`, the
+        numbers of fixed tasks, shape (k,). What is not given is drawn by `tasks`. Returned are the
+        observations and the information of all sub-environments.
 
-        Returns
-        -------
-        tuple[Observation, dict[str, Any]]
-            The observations and the information of all sub-environments.
-
-        Raises
-        ------
-        MlivrError
-            If seed or options cannot be used, or no goal that can be reached was drawn (a goal that
-            is given is not checked); states and random streams stay as they were.
+        Raises a `MlivrError` if seed or options cannot be used, or no goal that can be reached was
+        drawn (a goal that is given is not checked); states and random streams stay as they were.
         """
         self._refresh_tables()
         given, seeds = self._read_reset_arguments(options, seed)
@@ -239,25 +227,12 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
                 self._seeded[k] = True
 
     def step(self, actions: Any) -> tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]:
-        """Take one action in each sub-environment.
+        """Take one action, an integer, in each of the k sub-environments.
 
-        Parameters
-        ----------
-        actions
-            Integers, shape (k,).
-
-        Returns
-        -------
-        tuple[Observation, Array, BoolArray, BoolArray, dict[str, Any]]
-            Observations, rewards, terminated, truncated, each for k, and the information.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            If a sub-environment was never reset.
-        SettingError
-            If the actions are not in the action space, or the episode of a sub-environment has
-            ended and none is reset automatically.
+        Returned are observations, rewards, terminated, truncated, each for k, and the information.
+        Raises a `gymnasium.error.ResetNeeded` if a sub-environment was never reset, and a
+        `SettingError` if the actions are not in the action space, or the episode of a
+        sub-environment has ended and none is reset automatically.
         """
         self._check_reset()
         self._refresh_tables()
@@ -295,10 +270,7 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     def action_masks(self) -> BoolArray:
         """Return which actions are valid, shape (k, N m).
 
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            If a sub-environment was never reset.
+        Raises a `gymnasium.error.ResetNeeded` if a sub-environment was never reset.
         """
         self._check_reset()
         self._refresh_tables()

@@ -112,13 +112,7 @@ class ActionMaskObservation(
 
     @checked({"env": WRAPPED_ENV})
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Wrap a `MlivrEnv`.
-
-        Raises
-        ------
-        SettingError
-            If the environment is not a `MlivrEnv`.
-        """
+        """Wrap a `MlivrEnv`; raise a `SettingError` if the environment is none."""
         gymnasium.utils.RecordConstructorArgs.__init__(self)
         super().__init__(env)
         inner: Any = env.observation_space

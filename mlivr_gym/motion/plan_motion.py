@@ -44,24 +44,9 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
 
     The swing limb departs along the surface normal, follows the knots of its swing while the base
     follows its path, and approaches along the other normal. The support limbs follow the base on
-    their branches.
-
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map.
-    plan
-        The plan.
-    index
-        Index of the step, from 0.
-    samples
-        Number of configurations on the departure, on the approach, and on each line of the
-        swing.
-
-    Raises
-    ------
-    PlanError
-        If the plan has no such step, or the step has no swing.
+    their branches. There are `samples` configurations on the departure, on the approach, and on
+    each line of the swing. The graph is that of the plan's robot and map. Raises a `PlanError` if
+    the plan has no step of this index, or the step has no swing.
     """
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):

@@ -37,19 +37,7 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a NumPy archive; the file is replaced as a whole or not at all.
 
     In addition to the fields of `Trajectory` the archive holds `joint_names` and `phases`, the
-    names of the phases.
-
-    Parameters
-    ----------
-    trajectory
-        The trajectory.
-    path
-        Name of the file.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    names of the phases. Raises a `FileError` if the file cannot be written.
     """
     stream = io.BytesIO()
     np.savez_compressed(
@@ -68,19 +56,7 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
 
     The columns are time, step, phase, base pose and velocity; position, velocity and acceleration
     of each joint; the point that each limb holds; and `event`, the releases and grasps since the
-    line before.
-
-    Parameters
-    ----------
-    trajectory
-        The trajectory.
-    path
-        Name of the file.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    line before. Raises a `FileError` if the file cannot be written.
     """
     names, count = joint_names(trajectory), len(trajectory.times)
     limbs = trajectory.grasps.shape[1]
@@ -130,11 +106,6 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
 
     The message has positions, velocities and accelerations of all joints; it has no field for
     grasps. Its fields are those of https://github.com/ros2/common_interfaces.
-
-    Parameters
-    ----------
-    trajectory
-        The trajectory.
     """
     kinds = ("positions", "velocities", "accelerations")
     values = {kind: getattr(trajectory, f"joint_{kind}") for kind in kinds}
@@ -153,20 +124,8 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
 def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a ROS 2 message `trajectory_msgs/msg/JointTrajectory` in YAML.
 
-    The message has positions, velocities and accelerations of all joints; it has no field for
-    grasps, which are written as comments.
-
-    Parameters
-    ----------
-    trajectory
-        The trajectory.
-    path
-        Name of the file.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    Grasps, for which the message has no field, are written as comments. Raises a `FileError` if the
+    file cannot be written.
     """
     message, held = joint_trajectory_message(trajectory), _held(trajectory)
     lines = [

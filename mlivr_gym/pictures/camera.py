@@ -42,19 +42,10 @@ class Camera(NamedTuple):
         return np.stack([right, np.cross(right, ahead), ahead])
 
     def pixels(self, positions: Array, width: int, height: int) -> Array:
-        """Project positions to a picture.
+        """Return column and row of positions in a picture, shape (k, 2) [px].
 
-        Parameters
-        ----------
-        positions
-            Positions in the world frame, shape (k, 3) [m].
-        width, height
-            Size of the picture [px].
-
-        Returns
-        -------
-        Array
-            Column and row of each position, shape (k, 2) [px]; NaN behind the camera.
+        They are NaN behind the camera. The positions in the world frame have shape (k, 3) [m], the
+        picture width and height [px].
         """
         right, up, ahead = self.axes @ (positions - np.array(self.lookat)).T
         depth = self.distance + ahead
@@ -65,14 +56,8 @@ class Camera(NamedTuple):
     def seeing(self, positions: Array, radius: float, aspect: float) -> Camera:
         """Return this camera at the smallest distance at which it sees whole balls.
 
-        Parameters
-        ----------
-        positions
-            Centres of the balls, shape (k, 3) [m].
-        radius
-            Radius of the balls [m].
-        aspect
-            Width of the picture divided by its height.
+        Their centres have shape (k, 3), and one radius [m]; the aspect is the width of the picture
+        divided by its height.
         """
         slope = np.tan(np.deg2rad(0.5 * FIELD_OF_VIEW))
         right, up, ahead = self.axes @ (positions - np.array(self.lookat)).T

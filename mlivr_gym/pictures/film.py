@@ -160,14 +160,8 @@ def film_samples(recording: Recording, speed: float) -> IntArray:
 def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
     """Write pictures of shape (height, width, 3) as a film of `RATE` frames a second.
 
-    The last one stays for `PAUSE`.
-
-    Raises
-    ------
-    RenderError
-        If films of this format cannot be written.
-    FileError
-        If the file cannot be written.
+    The last one stays for `PAUSE`. Raises a `RenderError` if films of this format cannot be
+    written, and a `FileError` if the file cannot be written.
     """
     kind = check_film_format(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
@@ -256,10 +250,7 @@ def configuration_at(recording: Recording, k: int) -> Configuration:
 def check_film_format(path: str | Path) -> str:
     """Return the suffix of a film's file name, `".gif"` or `".mp4"`.
 
-    Raises
-    ------
-    RenderError
-        If it is another one, or `imageio[ffmpeg]` is missing for an `.mp4`.
+    Raises a `RenderError` if it is another one, or `imageio[ffmpeg]` is missing for an `.mp4`.
     """
     kind = Path(FileName().read(path, FieldPath("path", RenderError))).suffix.lower()
     if kind not in (".gif", ".mp4"):

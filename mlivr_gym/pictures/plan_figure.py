@@ -112,25 +112,8 @@ def configuration_figure(
 ) -> None:
     """Draw a robot in configurations, for machines on which MuJoCo cannot render.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    configurations
-        Configurations of the robot.
-    path
-        PNG file to write; no SVG is written.
-    title
-        Heading.
-    route
-        Route of a plan that is drawn, too.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    With a route, that of a plan is drawn, too. The PNG file is written without an SVG. Raises a
+    `FileError` if it cannot be written.
     """
     figure, axes = map_axes(grasp_map)
     for configuration in configurations:

@@ -81,14 +81,8 @@ class SceneRenderer:
         """Compile the scene and open a GL context.
 
         Limbs are drawn by their visual meshes where these ship, or, with `capsules`, by their
-        collision shapes.
-
-        Raises
-        ------
-        SceneError
-            If MuJoCo refuses the scene.
-        RenderError
-            If no GL library can be used.
+        collision shapes. Raises a `SceneError` if MuJoCo refuses the scene, and a `RenderError` if
+        no GL library can be used.
         """
         from mlivr_gym.pictures.studio import studio_spec
         from mlivr_gym.simulation.gl import forget_context, mujoco, render_error
@@ -231,12 +225,8 @@ class SceneWindow:
     ) -> None:
         """Open the window.
 
-        Raises
-        ------
-        SceneError
-            If MuJoCo refuses the scene.
-        RenderError
-            If no window can be opened, for instance without a screen.
+        Raises a `SceneError` if MuJoCo refuses the scene, and a `RenderError` if no window can be
+        opened, for instance without a screen.
         """
         if sys.platform.startswith("linux") and not (
             os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
