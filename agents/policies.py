@@ -194,6 +194,7 @@ class ReplanningPolicy:
     def __init__(self, cost: str = "steps", **options: Any) -> None:
         """Plan with a cost, and further arguments of `Planner.plan`."""
         self._cost, self._options = cost, options
+        self._planner: Planner | None = None
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
@@ -204,9 +205,10 @@ class ReplanningPolicy:
 
         InstanceOf(ClosedLoopEnv).read(env, FieldPath("env", SettingError))
         assert isinstance(env, ClosedLoopEnv)
+        if self._planner is None or self._planner.graph is not env.graph:
+            self._planner = Planner(env.graph)
         goal, tolerance = env.goal.tolist(), env.goal_tolerance
-        planner = Planner(env.graph)
-        plan = planner.plan(
+        plan = self._planner.plan(
             env.state, goal, self._cost, goal_tolerance=tolerance, **self._options
         ).plan
         if plan is None or not plan.steps:

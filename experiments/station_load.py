@@ -49,9 +49,10 @@ def drawn(planner: Planner) -> Iterator[tuple[State, Array]]:
 
 
 def walk(task: int, cost: str, pace: str) -> dict[str, Any]:
-    """Return steps, translation [m], time [s], peak force [N], impulse [N s] and ratio of a plan.
+    """Return the figures of a plan: steps, translation [m], time [s], and the load.
 
-    The impulse is the largest of any step, the ratio that of the acceleration to its limit.
+    The load is the peak force [N], the impulse [N s], the peak torque [N m] and the angular impulse
+    [N m s], the largest of any step, and the ratio of the acceleration to its limit.
     """
     planner, price = Planner(stance_graph()), COSTS[cost]
     start, goal = next(islice(drawn(planner), task, None))
@@ -61,7 +62,8 @@ def walk(task: int, cost: str, pace: str) -> dict[str, Any]:
     load = station_load(walked.recording)
     values = [
         len(plan.steps), plan.base_translation, walked.simulated_time,
-        float(load.peak_forces.max()), float(load.impulses.max()), load.largest_ratio,
+        float(load.peak_forces.max()), float(load.impulses.max()),
+        float(load.peak_torques.max()), float(load.angular_impulses.max()), load.largest_ratio,
     ]  # fmt: skip
     return {"failed": walked.failure is not None, "values": values}
 
@@ -83,13 +85,13 @@ def markdown(data: dict[str, Any]) -> str:
             cells.append(
                 [
                     pace, cost, f"{means[0]:.1f}", f"{means[1]:.2f}", f"{means[2]:.0f}",
-                    f"{means[3]:.1f}", f"{means[4]:.1f}", f"{means[5]:.2f}",
+                    *(f"{mean:.1f}" for mean in means[3:7]), f"{means[7]:.2f}",
                 ]
             )  # fmt: skip
-    failed, largest = sum(w["failed"] for w in walks), max(w["values"][5] for w in walks)
+    failed, largest = sum(w["failed"] for w in walks), max(w["values"][7] for w in walks)
     head = (
         "pace | optimal for | steps | base translation [m] | time [s] | peak force [N] | "
-        "impulse [N s] | acceleration over limit"
+        "impulse [N s] | peak torque [N m] | angular impulse [N m s] | acceleration over limit"
     )
     return f"""# What the station feels of a walk
 
@@ -97,7 +99,9 @@ Made by `experiments/station_load.py`: {data["tasks"]} random tasks of two limbs
 of at least {FEWEST_STEPS} steps, carried out in MuJoCo without disturbances;
 {failed} of {len(walks)} walks failed. Values are means over the tasks. *Impulse* is the largest \
 that the module receives within a step; from
-rest to rest a step leaves none. *Acceleration over limit* is the largest ratio, over all \
+rest to rest a step leaves none. *Torque* and *angular impulse* are about the \
+origin of the module frame, the middle of the end at which
+Node 2 holds the module. *Acceleration over limit* is the largest ratio, over all \
 one-third octave bands from 0.01 to 20 Hz, of
 the station's acceleration (root mean square over 100 s, a rigid body of {STATION_MASS:,.0f} kg) \
 to the limit of the
@@ -105,7 +109,7 @@ to the limit of the
 all walks is {largest:.2f}.
 
 {table(head, cells)}
-![Force of the walk of Case 3 on the module, and the spectrum](station_load.png)
+![Force and torque of the walk of Case 3 on the module, and the spectrum](station_load.png)
 """
 
 

@@ -241,8 +241,11 @@ def _show_load(args: argparse.Namespace, execution: Execution, out: Path) -> Non
     load, mass = station_load(execution.recording, args.station_mass), args.station_mass
     print(
         f"a station of {mass:,.0f} kg feels at most {load.peak_forces.max():.1f} N and an impulse "
-        f"of {load.impulses.max():.1f} N s; its acceleration is at most {load.largest_ratio:.2f} "
-        "times the limit of a one-third octave band"
+        f"of {load.impulses.max():.1f} N s,\n"
+        f"  {load.peak_torques.max():.1f} N m about the origin of the module and an angular "
+        f"impulse of {load.angular_impulses.max():.1f} N m s;\n"
+        f"  its acceleration is at most {load.largest_ratio:.2f} times the limit of a one-third "
+        "octave band"
     )
     load_figure(load, out / LOAD_FILES[0], f"{len(execution.plan.steps)} steps, {mass:,.0f} kg")
     print(f"load on the station: {out / LOAD_FILES[0]}, {out / LOAD_FILES[1]}")

@@ -1,4 +1,7 @@
-"""What a station feels of a walk: force, impulse, and the spectrum of its acceleration.
+"""What a station feels of a walk: force, torque, impulses, and the spectrum of its acceleration.
+
+Torques and angular impulses are about the origin of the module frame, the middle of the end of the
+JEM at which Node 2 holds it. About another point p the torque is less by p x F, with the force F.
 
 The station is taken for a rigid body that the force of all grasps accelerates; its elastic modes,
 which amplify some frequencies, and its rotation are left out. MuJoCo conserves momentum up to an
@@ -55,14 +58,17 @@ class StationLoad:
     forces
         Force on the module in the world, shape (k, 3) [N].
     torques
-        Torque on the module about the origin of the world, shape (k, 3) [N m].
+        Torque on the module about the origin of the module frame, shape (k, 3) [N m].
     peak_forces
         Largest force during each step, shape (s,) [N].
     peak_torques
-        Largest torque about the origin of the world during each step, shape (s,) [N m].
+        Largest torque during each step, shape (s,) [N m].
     impulses
         Largest impulse since the begin of each step, shape (s,) [N s]. Over a whole step, from rest
         to rest, it is close to 0.
+    angular_impulses
+        Largest angular impulse since the begin of each step, shape (s,) [N m s]; also close to 0
+        over a whole step.
     frequencies
         Middles of the one-third octave bands, shape (b,) [Hz].
     accelerations
@@ -77,6 +83,7 @@ class StationLoad:
     peak_forces: Array
     peak_torques: Array
     impulses: Array
+    angular_impulses: Array
     frequencies: Array
     accelerations: Array
 
@@ -91,6 +98,7 @@ class StationLoad:
             "peak_forces_N": self.peak_forces.tolist(),
             "peak_torques_N_m": self.peak_torques.tolist(),
             "impulses_N_s": self.impulses.tolist(),
+            "angular_impulses_N_m_s": self.angular_impulses.tolist(),
             "frequencies_Hz": self.frequencies.tolist(),
             "accelerations_g": self.accelerations.tolist(),
             "largest_ratio_to_limit": self.largest_ratio,
@@ -126,14 +134,15 @@ def station_load(recording: Recording, mass: float = STATION_MASS) -> StationLoa
     """
     times, forces, torques = recording.times, recording.module_forces, recording.module_torques
     parts = [np.flatnonzero(recording.step == step).tolist() for step in np.unique(recording.step)]
-    impulses = [np.linalg.norm(_integral(times[p], forces[p]), axis=1).max() for p in parts]
     period = float(np.diff(times).mean()) if len(times) > 1 else WINDOW
     frequencies, accelerations = third_octaves(forces / (mass * STANDARD_GRAVITY), period)
     return StationLoad(
         times, forces, torques,
-        np.array([np.linalg.norm(forces[p], axis=1).max() for p in parts]),
-        np.array([np.linalg.norm(torques[p], axis=1).max() for p in parts]),
-        np.array(impulses), frequencies, accelerations,
+        _largest([forces[p] for p in parts]),
+        _largest([torques[p] for p in parts]),
+        _largest([_integral(times[p], forces[p]) for p in parts]),
+        _largest([_integral(times[p], torques[p]) for p in parts]),
+        frequencies, accelerations,
     )  # fmt: skip
 
 
@@ -163,6 +172,11 @@ def third_octaves(signal: Array, period: float) -> tuple[Array, Array]:
         power = 2.0 * (amplitudes**2).sum(axis=1)  # mean square of each frequency
         squares.append(np.bincount(band[inside], power[inside], len(edges) - 1))
     return np.sqrt(edges[1:] * edges[:-1]), np.sqrt(np.max(squares, axis=0))
+
+
+def _largest(parts: list[Array]) -> Array:
+    """Return the largest magnitude of the vectors of each of s parts (k, 3), shape (s,)."""
+    return np.array([np.linalg.norm(part, axis=1).max() for part in parts])
 
 
 def _integral(times: Array, values: Array) -> Array:

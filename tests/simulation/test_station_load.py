@@ -55,6 +55,9 @@ def test_the_station_gains_the_angular_momentum_that_the_robot_loses(walked, sim
     gained = cumulative_trapezoid(recording.module_torques, recording.times, axis=0, initial=0.0)
     assert np.abs(lost).max() > 0.1
     assert np.abs(gained - lost).max() < 0.03 * np.abs(lost).max()
+    load = station_load(recording)
+    assert load.angular_impulses[0] == pytest.approx(np.linalg.norm(lost, axis=1).max(), rel=0.03)
+    assert load.peak_torques[0] == pytest.approx(np.linalg.norm(load.torques, axis=1).max())
 
 
 @pytest.mark.parametrize("duration", [100.0, 250.0])
