@@ -4,37 +4,26 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from reports import table
 
+import mlivr_gym.robot.json_schema  # registers its kinds, as does the next
+import mlivr_gym.world.json_schema  # noqa: F401
+from mlivr_gym.json_schema import json_schema_of
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.robot.any_limb import LimbValidator
 from mlivr_gym.robot.limb import LIMB
-from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
+from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
 from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
-from mlivr_gym.robot.validators import PairOf, SizeOrEdges
 from mlivr_gym.robot.visuals import VISUAL
-from mlivr_gym.schema import (
-    Anything,
-    Choice,
-    Fields,
-    Flag,
-    Integer,
-    ListOf,
-    Numbers,
-    OrNone,
-    Rotation,
-    Struct,
-    Text,
-)
+from mlivr_gym.schema import Struct
 from mlivr_gym.simulation.recording import Recording
-from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
+from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES
 from mlivr_gym.world.map_entries import MODULE, PART, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 
@@ -93,67 +82,54 @@ MEANINGS = {
 """Meanings of the fields that no class documents."""
 
 
-def kind_in_words(kind: Any) -> str:
-    """Return what a value must be, in words."""
-    match kind:
-        case OrNone():
-            return f"{kind_in_words(kind.kind)}, or null"
-        case Text():
-            return "text"
-        case Flag():
-            return "true or false"
-        case Choice():
-            return "one of " + ", ".join(f"`{option}`" for option in kind.options)
-        case Integer():
-            most = SYMBOLS.get(kind.most + 1)
-            top = f"{most} - 1" if most else f"{kind.most}" if kind.most < 1 << 31 else ""
-            return f"whole number from {kind.least}" + (f" to {top}" if top else "")
-        case Numbers():
-            return _numbers(kind)
-        case Rotation():
-            return "rotation matrix, 3 rows of 3"
-        case Boxes():
-            return "list of boxes"
-        case ListOf():
-            return _listed(kind)
-        case Struct() | LimbValidator():
+def in_words(schema: dict[str, Any]) -> str:
+    """Return in words what a value must be, by its JSON schema."""
+    match schema:
+        case {"anyOf": kinds}:
+            return ", or ".join(dict.fromkeys(map(in_words, kinds)))
+        case {"enum": options}:
+            names = (option if isinstance(option, str) else " ".join(option) for option in options)
+            return "one of " + ", ".join(f"`{name}`" for name in names)
+        case {"type": "array"}:
+            return _listed(schema)
+        case {"type": "integer" | "number"}:
+            return _numbers(schema, ())
+        case {"type": "object"}:
+            names = ", ".join(f"`{name}`" for name in schema["required"][:3])
+            return f"object with {names}" if 0 < len(schema["required"]) < 3 else "object"
+        case {"$ref": _}:
             return "object"
-        case Fields():
-            return "object with " + ", ".join(f"`{name}`" for name in kind.required)
-        case Anything():
-            return "anything"
-        case PairOf():
-            return "pair of " + ", ".join(f"`{' '.join(pair)}`" for pair in kind.pairs)
-        case SizeOrEdges():
-            return f"{kind_in_words(kind.edge)}, or {kind_in_words(kind.edges)}"
-        case Named():
-            return f"{kind_in_words(kind.kind)}, or one of " + ", ".join(
-                f"`{name}`" for name in ARMS
-            )
-    raise TypeError(f"no words for {kind!r}")
+        case {"type": kind}:
+            return {"string": "text", "boolean": "true or false"}.get(kind, kind)
+    return "anything"
 
 
-def _numbers(kind: Numbers) -> str:
+def _listed(schema: dict[str, Any]) -> str:
+    """Return shape, or length and kind of entries, of a list in words."""
+    shape, entry = [], schema
+    while entry.get("type") == "array":
+        most = entry["maxItems"]
+        shape.append(SYMBOLS.get(most, str(most) if most == entry["minItems"] else "k"))
+        entry = entry["items"]
+    if schema.get("description", "").startswith("rotation"):
+        return str(schema["description"])
+    if entry.get("type") == "number":
+        return _numbers(schema | entry, shape)
+    count, what = f"{shape[0]} " if shape[0] != "k" else "", in_words(schema["items"])
+    return f"list of {count}" + re.sub("^(text|object)", "\\1s", what)
+
+
+def _numbers(schema: dict[str, Any], shape: Sequence[str]) -> str:
     """Return shape, unit and range of numbers in words."""
-    unit = f" [{kind.unit}]" if kind.unit else ""
-    rows = SYMBOLS.get(kind.rows[1], "k")
-    shape = ", ".join(rows if n is None else SYMBOLS.get(n, str(n)) for n in kind.shape)
-    what = f"numbers, shape ({shape}{',' if len(kind.shape) == 1 else ''})" if shape else "number"
-    bounded = kind.least > -1e9 and (kind.least != 0.0 or kind.most > 1e9)
-    low = f", at least {kind.least:g}" if bounded and kind.most > 1e9 else ""
-    inside = f", {kind.least:g} to {kind.most:g}" if kind.least > -1e5 and kind.most < 1e9 else ""
-    return f"{what}{unit}{inside or low}"
-
-
-def _listed(kind: ListOf[Any]) -> str:
-    """Return length and element type of a list in words."""
-    exact = kind.least == kind.most
-    count = f"{SYMBOLS.get(kind.most, kind.most)} " if exact else ""
-    inner = kind.kind
-    what = {Struct: "objects", Fields: "objects", Text: "texts"}.get(type(inner))
-    if isinstance(inner, PairOf):
-        return kind_in_words(inner).replace("pair of", "list of pairs:")
-    return f"list of {count}{what or kind_in_words(inner)}"
+    kind = "number" if schema["type"] == "number" else "whole number"
+    if shape:
+        kind = f"numbers, shape ({', '.join(shape)}{',' if len(shape) == 1 else ''})"
+    unit, least, most = (schema.get(name) for name in ("description", "minimum", "maximum"))
+    what = f"{kind} {unit}" if unit else kind
+    if most is None or most >= 1 << 31:
+        return what if least is None else f"{what}, at least {least:g}"
+    top = f"{SYMBOLS[most + 1]} - 1" if most + 1 in SYMBOLS else f"{most:g}"
+    return f"{what}, at most {top}" if least is None else f"{what}, {least:g} to {top}"
 
 
 def attributes(made: type) -> dict[str, str]:
@@ -174,7 +150,7 @@ def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
             meaning = meanings[name].replace("|", "\\|")
-            yield f"`{name}`", needed, kind_in_words(inner), meaning
+            yield f"`{name}`", needed, in_words(json_schema_of(inner)), meaning
 
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:

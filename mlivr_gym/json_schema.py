@@ -11,6 +11,7 @@ from mlivr_gym.schema import (
     Anything,
     Choice,
     Fields,
+    Flag,
     Integer,
     ListOf,
     Numbers,
@@ -38,6 +39,8 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
             return {"anyOf": [json_schema_of(kind.kind), {"type": "null"}]}
         case Text():
             return {"type": "string", "minLength": kind.least, "maxLength": kind.most}
+        case Flag():
+            return {"type": "boolean"}
         case Choice():
             return {"enum": list(kind.options)}
         case Integer():
