@@ -175,10 +175,9 @@ class Numbers:
             found = array.astype(np.float64) if array.dtype.kind in "iufO" else None
         except (TypeError, ValueError, OverflowError):
             found = None  # rows of different lengths, not numbers, larger than every float
-        if found is None or found.shape != shape:
-            shape_found = (
-                f"has shape {found.shape}, " if found is not None and found.ndim else "is "
-            )
+        if found is None or found.shape != shape or _holds_flag(value):
+            is_other = found is not None and found.shape not in ((), shape)
+            shape_found = f"has shape {np.shape(found)}, " if is_other else "is "
             kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
             raise place.fault(f"{shape_found}{shortened(value)}; it must be {kind}")
         wrong = ~np.isfinite(found) | (found < self.least) | (found > self.most)
@@ -362,6 +361,16 @@ def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
         count = f"{least}" if least == most else f"{least} to {most}"
         raise place.fault(f"has {len(value)} entries; it must have {count}")
     return value
+
+
+def _holds_flag(value: object) -> bool:
+    """Return whether True or False is among nested lists of numbers, which NumPy takes for 1 or 0.
+
+    An array of them has a kind of its own.
+    """
+    if isinstance(value, (list, tuple)):
+        return any(map(_holds_flag, value))
+    return isinstance(value, (bool, np.bool_))
 
 
 def _frozen(value: Any) -> Any:

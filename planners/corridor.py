@@ -24,7 +24,8 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import STANCE, GraspMap, as_map
+from mlivr_gym.world.given_points import STANCE
+from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 CELL = 1.0
 """Edge of the cells of the route [m]."""

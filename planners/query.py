@@ -23,7 +23,7 @@ from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone,
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.grasp_map import GOAL, STANCE
+from mlivr_gym.world.given_points import GOAL, STANCE
 
 METHODS = ("astar", "dijkstra", "greedy", "algorithm1")
 """Names of the search methods."""

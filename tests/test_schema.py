@@ -44,7 +44,7 @@ SOME = ListOf(OrNone(Integer(0, 9)), 1, 3)
 TURN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 NO_NUMBERS = (
     None, True, "1", [1], {}, np.nan, np.inf, 10**400, [[1, 2], [3]], ["1", "2", "3"],
-    [1, 2, None], [True, False, True], [1, 2, "x"], object(),
+    [1, 2, None], [True, False, True], [1, True, 0.5], (0.0, np.False_, 1), [1, 2, "x"], object(),
 )  # fmt: skip
 
 
@@ -78,6 +78,7 @@ def test_a_valid_value_is_read(kind, value, read):
         (CHOICE, ["step"], "walk is 'step'; valid .*'weighted'; did you mean 'steps'"),
         (Numbers(()), NO_NUMBERS, "walk"),
         (Numbers((3,)), NO_NUMBERS, "walk"),
+        (LENGTHS, [[[0, 1], [2, True]]], r"walk is \[\[0, 1\], \[2, True\]\]; it must be finite"),
         (LENGTHS, [[[0, 1], [-2, 3]]], r"walk\[1\]\[0\] is -2.0; it must be from 0 to 100 m"),
         (LENGTHS, [[[0, 4250], [2, 3]]], r"walk\[0\]\[1\] is 4250, larger than 100 m; .*metres"),
         (LENGTHS, [[[2, 3], [5, np.nan]]], r"\[1\]\[1\] is nan; it must be a finite number"),

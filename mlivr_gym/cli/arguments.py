@@ -23,6 +23,7 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import PLACES, GraspMap, as_map
+from mlivr_gym.world.units import UNIT_OF_LENGTH
 
 SEED = Integer(0, 2**31)
 """Valid seeds: each episode takes the next one, and NumPy's old generator accepts 32 bits."""
@@ -127,6 +128,8 @@ def world_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--cargo-limb LIMB", text, type=int)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
     option(parser, "--map MAP", text)
+    text = "unit of the lengths in the file of --map that does not name one (default: m)"
+    option(parser, "--unit UNIT", text, valid=UNIT_OF_LENGTH)
     option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
     option(parser, "--no-transitions", "do not check that steps are executable")
     option(parser, "--no-collisions", "do not check collisions")
@@ -216,8 +219,12 @@ def search_options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:
-    """Return the map of `--map`, by default the measured JEM."""
-    return as_map(args.map)
+    """Return the map of `--map` and `--unit`, by default the measured JEM."""
+    if args.unit is None:
+        return as_map(args.map)
+    if args.map in (None, *PLACES):
+        raise SettingError(f"--unit {args.unit} needs the file of a map, given with --map")
+    return GraspMap.load(args.map, unit=args.unit)
 
 
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
@@ -320,6 +327,8 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     )  # fmt: skip
     given = {name: getattr(args, name) for name in names if name in args}
     changed = {name: value for name, value in given.items() if value != args.default(name)}
+    if args.unit is not None:
+        changed["map"] = chosen_map(args).to_dict()
     if any(getattr(args, name) != args.default(name) for name in OF_ROBOT if name in args):
         changed["robot"] = chosen_robot(args).to_dict()
         changed.pop("cargo", None)

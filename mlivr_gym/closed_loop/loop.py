@@ -44,7 +44,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import STANCE
+from mlivr_gym.world.given_points import STANCE
 
 LOOKS = 4
 """Number of looks during a step after which the robot plans on from where the step leads."""

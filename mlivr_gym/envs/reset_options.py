@@ -15,7 +15,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.schema import Anything, Fields, OrNone
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.grasp_map import GOAL, STANCE
+from mlivr_gym.world.given_points import GOAL, STANCE
 
 RESET_OPTIONS = Fields(
     {},

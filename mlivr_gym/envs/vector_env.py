@@ -30,7 +30,7 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, ListOf, OrNone
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import valid_actions
-from mlivr_gym.world.grasp_map import GOAL, STANCE
+from mlivr_gym.world.given_points import GOAL, STANCE
 
 MAX_SUB_ENVS = 1 << 20
 """Maximum number of sub-environments, whose observations of the JEM take some gigabytes."""

@@ -17,7 +17,8 @@ from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import compile_spec
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import STANCE, GraspMap
+from mlivr_gym.world.given_points import STANCE
+from mlivr_gym.world.grasp_map import GraspMap
 
 START = "start"
 """Name of the keyframe with the robot at rest in its first stance."""

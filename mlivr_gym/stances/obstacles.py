@@ -19,7 +19,8 @@ from mlivr_gym.schema import FieldPath, ListOf, OrNone, Text
 from mlivr_gym.settings import Settings
 from mlivr_gym.transitions.step_check import StepChecks
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import STANCE, GraspMap
+from mlivr_gym.world.given_points import STANCE
+from mlivr_gym.world.grasp_map import GraspMap
 
 GROUP_EDGE = 0.3
 """Edge of cubes whose obstacles are compared with positions as one box; 1 is the reach."""

@@ -34,7 +34,8 @@ from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.point_pairs import check_distances, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
-from mlivr_gym.world.grasp_map import STANCE, GraspMap
+from mlivr_gym.world.given_points import STANCE
+from mlivr_gym.world.grasp_map import GraspMap
 
 TOUCHED = {
     UNDECIDED: "something",

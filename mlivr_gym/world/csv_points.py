@@ -12,7 +12,7 @@ from mlivr_gym.errors import MapError, path_shown, shortened
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_POINTS
 from mlivr_gym.world.map_entries import POINT, point_row
-from mlivr_gym.world.units import in_metres, metres_per_unit
+from mlivr_gym.world.units import in_metres, metres_per_unit, told_in_metres
 
 VECTORS = {"position": ("x", "y", "z"), "normal": ("nx", "ny", "nz"), "rail": ("rx", "ry", "rz")}
 """Columns of the vectors of a point: position [m], outward normal and direction of the rail."""
@@ -49,7 +49,7 @@ def read_points(path: str | Path, entries: Mapping[str, Any] | None = None) -> l
         raise MapError(f"points is given beside {path_shown(path)}, which has them; leave it out")
     metres = metres_per_unit(others, FieldPath("", MapError))
     try:
-        with open(path, encoding="utf-8-sig", newline="") as stream:
+        with open(path, encoding="utf-8-sig", newline="") as stream, told_in_metres(others):
             return _points(csv.reader(stream), Path(path).stem, metres)
     except MapError as fault:
         raise MapError(f"map {path_shown(path)}: {fault}") from None

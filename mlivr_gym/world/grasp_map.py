@@ -22,39 +22,25 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import (
     GoalError,
     MapError,
-    StanceError,
     UnknownPointError,
     path_shown,
     shortened,
 )
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import FieldPath, ListOf, Numbers, OrNone, Tuples
+from mlivr_gym.schema import FieldPath, OrNone, Tuples
 from mlivr_gym.values import EqualByData
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
+from mlivr_gym.world.given_points import GOAL, STANCE, is_point_number
 from mlivr_gym.world.joining import joined_fields, placed_maps
-from mlivr_gym.world.map_entries import map_fields, overrides, plain_fields, whole_fields
+from mlivr_gym.world.map_entries import (
+    map_fields,
+    overrides,
+    plain_fields,
+    refuse_overrides,
+    whole_fields,
+)
 from mlivr_gym.world.rails import Handrail, Segment
-
-
-def _point_number(value: object) -> bool:
-    """Return whether a value may be the index of a point."""
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-
-
-def _point(value: Any, place: FieldPath) -> str | int:
-    """Return a point by id or index."""
-    if not isinstance(value, str) and not _point_number(value):
-        raise place.refused(value, "the id of a point, or its index")
-    point: str | int = value
-    return point
-
-
-GOAL = WithError(GoalError, Numbers((3,)))
-"""A goal position [m]."""
-
-STANCE = WithError(StanceError, ListOf(Reader(_point)))
-"""Points by id or index, such as that of each limb."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -139,7 +125,7 @@ class GraspMap(EqualByData):
         if isinstance(point, str):
             if point in self._index:
                 return self._index[point]
-        elif _point_number(point) and 0 <= point < len(self.ids):
+        elif is_point_number(point) and 0 <= point < len(self.ids):
             return int(point)
         raise UnknownPointError(point, self.ids)
 
@@ -218,19 +204,38 @@ class GraspMap(EqualByData):
 
     @classmethod
     def load(
-        cls, path: str | Path, spacing: float | None = None, clearance: float | None = None
+        cls,
+        path: str | Path,
+        spacing: float | None = None,
+        clearance: float | None = None,
+        *,
+        unit: str | None = None,
     ) -> GraspMap:
-        """Read a map from a JSON file; see `from_dict` for its fields.
+        """Read a map from a JSON file, see `from_dict` for its fields, or from a CSV table.
+
+        Parameters
+        ----------
+        path
+            The file.
+        spacing
+            Overrides the file's spacing [m].
+        clearance
+            Overrides the file's clearance [m].
+        unit
+            Unit of the lengths in the file, `"m"` or `"mm"`, if it does not name one.
 
         Raises
         ------
         MapError
-            If the file cannot be read or any entry is faulty; the message names the
-            entry.
+            If the file cannot be read, an entry is faulty, which is named, or an argument would
+            be of no effect.
+        SettingError
+            If another argument is faulty.
         """
-        given, file = overrides(spacing, clearance), _file(path)
+        given, file = overrides(spacing, clearance, unit), _file(path)
         if file.suffix.lower() == ".csv":
-            return cls.from_csv(file)
+            refuse_overrides(given, "a table has points, not rails", "spacing", "clearance")
+            return cls.from_csv(file, **given)
         made = partial(cls._made, given=given, name=file.stem, folder=file.parent)
         return load(path, "map", MapError, made)
 
@@ -260,12 +265,7 @@ class GraspMap(EqualByData):
 
     @classmethod
     def from_mesh(
-        cls,
-        path: str | Path,
-        *,
-        scale: float = 1.0,
-        resolution: float | None = None,
-        **entries: Any,
+        cls, path: str | Path, *, scale: float = 1, resolution: float | None = None, **entries: Any
     ) -> GraspMap:
         """Make a map of a triangle mesh, whose surface the robot must not touch, and of its rails.
 
@@ -330,7 +330,8 @@ class GraspMap(EqualByData):
         Raises
         ------
         MapError
-            If the data are faulty; the message names the field.
+            If the data are faulty; the message names the field. Also if spacing or clearance are
+            given for data of `to_dict`.
         SettingError
             If spacing or clearance are.
         """
@@ -338,7 +339,7 @@ class GraspMap(EqualByData):
         return FieldPath("", MapError).build(cls._made, data, given, name, Path())
 
     @classmethod
-    def _made(cls, data: Any, given: dict[str, float], name: str, folder: Path) -> GraspMap:
+    def _made(cls, data: Any, given: dict[str, Any], name: str, folder: Path) -> GraspMap:
         """Return the map of plain data, see `map_fields`."""
         fields = map_fields(data, given, name, folder)
         parts = placed_maps(fields.pop("parts", ()), folder, PLACES, as_map)

@@ -20,11 +20,12 @@ from mlivr_gym.schema import (
     Numbers,
     Rotation,
     Tuples,
+    Validator,
     are_rotations,
 )
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, check_unique
 from mlivr_gym.world.boxes import Box, Boxes
-from mlivr_gym.world.mesh_boxes import mesh_boxes
+from mlivr_gym.world.mesh_boxes import MESH_OPTIONS, mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, POSITION, SEGMENT, Handrail, Segment
 from mlivr_gym.world.units import (
     UNIT_OF_LENGTH,
@@ -32,6 +33,8 @@ from mlivr_gym.world.units import (
     check_rails,
     in_metres,
     metres_per_unit,
+    told_in_metres,
+    with_unit,
 )
 
 MARGIN = 1.5
@@ -54,10 +57,7 @@ POINT = Fields(
 )
 """A point of a map file."""
 
-MESH = Fields(
-    {"file": NAME},
-    {"resolution": Tuples((), 1e-3, MAX_LENGTH, "m"), "scale": Tuples((), MIN_SIZE, MAX_LENGTH)},
-)
+MESH = Fields({"file": NAME}, MESH_OPTIONS)
 """A mesh whose surface the robot must not touch; its file is relative to that of the map."""
 
 
@@ -215,14 +215,26 @@ def clear_of_handrails(
     return [row for row, kept in zip(rows, free, strict=True) if kept]
 
 
-def overrides(spacing: float | None, clearance: float | None) -> dict[str, float]:
+def overrides(
+    spacing: float | None, clearance: float | None, unit: str | None = None
+) -> dict[str, Any]:
     """Return what a caller gives in place of the fields of a file."""
-    kinds = {"spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance)}
+    kinds: dict[str, tuple[Validator[Any], Any]] = {
+        "spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance),
+        "unit": (UNIT_OF_LENGTH, unit),
+    }  # fmt: skip
     return {
         name: kind.read(value, FieldPath(name, SettingError))
         for name, (kind, value) in kinds.items()
         if value is not None
     }
+
+
+def refuse_overrides(given: Mapping[str, Any], reason: str, *names: str) -> None:
+    """Refuse what a caller gives, of some fields, that a file takes no notice of for a reason."""
+    for name in names:
+        if name in given:
+            raise MapError(f"{name} is {given[name]!r}, but {reason}; leave it out")
 
 
 def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
@@ -233,15 +245,24 @@ def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
     return mesh_boxes(folder / mesh["file"], **options)
 
 
-def map_fields(data: Any, given: dict[str, float], name: str, folder: Path) -> dict[str, Any]:
+def map_fields(data: Any, given: dict[str, Any], name: str, folder: Path) -> dict[str, Any]:
     """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`.
 
     With parts, they are `joining.joined_fields`' own fields, of which `cabin` may be missing.
     """
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
+        reason = "the map was saved in metres, with the points laid out"
+        refuse_overrides(given, reason, *given)
         return POINTS.read(data, root)
-    read = MODULE.read(in_metres(MODULE, data, metres_per_unit(data, root)), root) | given
+    data = with_unit(data, given.get("unit"), root)
+    with told_in_metres(data):
+        read = MODULE.read(in_metres(MODULE, data, metres_per_unit(data, root)), root) | given
+        return _fields_of(read, root, name, folder)
+
+
+def _fields_of(read: dict[str, Any], root: FieldPath, name: str, folder: Path) -> dict[str, Any]:
+    """Return the fields of a `GraspMap` from what `MODULE` has read, see `map_fields`."""
     segments, handrails = read.get("segments", ()), read.get("handrails", ())
     if "unit" not in read:
         check_rails(segments, root)

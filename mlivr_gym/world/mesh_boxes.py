@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import FileName, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.errors import MapError, path_shown
+from mlivr_gym.errors import MapError, path_shown, shortened
 from mlivr_gym.extras import require
-from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, as_triple
+from mlivr_gym.schema import NAME, OrNone, Tuples
+from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, MIN_SIZE, as_triple
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.mesh_plates import Plates, areas, flat_parts
 from mlivr_gym.world.triangle_cubes import cubes_of_triangles
@@ -32,13 +34,28 @@ MOST_CELLS = 4_000_000
 """Largest surface of a mesh, in faces of a cube."""
 
 
+FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+"""Suffixes of files of meshes."""
+
+MESH_OPTIONS = {
+    "resolution": Tuples((), 1e-3, MAX_LENGTH, "m"),
+    "scale": Tuples((), MIN_SIZE, MAX_LENGTH),
+}
+"""Edge of the cubes, and metres per unit of the file."""
+
+
 def largest_excess(resolution: float) -> float:
     """Return the largest distance [m] of a point of a box from the surface that it covers."""
     return float(np.sqrt(3.0)) * resolution
 
 
+@checked({"path": FileName(), "name": OrNone(NAME), **MESH_OPTIONS}, MapError)
 def mesh_boxes(
-    path: str | Path, resolution: float = RESOLUTION, scale: float = 1.0
+    path: str | Path,
+    resolution: float = RESOLUTION,
+    scale: float = 1.0,
+    *,
+    name: str | None = None,
 ) -> tuple[Box, ...]:
     """Return boxes that cover the surface of a mesh.
 
@@ -50,12 +67,14 @@ def mesh_boxes(
         Edge of the cubes of which the boxes consist [m]; see `largest_excess`.
     scale
         Metres per unit of the file, 0.001 for one in millimetres.
+    name
+        First part of the ids of the boxes, by default the name of the file.
 
     Raises
     ------
     MapError
-        If the file cannot be read, holds no triangle, is larger than a map may be, or needs
-        more cubes or boxes than are allowed.
+        If an argument is faulty, or the file cannot be read, holds no triangle, is larger than a
+        map may be, or needs more cubes or boxes than are allowed.
     """
     corners = _triangles(path) * scale
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
@@ -92,7 +111,7 @@ def mesh_boxes(
             f"mesh {path_shown(path)} needs {count:,} boxes at a resolution of "
             f"{resolution:g} m, at most {MAX_PARTS:,} are allowed; give a larger resolution"
         )
-    return _boxes(found, f"{Path(path).stem}/")
+    return _boxes(found, f"{name or Path(path).stem}/")
 
 
 def _boxes(found: list[Plates], name: str) -> tuple[Box, ...]:
@@ -115,12 +134,26 @@ def _triangles(path: str | Path) -> Array:
     require("trimesh", extra="mesh")
     import trimesh
 
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise MapError(
+            f"mesh {path_shown(path)} has the suffix {shortened(suffix)}; valid ones are "
+            f"{', '.join(FORMATS)}"
+        )
+    try:
+        content = Path(path).read_bytes()
+    except OSError as fault:
+        reason = fault.strerror or str(fault)
+        raise MapError(f"cannot read mesh {path_shown(path)}: {reason}") from None
     try:
         # Unprocessed, since processing leaves out triangles with corners that are not finite.
         mesh: Any = trimesh.load(path, force="mesh", process=False)
         corners = np.asarray(mesh.triangles, dtype=np.float64)
-    except Exception as fault:  # trimesh has no error type of its own
-        reason = str(fault).splitlines()[0] if str(fault) else type(fault).__name__
+    except Exception as fault:  # trimesh has no error type of its own, nor words for users
+        kind = "glTF" if suffix.startswith(".gl") else suffix[1:].upper()
+        reason = f"it is no {kind} file of triangles, or damaged"
+        if isinstance(fault, FileNotFoundError) and str(fault).encode() in content:
+            reason = f"it names the file {shortened(str(fault))}, which is missing"
         raise MapError(f"cannot read mesh {path_shown(path)}: {reason}") from None
     if not len(corners):
         raise MapError(f"mesh {path_shown(path)} holds no triangle")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -40,6 +42,33 @@ def metres_per_unit(data: Any, place: FieldPath) -> float:
     if not isinstance(data, dict) or "unit" not in data:
         return 1.0
     return METRES[UNIT_OF_LENGTH.read(data["unit"], place.field("unit"))]
+
+
+def with_unit(data: Any, unit: str | None, place: FieldPath) -> Any:
+    """Return plain data of a map in a unit that a caller gives, by default in their own.
+
+    Raises an error of the type of `place` if they name another one.
+    """
+    if unit is None or not isinstance(data, dict):
+        return data
+    if data.get("unit", unit) != unit:
+        raise place.field("unit").fault(f"is {data['unit']!r} in the file, but {unit!r} is given")
+    return data | {"unit": unit}
+
+
+@contextmanager
+def told_in_metres(data: Any) -> Iterator[None]:
+    """Let errors about lengths say that they are in metres, if the data have another unit."""
+    try:
+        yield
+    except MapError as fault:
+        unit = data.get("unit", "m") if isinstance(data, dict) else "m"
+        if unit == "m" or not re.search(r"\d m\b", str(fault)):
+            raise
+        raise MapError(
+            f"{fault}; these are metres: in {unit}, the unit of the map, the numbers are "
+            f"{1.0 / METRES[unit]:g} times as large"
+        ) from None
 
 
 def in_metres(kind: Any, data: Any, metres: float) -> Any:

@@ -93,6 +93,29 @@ def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path, ladde
     assert "robot:\n  name: given\n" in out
 
 
+@pytest.mark.parametrize("suffix", ["csv", "json"])
+def test_a_map_in_millimetres_is_said_to_be_one(run, tmp_path, suffix, ladder):
+    """Also an environment gets it."""
+    path, header = tmp_path / f"ladder.{suffix}", "id,x,y,z,nx,ny,nz,rx,ry,rz"
+    if suffix == "csv":
+        places = zip(ladder.ids, (1e3 * ladder.positions).tolist(), strict=True)
+        rows = [f"{name},{x},{y},{z},0,0,1,0,1,0" for name, (x, y, z) in places]
+        path.write_text("\n".join([header, *rows]))
+    else:
+        points = [
+            {"id": name, "face": "f", "position": p, "normal": [0, 0, 1], "rail": [0, 1, 0]}
+            for name, p in zip(ladder.ids, (1e3 * ladder.positions).tolist(), strict=True)
+        ]
+        path.write_text(json.dumps({"points": points}))
+    code, out, _ = run(f"info --map {path} --unit mm --json")
+    assert code == 0
+    assert json.loads(out)["map"]["points"] == len(ladder)
+    args = f"--map {path} --unit mm --episodes 1 --policy random"
+    code, _, err = run(f"evaluate {args}")
+    assert code == 0, err
+    assert run(f"info --map {path}")[0] != 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

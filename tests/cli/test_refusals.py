@@ -18,6 +18,9 @@ info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must 
 info --failed-joint 0.5 2 0.5                 : --failed-joint[0] is 0.5
 info --robot mlivr2-iiwa --failed-joint 0 2 1 --failed-joint 0 5 1 : joint 2 of limb 0 has failed
 plan --map nowhere.json                       : nowhere.json
+plan --map uslab --unit mm                    : --unit mm needs the file of a map, given with --map
+plan --unit mm                                : --unit mm needs the file of a map, given with --map
+plan --map my.csv --unit cm                   : --unit is 'cm'; valid choices are 'm', 'mm'
 plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist
 plan --clearance 1e300                        : clearance is 1e+300, larger than 100 m

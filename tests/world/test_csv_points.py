@@ -33,6 +33,22 @@ def test_a_table_makes_the_map_that_json_makes(tmp_path):
         GraspMap.from_csv(path, points=[])
 
 
+def test_what_lays_points_out_along_rails_is_refused_where_there_are_none(tmp_path):
+    """Points of a table, and of a map that was saved, stay where they are."""
+    table = written(tmp_path, HEADER, *ROWS)
+    for name in ("spacing", "clearance"):
+        with pytest.raises(MapError, match=f"^{name} is 0.1, but a table has points"):
+            GraspMap.load(table, **{name: 0.1})
+    found = GraspMap.load(table)
+    found.save(tmp_path / "map.json")
+    for given in ({"spacing": 0.1}, {"clearance": 0.1}, {"unit": "mm"}):
+        (name,) = given
+        with pytest.raises(MapError, match=f"{name} is .*, but the map was saved in metres"):
+            GraspMap.load(tmp_path / "map.json", **given)
+    with pytest.raises(MapError, match=r"spacing is 0\.1, but the map was saved"):
+        GraspMap.from_dict(found.to_dict(), spacing=0.1)
+
+
 def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
     path = written(tmp_path, "rz, ry, rx, nz, ny, nx, z, y, x, id", "0,0,1,1,0,0,3,2,1,P")
     found = GraspMap.load(path)

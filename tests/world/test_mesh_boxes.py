@@ -11,7 +11,7 @@ from map_data import LADDER, POINT, SEGMENT
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
-from mlivr_gym.errors import MapError
+from mlivr_gym.errors import MapError, ShapeError
 from mlivr_gym.world.mesh_boxes import largest_excess, merged_cells, mesh_boxes
 
 trimesh = pytest.importorskip("trimesh")
@@ -218,6 +218,63 @@ def test_a_fault_is_one_line(tmp_path, content, options, match):
     with pytest.raises(MapError, match=match) as error:
         mesh_boxes(path, **options)
     assert "\n" not in str(error.value)
+
+
+GLTF = {
+    "asset": {"version": "2.0"}, "buffers": [{"uri": "gone.bin", "byteLength": 12}],
+    "bufferViews": [{"buffer": 0, "byteLength": 12}], "scenes": [{"nodes": []}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("part.step", "x", "has the suffix '.step'; valid ones are .glb, .gltf, .obj, .ply, .stl"),
+        ("part", "x", "has the suffix ''; valid ones are .glb, .gltf, .obj, .ply, .stl"),
+        ("part.stl", None, "No such file or directory"),
+        ("part.obj", "v 1 2\nf 1 2 3", "it is no OBJ file of triangles, or damaged"),
+        ("part.ply", "ply\nfoo", "it is no PLY file of triangles, or damaged"),
+        ("part.glb", "glTFxxxx", "it is no glTF file of triangles, or damaged"),
+        ("part.gltf", "{", "it is no glTF file of triangles, or damaged"),
+        ("part.gltf", json.dumps(GLTF), "it names the file 'gone.bin', which is missing"),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_told_in_words_of_this_package(name, content, words, tmp_path):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(MapError) as error:
+        mesh_boxes(tmp_path / name)
+    message = str(error.value)
+    assert message.endswith(words)
+    assert repr(str(tmp_path / name)) in message
+
+
+def test_boxes_of_two_meshes_with_one_file_name_may_have_names_of_their_own(tmp_path):
+    paths = [tmp_path / folder / "panel.stl" for folder in ("left", "right")]
+    for path in paths:
+        path.parent.mkdir()
+        trimesh.creation.box((0.1, 0.1, 0.1)).export(path)
+    graph = stance_graph(GraspMap.from_dict(LADDER))
+    graph.add_obstacles(mesh_boxes(paths[0]))
+    with pytest.raises(ShapeError, match="a box 'panel/0' already exists; give each"):
+        graph.add_obstacles(mesh_boxes(paths[1]))
+    graph.add_obstacles(mesh_boxes(paths[1], name="right"))
+    assert [box.id for box in graph.obstacles[::6]] == ["panel/0", "right/0"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"resolution": -1}, r"^resolution is -1\.0; it must be from 0\.001 to 1000 m$"),
+        ({"scale": "mm"}, "^scale is 'mm'; it must be a finite number$"),
+        ({"name": ""}, "^name is ''; it must be a text of 1 to 200 printable characters$"),
+        ({"path": 3}, "^path is 3; it must be the path of a file$"),
+    ],
+)
+def test_a_faulty_argument_is_named(options, words, tmp_path):
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "part.stl")
+    with pytest.raises(MapError, match=words):
+        mesh_boxes(**{"path": tmp_path / "part.stl"} | options)
 
 
 @pytest.mark.parametrize("corner", ["nan", "inf"])

@@ -9,7 +9,7 @@ from map_data import BOX, LADDER, POINT, RAIL, SEGMENT
 
 from mlivr_gym import GraspMap
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MapError
+from mlivr_gym.errors import MapError, SettingError
 
 JEM = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
 LENGTHS = {
@@ -119,6 +119,30 @@ def test_a_table_may_be_in_millimetres(tmp_path):
     found = GraspMap.from_csv(path, unit="mm", cabin={"min": [0, 0, 0], "max": [2000, 2000, 2000]})
     np.testing.assert_allclose(found.positions, [[0, 1.876, 0], [0, 1.9, 0]])
     np.testing.assert_allclose(found.cabin, [[0, 0, 0], [2, 2, 2]])
+    np.testing.assert_allclose(GraspMap.load(path, unit="mm").positions, found.positions)
+
+
+def test_who_loads_a_map_may_say_its_unit_but_not_another_than_the_map(tmp_path):
+    path, data = tmp_path / "map.json", in_millimetres(LADDER)
+    for given in (data, {name: value for name, value in data.items() if name != "unit"}):
+        path.write_text(json.dumps(given))
+        assert GraspMap.load(path, unit="mm") == GraspMap.from_dict(LADDER)
+    path.write_text(json.dumps(LADDER | {"unit": "m"}))
+    with pytest.raises(MapError, match="unit is 'm' in the file, but 'mm' is given"):
+        GraspMap.load(path, unit="mm")
+    with pytest.raises(SettingError, match="unit is 'cm'; valid choices are 'm', 'mm'"):
+        GraspMap.load(path, unit="cm")
+
+
+def test_lengths_in_messages_are_said_to_be_in_metres(tmp_path):
+    with pytest.raises(MapError, match=r"points\[0\]\.position\[1\] is 2000, .* 1000 times"):
+        GraspMap.from_dict(wall([0, 2e6, 0], unit="mm"))
+    words = r"mesh\.resolution is 5e-05; .* 0\.001 .*: in mm, the unit of the map, .* 1000 times"
+    with pytest.raises(MapError, match=words):
+        GraspMap.from_mesh(tmp_path / "room.stl", resolution=0.05, unit="mm", points=[POINT])
+    (tmp_path / "rack.csv").write_text("id,x,y,z,nx,ny,nz,rx,ry,rz\nA,0,3e6,0,0,0,1,1,0,0\n")
+    with pytest.raises(MapError, match=r"line 2: y is 3000, .* 1000 times"):
+        GraspMap.load(tmp_path / "rack.csv", unit="mm")
 
 
 @pytest.mark.parametrize("unit", ["cm", None, ["mm"], 0.001])
