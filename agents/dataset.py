@@ -43,32 +43,14 @@ def write_dataset(
 ) -> Any:
     """Write episodes of the expert; episode k starts from `reset(seed=seed + k)`.
 
-    The expert is an `ExpertPolicy`. The data set can rebuild its environment:
+    The expert is an `ExpertPolicy`. `env_arguments` are those of `MLIVR-JEM-v0`, whose episodes are
+    truncated after 100 steps; `progress` is called with the number of finished episodes. Returned
+    is the `minari.MinariDataset`, which can rebuild its environment:
     `load_dataset(id).recover_environment()`.
 
-    Parameters
-    ----------
-    dataset_id
-        Id, for example `"mlivr/jem/expert-v0"`.
-    episodes
-        Number of episodes.
-    seed
-        Seed of the first episode.
-    env_arguments
-        Arguments of `MLIVR-JEM-v0`, whose episodes are truncated after 100 steps.
-    progress
-        Function that is called with the number of finished episodes.
-
-    Returns
-    -------
-    Any
-        The `minari.MinariDataset`.
-
-    Raises
-    ------
-    SettingError
-        If `episodes` is below 1, the id is not valid for Minari or exists already, or the extra
-        [data] is not installed; all this is checked before the first episode.
+    Raises a `SettingError` if `episodes` is below 1, the id is not valid for Minari (as
+    `"mlivr/jem/expert-v0"` is) or exists already, or the extra [data] is not installed; all this is
+    checked before the first episode.
     """
     require(*REQUIRED_PACKAGES, extra="data")
     if episodes < 1:

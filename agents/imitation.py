@@ -91,16 +91,9 @@ def optimal_set_loss(logits: Tensor, valid: Tensor, optimal: Tensor) -> Tensor:
 
 
 class Imitation:
-    """Training of an actor-critic to imitate the expert.
+    """Training of an actor-critic of sb3-contrib to imitate the expert.
 
-    Attributes
-    ----------
-    actor_critic
-        Actor-critic of sb3-contrib that is trained.
-    hyperparameters
-        Hyperparameters.
-    data
-        Samples of all rounds so far.
+    `data` are the samples of all rounds so far.
     """
 
     def __init__(

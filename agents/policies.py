@@ -36,22 +36,11 @@ class Policy(Protocol):
     """
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action to take.
+        """Return the action `limb * m + point` to take in an environment, which is unwrapped.
 
-        Parameters
-        ----------
-        env
-            The environment, unwrapped.
-        observation
-            Its present observation.
-        mask
-            Whether each action is valid, shape (N m,). At least one is, unless points or obstacles
-            of the world have changed, or a grasp has failed; any action may be returned if none is.
-
-        Returns
-        -------
-        int
-            The action, `limb * m + point`.
+        The mask, shape (N m,), says whether each action is valid. At least one is, unless points or
+        obstacles of the world have changed, or a grasp has failed; any action may be returned if
+        none is.
         """
         ...
 
@@ -152,13 +141,8 @@ def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
 class LookingPolicy:
     """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
 
-    Attributes
-    ----------
-    policy
-        Policy that chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
-        `failure_probability` are what the robot knows.
-    looks
-        Whether it looks.
+    `policy` chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
+    `failure_probability` are what the robot knows.
     """
 
     def __init__(self, policy: Policy, looks: bool = True) -> None:
@@ -234,12 +218,8 @@ def cost_of(env: MlivrEnv) -> Cost:
 class PlanPolicy:
     """Policy that follows plans, and plans again when the stance is not the one expected.
 
-    It also plans again when an episode begins, or the goal or the world has changed.
-
-    Attributes
-    ----------
-    plans
-        Number of plans made so far.
+    It also plans again when an episode begins, or the goal or the world has changed. `plans` is the
+    number of plans made so far.
     """
 
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:

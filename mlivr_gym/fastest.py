@@ -133,37 +133,14 @@ def ranked_plans(
 ) -> list[Candidate]:
     """Plan a query for several costs; return the candidates, the best first.
 
-    Of equally good candidates the one with less base translation comes first.
+    The arguments are those of `Planner.plan`, with limits of the steps, by default `Limits()`.
+    `best` says which candidate is best: `"time"`, the fastest, or `"reaction"`, that with the least
+    total impulse on the station, with the base poses and swings of `with_least_reaction`. The
+    candidates, at least one, have different stances; of equally good ones that with less base
+    translation comes first.
 
-    Parameters
-    ----------
-    planner
-        The planner, with its stance graph.
-    start
-        Id or index of the point that each limb holds at the start.
-    goal
-        Goal position of the base in the module frame, shape (3,) [m].
-    limits
-        Limits of the steps; by default `Limits()`.
-    best
-        Which candidate is best: `"time"`, the fastest, or `"reaction"`, that with the least total
-        impulse on the station, with the base poses and swings of `with_least_reaction`.
-    goal_tolerance
-        Radius of the goal region [m].
-    goal_face
-        Face of the map on which all limbs must hold points at the goal; None for any face.
-
-    Returns
-    -------
-    list[Candidate]
-        Candidates with different stances, at least one.
-
-    Raises
-    ------
-    NoPlanError
-        If no plan exists.
-    MlivrError
-        If an argument is invalid; the message names it.
+    Raises a `NoPlanError` if no plan exists, and a `MlivrError` that names the argument if one is
+    invalid.
 
     Examples
     --------

@@ -24,17 +24,7 @@ from mlivr_gym.transitions.state import State, Successors
 
 
 class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
-    """Base class of `MlivrEnv`: the present state, what an agent sees of it, and pictures.
-
-    Attributes
-    ----------
-    graph
-        The stance graph.
-    goal_tolerance
-        Radius of the goal region [m].
-    viewer
-        The renderer.
-    """
+    """Base class of `MlivrEnv`: the present state, what an agent sees of it, and pictures."""
 
     metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
     goal: Array

@@ -91,23 +91,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     ) -> None:
         """Compute all steps, or read them from the tables that ship or are cached.
 
-        Parameters
-        ----------
-        num_envs
-            Number of sub-environments k.
-        max_episode_steps
-            Number of steps after which an episode is truncated, None for no limit.
-        autoreset_mode
-            `"NextStep"` or `"Disabled"`.
-        env
-            An environment whose world, rewards, tasks and failure probabilities are used.
-        **kwargs
-            Arguments of `MlivrEnv`, unless `env` is given.
+        An episode is truncated after `max_episode_steps`, None for no limit; `autoreset_mode` is
+        `"NextStep"` or `"Disabled"`. With `env`, the world, rewards, tasks and failure
+        probabilities of that environment are used; otherwise `kwargs` are arguments of `MlivrEnv`.
 
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used; the message names it.
+        Raises a `MlivrError` if an argument cannot be used; the message names it.
         """
         self.metadata = {"autoreset_mode": autoreset_mode}
         if kwargs.pop("render_mode", None) is not None:

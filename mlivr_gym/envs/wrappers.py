@@ -72,14 +72,9 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
     ) -> None:
         """Wrap a `MlivrEnv`; the arguments are those of Gymnasium's wrapper.
 
-        Raises
-        ------
-        SettingError
-            If an argument cannot be used; the message names it.
-        ValueError
-            If the environment has no `render_mode` that returns pictures.
-        gymnasium.error.DependencyNotInstalled
-            If MoviePy is not installed.
+        Raises a `SettingError` if an argument cannot be used, a `ValueError` if the environment has
+        no `render_mode` that returns pictures, and a `gymnasium.error.DependencyNotInstalled`
+        without MoviePy.
         """
         super().__init__(
             env, video_folder, episode_trigger, step_trigger, video_length, name_prefix, fps,

@@ -19,24 +19,16 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 @dataclass(frozen=True)
 class StepMotion:
-    """k configurations along one step.
-
-    Attributes
-    ----------
-    phase
-        Index into `PHASES`, shape (k,).
-    base_positions
-        Base positions in the world, shape (k, 3) [m].
-    base_quaternions
-        Base orientations in the world w, x, y, z, shape (k, 4).
-    joint_positions
-        Joint angles, shape (k, N, 6) [rad].
-    """
+    """k configurations along one step."""
 
     phase: IntArray
+    """Index into `PHASES`, shape (k,)."""
     base_positions: Array
+    """Base positions in the world, shape (k, 3) [m]."""
     base_quaternions: Array
+    """Base orientations in the world w, x, y, z, shape (k, 4)."""
     joint_positions: Array
+    """Joint angles, shape (k, N, 6) [rad]."""
 
 
 def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -> StepMotion:

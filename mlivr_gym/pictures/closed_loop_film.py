@@ -121,39 +121,15 @@ def closed_loop_film(
     speed: float | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Film a walk in the closed loop; see `film.film`.
+    """Film a walk in the closed loop; the further arguments and errors are those of `film.film`.
 
-    Shown are the boxes that the robot does not know, pale; what it has sensed of them up to the
-    time of the picture; the plan that it follows at that time; crew members; and captions with
-    time, number of the step and what happened last.
+    Shown are the boxes that the robot does not know, pale and with their ids; what it has sensed of
+    them up to the time of the picture; the plan that it follows at that time; crew members who
+    crossed the cabin; and captions with time, number of the step and what happened last.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of what the robot knew at the start, without obstacles that were gone.
-    record
-        The record of a walk with `filmed=True`.
-    path
-        File to write: `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
-    unknown
-        Boxes that the robot did not know, which are shown with their ids.
-    crew
-        Crew members who crossed the cabin.
-    size
-        Width and height [px].
-    speed
-        Speed of the film relative to simulated time; by default `default_speed`.
-    progress
-        Function called with the number of frames rendered so far.
-
-    Raises
-    ------
-    SettingError
-        If the record has no footage, or the robot did not move.
-    RenderError
-        If no GL library can be used, or films of this format cannot be written.
-    FileError
-        If the file cannot be written.
+    The graph is that of what the robot knew at the start, without obstacles that were gone; the
+    record is that of a walk with `filmed=True`. Raises a `SettingError` if it has no footage, or
+    the robot did not move.
     """
     check_film_format(path)
     if record.footage is None or not record.footage.recordings:

@@ -54,27 +54,7 @@ def mission_film(
 ) -> None:
     """Film a mission that was carried out, all parts one after the other; see `film.film`.
 
-    Parameters
-    ----------
-    mission
-        The mission.
-    parts
-        What `mission.execute` returned.
-    path
-        File to write: `.gif`, or `.mp4` with the package `imageio[ffmpeg]`.
-    size
-        Width and height [px].
-    speed
-        Speed of the film relative to simulated time.
-
-    Raises
-    ------
-    SettingError
-        If an argument is of another kind or out of range.
-    RenderError
-        If no GL library can be used, or films of this format cannot be written.
-    FileError
-        If the file cannot be written.
+    `parts` are what `mission.execute` returned.
     """
     check_film_format(path)
     graph, ends = mission.graphs[0], np.cumsum([part.recording.times[-1] for part in parts])

@@ -50,25 +50,10 @@ def plan_figure(
 
     Explored base paths are thin lines, the planned one is thick and green, footholds have the
     limb's colour, and the goal region is a ball. The robot is drawn pale in its first stance, a
-    middle one and the last.
+    middle one and the last. `tree` has the base positions at both ends of each explored step, shape
+    (e, 2, 3) [m]; `path` is that of the PNG file, beside which an SVG of the same name is written.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    plan
-        The plan.
-    path
-        PNG file to write; an SVG of the same name is written, too.
-    tree
-        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    title
-        Heading; by default "Plan".
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written.
+    Raises a `FileError` if a file cannot be written.
 
     Examples
     --------

@@ -35,22 +35,8 @@ def reach_figure(grasp_map: GraspMap, reach: Reach, path: str | Path, title: str
 
     Points whose normals have the same main direction are drawn in one panel, seen along it. All
     panels have the same scale. Points out of reach are crosses, those held at the start have rings.
-
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    reach
-        The steps, as `reach_from` returns them.
-    path
-        PNG file to write; an SVG of the same name is written, too.
-    title
-        Heading; by default "Reach".
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written.
+    `reach` is the result of `reach_from`; `path` is that of the PNG file, beside which an SVG of
+    the same name is written. Raises a `FileError` if a file cannot be written.
     """
     panels = panels_of(grasp_map)
     low, high = grasp_map.positions.min(axis=0) - 0.2, grasp_map.positions.max(axis=0) + 0.2

@@ -124,31 +124,13 @@ class SceneRenderer:
         ghosts: Sequence[Configuration] = (),
         draw: Callable[[Any], None] | None = None,
     ) -> NDArray[np.uint8]:
-        """Render one configuration.
+        """Render one configuration; return the picture, shape (height, width, 3).
 
-        Parameters
-        ----------
-        position
-            Base position, shape (3,) [m].
-        quaternion
-            Base orientation w, x, y, z.
-        joints
-            Joint angles, shape (N, 6) [rad].
-        hide
-            Faces of the cabin that are not drawn.
-        camera
-            The camera; by default one that sees the whole map.
-        route
-            Route of a plan that is drawn in the scene.
-        ghosts
-            Configurations of translucent copies of the robot.
-        draw
-            Called with the `mujoco.MjvScene`, to which it may add shapes, see `scene_shapes`.
-
-        Returns
-        -------
-        NDArray[np.uint8]
-            The picture, shape (height, width, 3).
+        The base position has shape (3,) [m], the quaternion is w, x, y, z, and joint angles have
+        shape (N, 6) [rad]. The faces `hide` of the cabin are not drawn; the camera is by default
+        one that sees the whole map. With the route of a plan, that is drawn, too, and with `ghosts`
+        translucent copies of the robot in these configurations. `draw` is called with the
+        `mujoco.MjvScene`, to which it may add shapes, see `scene_shapes`.
         """
         import mujoco
 
@@ -212,13 +194,7 @@ class SceneRenderer:
 
 
 class SceneWindow:
-    """Window of MuJoCo's viewer that shows configurations of a robot.
-
-    Attributes
-    ----------
-    obstacles
-        Boxes that are drawn in addition to those of the map.
-    """
+    """Window of MuJoCo's viewer that shows configurations of a robot among `obstacles`."""
 
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
