@@ -176,8 +176,8 @@ class Numbers:
         except (TypeError, ValueError, OverflowError):
             found = None  # rows of different lengths, not numbers, larger than every float
         if found is None or found.shape != shape or _holds_flag(value):
-            is_other = found is not None and found.shape not in ((), shape)
-            shape_found = f"has shape {np.shape(found)}, " if is_other else "is "
+            there = () if found is None else found.shape
+            shape_found = "is " if there in ((), shape) else f"has shape {there}, "
             kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
             raise place.fault(f"{shape_found}{shortened(value)}; it must be {kind}")
         wrong = ~np.isfinite(found) | (found < self.least) | (found > self.most)
