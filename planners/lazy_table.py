@@ -27,6 +27,7 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import NodeTable
+from mlivr_gym.stances.obstacles import PositionCells
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -190,16 +191,18 @@ class LazyNodeTable(LazyTable):
 
     is_complete = label_independent = False
 
-    def __init__(self, graph: ImplicitGraph, table: NodeTable) -> None:
-        """Start with no node and no edge checked."""
+    def __init__(
+        self, graph: ImplicitGraph, table: NodeTable, cells: PositionCells | None = None
+    ) -> None:
+        """Start with no node and no edge checked; the cells are those of the base positions."""
         super().__init__(graph, table)
-        self.graph, self._free_table = graph, table
+        self.graph, self._free_table, self.cells = graph, table, cells
         if graph.obstacles:
             branch_sets, releasable = table.branch_sets.copy(), table.releasable.copy()
             self.table = table._replace(branch_sets=branch_sets, releasable=releasable)
             reach = graph.robot.extent + graph.settings.clearance
-            base = table.base_position
-            self._may_touch = graph.close_to_obstacles(base, base, reach)
+            self.cells = cells or PositionCells.of(table.base_position)
+            self._may_touch = graph.close_to_obstacles(self.cells, reach)
             self.is_unchecked = self._may_touch.copy()
 
     def check_nodes(
@@ -357,10 +360,14 @@ def branch_sets_along(
     return found
 
 
-def make_lazy_table(graph: StanceGraph) -> LazyTable | None:
-    """Return the nodes of a graph in the present world, or None if the graph has no table."""
+def make_lazy_table(graph: StanceGraph, previous: LazyTable | None = None) -> LazyTable | None:
+    """Return the nodes of a graph in the present world, or None if the graph has no table.
+
+    Those of an earlier world with the same table save some computation.
+    """
     if isinstance(graph, TwoLimbGraph):
         return LazyTwoLimbTable(graph)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
-        return LazyNodeTable(graph, graph.table)
+        cells = previous.cells if isinstance(previous, LazyNodeTable) else None
+        return LazyNodeTable(graph, graph.table, cells)
     return None

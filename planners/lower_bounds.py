@@ -80,7 +80,7 @@ class LowerBounds:
     def lazy_table(self) -> LazyTable:
         """Nodes and edges in the present world, with the results of earlier checks in it."""
         if self._lazy_table is None or self._lazy_table.version != self.graph.version:
-            self._lazy_table = make_lazy_table(self.graph)
+            self._lazy_table = make_lazy_table(self.graph, self._lazy_table)
         assert self._lazy_table is not None
         return self._lazy_table
 

@@ -12,7 +12,7 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.motion.commitment import CommittedMotion, CommittedSteps, committed_motion
+from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
@@ -22,14 +22,16 @@ from mlivr_gym.planners.failed_joints import (
     robot_with_failed_joints,
     start_with_failed_joints,
 )
-from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SearchResult
+from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
     NO_SWING,
     START_INFEASIBLE,
     PlanningResult,
     Timer,
+    no_swing,
     not_connected,
+    why_no_path,
     without_plan,
 )
 from mlivr_gym.planners.query import (
@@ -268,10 +270,12 @@ class Planner:
         if result is None:
             return without_plan(GOAL_UNREACHABLE, not_connected(search.goal), timer)
         if result.status != GOAL_REACHED:
-            return self._failure(result, search, start_state, timer)
+            message = why_no_path(self.graph, result, search, start_state)
+            return without_plan(result.status, message, timer, result)
         committed = committed_motion(self.graph, result.states, None, self._committed_steps)
         if committed.motion is None:
-            return without_plan(NO_SWING, self._no_swing(result, committed), timer, result)
+            message = no_swing(self.graph, *result.states[committed.failed or 0 :][:2])
+            return without_plan(NO_SWING, message, timer, result)
         times = timer.start_state, timer.search
         bound = result.bound if result.bound < math.inf else None
         statistics = Statistics(
@@ -282,33 +286,6 @@ class Planner:
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
             result.expanded, result.generated, *times, result.tree, result.improvements,
         )  # fmt: skip
-
-    def _no_swing(self, result: SearchResult, committed: CommittedMotion) -> str:
-        """Return the message about an edge of the graph for which no swing was found."""
-        before, after = result.states[committed.failed or 0 :][:2]
-        return (
-            f"no swing was found from {self.graph.ids(before.stance)} to "
-            f"{self.graph.ids(after.stance)}, although the edge passed its checks"
-        )
-
-    def _failure(
-        self, result: SearchResult, search: SearchQuery, start_state: State, timer: Timer
-    ) -> PlanningResult:
-        """Return the result of a search that ended without reaching the goal."""
-        start, goal = self.graph.ids(start_state.stance), search.goal.target.tolist()
-        detail = f" after {result.expanded} expansions, no path from {start} to {goal}"
-        if result.status == LIMIT_REACHED and not result.expanded:
-            detail = (
-                f": the tables of this robot on this map were not built within "
-                f"{search.time_limit:g} s; they are still being built, so plan again"
-            )
-        elif not result.expanded and (
-            start_state.pose is None or self.graph.successors(start_state)
-        ):
-            detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"
-        elif result.generated <= 1:
-            detail = f": no step leaves the start {start} on the branches that its limbs may be on"
-        return without_plan(result.status, f"{result.status}{detail}", timer, result)
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
@@ -330,6 +307,36 @@ class Planner:
             If the plan belongs to another map or robot, or is not possible in the present world.
         """
         return refined(self.graph, plan, seed)
+
+    @checked(QUERY)
+    def proves(self, plan: Plan, index: int, state: State, inflation: float) -> bool:
+        """Return whether the rest of a plan is proved to cost at most w times the minimum.
+
+        There is no search, so a rest may do so without proof. Its steps are not checked.
+
+        Parameters
+        ----------
+        plan
+            The plan.
+        index
+            Index of the first step of the rest.
+        state
+            The state before it, in the present world.
+        inflation
+            Suboptimality bound w, at least 1.
+
+        Raises
+        ------
+        MlivrError
+            If the state cannot be used.
+        """
+        graph, query, rest = self.graph, plan.query, plan.motion.base_positions[index:]
+        goal = Goal.from_arguments(
+            graph, query.goal, query.cost_name, query.regrasp_price, query.goal_tolerance,
+            query.goal_face,
+        )  # fmt: skip
+        search = SearchQuery.from_options(graph, goal, inflation=inflation)
+        return self._searcher.proves(search, graph.validated_state(state), query.cost_of(rest))
 
     @checked(QUERY)
     def prepare(

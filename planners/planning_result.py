@@ -10,8 +10,10 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners.outcome import SEARCH_EXHAUSTED, Improvement, SearchResult
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.outcome import LIMIT_REACHED, SEARCH_EXHAUSTED, Improvement, SearchResult
+from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.transitions.state import State
 
 START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
     "start infeasible", "goal outside the reachable set", "no swing",
@@ -100,6 +102,32 @@ def not_connected(goal: Goal) -> str:
         f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
         f"goal {goal.target.tolist()}"
     )
+
+
+def no_swing(graph: StanceGraph, before: State, after: State) -> str:
+    """Return the message about an edge of the graph for which no swing was found."""
+    return (
+        f"no swing was found from {graph.ids(before.stance)} to {graph.ids(after.stance)}, "
+        f"although the edge passed its checks"
+    )
+
+
+def why_no_path(
+    graph: StanceGraph, result: SearchResult, search: SearchQuery, start_state: State
+) -> str:
+    """Return the message about a search that ended without reaching the goal."""
+    start, goal = graph.ids(start_state.stance), search.goal.target.tolist()
+    detail = f" after {result.expanded} expansions, no path from {start} to {goal}"
+    if result.status == LIMIT_REACHED and not result.expanded:
+        detail = (
+            f": the tables of this robot on this map were not built within "
+            f"{search.time_limit:g} s; they are still being built, so plan again"
+        )
+    elif not result.expanded and (start_state.pose is None or graph.successors(start_state)):
+        detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"
+    elif result.generated <= 1:
+        detail = f": no step leaves the start {start} on the branches that its limbs may be on"
+    return f"{result.status}{detail}"
 
 
 def without_plan(

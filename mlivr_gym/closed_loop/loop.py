@@ -170,11 +170,14 @@ def run_closed_loop(
         limit = None if time_limit is None else patience * time_limit
         return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
 
+    def proves(plan: Plan, index: int, state: State) -> bool:
+        return inflation is not None and planner.proves(plan, index, state, inflation)
+
     def why_none(result: PlanningResult) -> str:
         occupancy = goal_occupancy(graph, goal, goal_tolerance)
         return "; ".join(filter(None, (occupancy, result.message)))
 
-    loop = _Loop(executor, (plan_from, why_none), (camera, tuple(crew)), seed, show)
+    loop = _Loop(executor, (plan_from, proves, why_none), (camera, tuple(crew)), seed, show)
     loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
@@ -189,16 +192,20 @@ class _Loop:
     def __init__(
         self,
         executor: StepExecutor,
-        planning: tuple[Callable[..., PlanningResult], Callable[[PlanningResult], str]],
+        planning: tuple[
+            Callable[..., PlanningResult],
+            Callable[[Plan, int, State], bool],
+            Callable[[PlanningResult], str],
+        ],
         around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
         (camera, self._crew), self.graph = around, executor.graph
-        plan_from, self._why_none = planning
+        plan_from, proves, self._why_none = planning
         self._robot = SensingRobot(executor, camera, seed, self._crew, show)
         self._executor, self._belief = executor, self._robot.belief
-        self.record, self._course = self._robot.record, Course(self._belief, plan_from)
+        self.record, self._course = self._robot.record, Course(self._belief, plan_from, proves)
         self.withdraw = self._belief.withdraw
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:

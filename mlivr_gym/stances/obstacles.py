@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arguments import InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
@@ -42,6 +45,31 @@ def _points(value: object, place: FieldPath) -> tuple[str | int, ...]:
 
 POINTS = Reader(_points)
 """Validator of some points by id or index: a list, a set or what else has them one by one."""
+
+
+class PositionCells(NamedTuple):
+    """Positions by cells of a grid, which are compared with obstacles in place of them."""
+
+    cell: NDArray[np.int32]
+    """Cell of each position, shape (n,)."""
+    low: Array
+    """Lower corner of each cell [m], shape (c, 3)."""
+
+    @classmethod
+    def of(cls, positions: Array) -> PositionCells:
+        """Return the cells of positions, shape (n, 3) [m]."""
+        if not len(positions):
+            return cls(np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
+        first = np.floor(positions.min(axis=0) / CELL_EDGE)
+        shape = np.floor(positions.max(axis=0) / CELL_EDGE - first).astype(np.int64) + 2
+        number = np.zeros(len(positions), dtype=np.int32)
+        for axis in range(3):  # one by one, which takes a third of the time
+            number *= shape[axis]
+            number += (positions[:, axis] / CELL_EDGE - first[axis]).astype(np.int32)
+        is_used = np.zeros(math.prod(shape.tolist()), dtype=np.bool_)
+        is_used[number] = True
+        low = np.stack(np.unravel_index(np.flatnonzero(is_used), shape), axis=1) + first
+        return cls((np.cumsum(is_used, dtype=np.int32) - 1)[number], CELL_EDGE * low)
 
 
 class ChangingWorld(ABC):
@@ -173,13 +201,14 @@ class ChangingWorld(ABC):
         """
 
     def close_to_obstacles(
-        self, low: Array, high: Array, reach: float, boxes: Sequence[Box] | None = None
+        self, positions: PositionCells, reach: float, boxes: Sequence[Box] | None = None
     ) -> BoolArray:
-        """Return which regions between corners, (n, 3) each, may be within `reach` of obstacles.
+        """Return which positions may be within `reach` of obstacles, shape (n,).
 
         Boxes, by default all, whose centres are close to each other count as one that contains
         them.
         """
+        low, high = positions.low, positions.low + CELL_EDGE
         close, groups = np.zeros(len(low), dtype=np.bool_), dict[tuple[float, ...], list[Array]]()
         for box in self.obstacles if boxes is None else boxes:
             key = tuple(coordinate // (GROUP_EDGE * reach) for coordinate in box.centre)
@@ -189,7 +218,7 @@ class ChangingWorld(ABC):
             rest = np.flatnonzero(~close)
             gaps = np.maximum(np.maximum(low[rest] - last, first - high[rest]), 0.0)
             close[rest] = np.einsum("ij,ij->i", gaps, gaps) <= (reach + SLACK) ** 2
-        return close
+        return np.asarray(close[positions.cell])
 
     def among_obstacles(self, points: IntArray, postures: Postures) -> Postures:
         """Remove what obstacles and occupied points exclude from postures, and return them.
@@ -209,13 +238,3 @@ class ChangingWorld(ABC):
         self.solver.remove_touching(every, checked, self.obstacle_grid)
         causes = self.solver.causes_at_points(self.obstacle_grid)
         postures.branch_sets[(causes[points] > 0).any(axis=1)] = 0
-
-
-def cells_of_positions(positions: Array) -> tuple[IntArray, Array, Array]:
-    """Return the cell of each position, (n,), and the corners of what is in each cell, (c, 3)."""
-    places = np.floor(positions / CELL_EDGE).astype(np.int64)
-    cells, cell = np.unique(places, axis=0, return_inverse=True)
-    low, high = np.full(cells.shape, np.inf), np.full(cells.shape, -np.inf)
-    np.minimum.at(low, cell, positions)
-    np.maximum.at(high, cell, positions)
-    return cell, low, high

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
@@ -24,7 +24,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, cells_of_positions
+from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -196,9 +196,8 @@ class TwoLimbGraph(StanceGraph):
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
         reach = around + 0.8 * self.max_displacement
-        cell, low, high = self._cells
-        close = self.close_to_obstacles(low, high, reach, added)[cell]
-        closest = self.close_to_obstacles(low, high, around, added)[cell]
+        close = self.close_to_obstacles(self._cells, reach, added)
+        closest = self.close_to_obstacles(self._cells, around, added)
         new = box_grid(added, OBSTACLE_CELL_EDGE)
         forbidden = self.solver.causes_at_points(new) > 0
         forbidden[list(self.occupied)] = True
@@ -210,9 +209,9 @@ class TwoLimbGraph(StanceGraph):
             self._known.check_nodes(slice(None))
 
     @cached_property
-    def _cells(self) -> tuple[IntArray, Array, Array]:
-        """The base positions by cells, which are compared with obstacles in place of them."""
-        return cells_of_positions(self.base_position)
+    def _cells(self) -> PositionCells:
+        """The base positions by cells."""
+        return PositionCells.of(self.base_position)
 
     @property
     def releasable(self) -> IntArray:
