@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from mlivr_gym.agents.policies import (
+    ExpertPolicy,
+    Policy,
+    RandomPolicy,
+    baseline_policy,
+    planner_policy,
+)
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extras import require
-
-if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
-    from mlivr_gym.agents.policies import Policy
-    from mlivr_gym.envs.env import MlivrEnv
 
 PLANNERS = (
     "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
@@ -25,18 +28,16 @@ def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = N
     `beam` is the width of a beam search that a learned policy guides; None for no search. Raises a
     `SettingError` if the name is unknown and no such checkpoint exists.
     """
-    from mlivr_gym.agents import policies
-
     if name in ("local", "two_level", "mcts"):
-        return policies.baseline_policy(name, seed=seed)
+        return baseline_policy(name, seed=seed)
     if name in ("astar", "dijkstra", "greedy"):
-        return policies.planner_policy("steps", name)
+        return planner_policy("steps", name)
     if name == "astar-base":
-        return policies.planner_policy("base")
+        return planner_policy("base")
     if name == "expert":
-        return policies.ExpertPolicy()
+        return ExpertPolicy()
     if name == "random":
-        return policies.RandomPolicy(seed)
+        return RandomPolicy(seed)
     checkpoint = Path(name).name and os.path.isfile(Path(name).with_suffix(".pt"))
     if name != "pretrained" and not checkpoint:
         raise SettingError(

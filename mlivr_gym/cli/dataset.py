@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from mlivr_gym.agents.dataset import write_dataset
 from mlivr_gym.cli.arguments import EPISODES, SEED, environment_arguments, option, world_options
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.envs.rewards import REWARDS
@@ -26,8 +27,6 @@ def run(args: argparse.Namespace) -> None:
     Needs the extra 'data'.
     """
     require("minari", extra="data")
-    from mlivr_gym.agents.dataset import write_dataset
-
     with Progress("episodes", args.episodes, args.quiet) as progress:
         env_arguments = environment_arguments(args)
         dataset = write_dataset(

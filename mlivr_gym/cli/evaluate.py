@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mlivr_gym.agents.evaluation import Evaluation, evaluate
 from mlivr_gym.agents.policy_names import PLANNERS, policy_by_name
 from mlivr_gym.agents.test_set import SPLITS, load_test_set
 from mlivr_gym.cli.arguments import (
@@ -18,10 +19,8 @@ from mlivr_gym.cli.arguments import (
     world_options,
 )
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.schema import Choice, Integer
-
-if TYPE_CHECKING:  # their modules import MuJoCo, which loads a GL library
-    from mlivr_gym.agents.evaluation import Evaluation
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -43,9 +42,6 @@ def run(args: argparse.Namespace) -> None:
 
     They are those of seeded episodes, or of the tasks of the frozen test set (--split).
     """
-    from mlivr_gym.agents.evaluation import evaluate
-    from mlivr_gym.envs.env import MlivrEnv
-
     if args.split is not None:
         refuse_without_effect(args, "with --split, which determines it", "episodes", "map")
     if args.policy in PLANNERS:

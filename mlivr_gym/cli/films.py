@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.progress import Progress
@@ -19,9 +18,7 @@ from mlivr_gym.pictures.film import (
     film_samples,
 )
 from mlivr_gym.pictures.rendering import SIZE
-
-if TYPE_CHECKING:
-    from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.simulation.recording import Recording
 
 
 def film_options(parser: argparse.ArgumentParser) -> None:

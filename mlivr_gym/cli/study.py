@@ -15,6 +15,8 @@ from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
 from mlivr_gym.schema import Choice
 from mlivr_gym.studies.design import StudyDesign
+from mlivr_gym.studies.rows import succeeded
+from mlivr_gym.studies.run import read_study, run_study
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -37,8 +39,6 @@ def run(args: argparse.Namespace) -> None:
     FOLDER/study.parquet, with one row for each run, and a table of their means to FOLDER/study.md.
     If the command is interrupted, run it again to continue.
     """
-    from mlivr_gym.studies.run import read_study, run_study
-
     if args.engine == "local":
         refuse_without_effect(args, "with --engine local", "scheduler")
     if args.scheduler is not None:
@@ -71,8 +71,6 @@ def run(args: argparse.Namespace) -> None:
 
 def combination_means(design: StudyDesign, rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Yield counts and means of the runs of each combination of levels."""
-    from mlivr_gym.studies.rows import succeeded
-
     for k, levels in enumerate(design.combinations):
         found = rows[k * design.tasks : (k + 1) * design.tasks]
         steps = [row["steps"] for row in found if row.get("steps") is not None]

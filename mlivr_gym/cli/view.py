@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mlivr_gym.cli.arguments import (
     CAPSULES,
@@ -27,13 +26,12 @@ from mlivr_gym.extras import require
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Integer
+from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-
-if TYPE_CHECKING:
-    from mlivr_gym.simulation.recording import Recording
-    from mlivr_gym.viewer.live_plan import LivePlan
+from mlivr_gym.viewer.frames import load_recording, plan_frames
+from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
 HOST, PORT = "127.0.0.1", 8080
 """Default address of the page, which this computer alone can reach."""
@@ -99,9 +97,6 @@ def _check(args: argparse.Namespace) -> None:
 
 def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
     """Return the first live plan, and the recording of its execution if there is one."""
-    from mlivr_gym.viewer.frames import load_recording
-    from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
-
     if args.plan or args.execution:
         folder = Path(args.execution or "")
         file = args.plan[0] if args.plan else folder / FILES[0]
@@ -131,7 +126,6 @@ def graph_of_plan(plan: Plan, args: argparse.Namespace) -> TwoLimbGraph | Implic
 
 def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None) -> int:
     """Serve the page until Ctrl-C."""
-    from mlivr_gym.viewer.frames import plan_frames
     from mlivr_gym.viewer.page import Page
     from mlivr_gym.viewer.panel import add_panel
     from mlivr_gym.viewer.viewer import Viewer

@@ -6,7 +6,7 @@ import argparse
 import json
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mlivr_gym.cli.arguments import (
     BOXES,
@@ -24,15 +24,16 @@ from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.closed_loop.crew import CrewMember
+from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.files import write_whole
+from mlivr_gym.pictures.closed_loop_film import closed_loop_film
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.film import check_film_format
+from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure
 from mlivr_gym.schema import Choice
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
-
-if TYPE_CHECKING:
-    from mlivr_gym.closed_loop.record import ClosedLoopRecord, Event
-    from mlivr_gym.stances.stance_graph import StanceGraph
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -70,10 +71,8 @@ def run(args: argparse.Namespace) -> int:
     know them: it sees boxes with the depth cameras of its body and grippers, and notices a refused
     grasp. Boxes given with --box are known.
     """
-    from mlivr_gym.closed_loop.crew import CrewMember
     from mlivr_gym.closed_loop.depth_camera import DepthCamera
     from mlivr_gym.closed_loop.loop import run_closed_loop
-    from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
     from mlivr_gym.simulation.setup import Setup
 
     if args.blind:
@@ -137,8 +136,6 @@ def _draw(
     args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, unknown: list[Box]
 ) -> None:
     """Draw a walk among boxes that it did not know at the start."""
-    from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure  # imports matplotlib
-
     boxes = (*graph.obstacles, *unknown)
     plans = [
         WalkedPlan(replace(plan, world=replace(plan.world, obstacles=boxes)), taken)
@@ -151,8 +148,6 @@ def _film(
     args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, **there: Any
 ) -> None:
     """Film a walk among unknown boxes and crew members, or print why it cannot be filmed."""
-    from mlivr_gym.pictures.closed_loop_film import closed_loop_film  # imports MuJoCo
-
     footage = record.footage
     if footage is None or not footage.recordings:
         print("no film: the robot did not move")

@@ -7,12 +7,11 @@ import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import FileName, InstanceOf, Reader, checked
+from mlivr_gym.arguments import FileName, InstanceOf, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -27,11 +26,9 @@ from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Flag, OrNone, Tuples
+from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
-
-if TYPE_CHECKING:
-    from mlivr_gym.simulation.recording import Recording
 
 DEFAULT_SIZE = (512, 288)
 """Default width and height of a film [px]."""
@@ -58,18 +55,10 @@ AZIMUTH, ELEVATION = 84.0, -8.0
 """Angles of the camera's line of sight [deg]."""
 
 
-def _recording(value: Any, place: FieldPath) -> Recording:
-    """Check that an argument is a recording of a simulation."""
-    from mlivr_gym.simulation.recording import Recording
-
-    recording: Recording = InstanceOf(Recording).read(value, place)
-    return recording
-
-
 @checked(
     {
         **ARGUMENTS,
-        "recording": Reader(_recording),
+        "recording": InstanceOf(Recording),
         "plan": OrNone(ARGUMENTS["plan"]),
         "size": SIZE,
         "speed": OrNone(SPEED),

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import softmax
 
+from mlivr_gym.agents.features import env_features
 from mlivr_gym.arrays import Array
+from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.extras import require
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:
     from mlivr_gym.agents.learned import LearnedPolicy
-    from mlivr_gym.envs.env import MlivrEnv
 
 REQUIRED_PACKAGES = ("torch", "sb3_contrib", "stable_baselines3")
 """Packages of the extra `agents`."""
@@ -30,10 +31,9 @@ class PolicyView:
         """
         require(*REQUIRED_PACKAGES, extra="agents")
         from mlivr_gym.agents.learned import load_policy
-        from mlivr_gym.envs.env import MlivrEnv
 
         self.graph, settings = graph, graph.settings
-        self._env: MlivrEnv = MlivrEnv(
+        self._env = MlivrEnv(
             graph.robot,
             graph.grasp_map,
             settings.manipulability,
@@ -53,7 +53,6 @@ class PolicyView:
         """
         import torch
 
-        from mlivr_gym.agents.features import env_features
         from mlivr_gym.agents.networks import as_tensors, logits_and_value
 
         env, graph = self._env, self.graph
