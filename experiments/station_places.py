@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from reports import ROOT, table, write_assets
+from us_lab import uslab
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MapError
@@ -83,89 +84,6 @@ def truss() -> dict[str, Any]:
             for name, (start, end) in SEGMENTS.items()
         ],
     }  # fmt: skip
-
-
-HANDRAILS = (
-    ("stow", (-3.2258, -0.86, -1.09314), (0.0, 0.0)),
-    ("deck_1", (-2.2098, -0.37729, -1.09314), (0.0, 90.0)),
-    ("deck_2", (-1.0848, -0.15, -1.09314), (0.0, 90.0)),
-    ("deck_3", (-0.025, -0.67729, -1.09314), (0.0, 90.0)),
-    ("deck_4", (1.04, -0.15, -1.09314), (0.0, 90.0)),
-    ("port_0", (-1.0848, -1.1, 0.6), (-90.0, 90.0)),
-    ("port_1", (-0.0402, -1.1, 0.1), (-90.0, 90.0)),
-    ("port_2", (1.055, -1.1, 0.6), (-90.0, 90.0)),
-    ("port_3", (2.06, -1.1, 0.1), (-90.0, 90.0)),
-    ("stbd_0", (-2.2098, 1.09, 0.6), (90.0, -90.0)),
-    ("stbd_1", (-1.0848, 1.09, 0.1), (90.0, -90.0)),
-    ("stbd_2", (-0.03, 1.09, 0.6), (90.0, -90.0)),
-    ("stbd_3", (1.04, 1.09, 0.1), (90.0, -90.0)),
-    ("stbd_4", (2.06, 1.09, 0.6), (90.0, -90.0)),
-)
-"""Handrails of the US Lab: name, place [m], roll and yaw [degrees] (Chunting/r2_planning)."""
-
-BAR, STAND_OFF, BAR_SECTION = 1.0541, 0.0757, (0.0187, 0.0324)
-"""Length of a bar, 41.5 inches; its top above the wall, width and depth, as measured in the JEM
-[m]."""
-
-LAB = {"min": [-3.27, -1.1, -1.09314], "max": [3.13, 1.09, 1.09]}
-"""Room between the racks [m]: six racks of 1.067 m a face, walls where the handrails stand."""
-
-PANEL = 0.04
-"""Thickness of a wall [m]: assumed."""
-
-
-def uslab() -> dict[str, Any]:
-    """Return the map of the US Lab, whose handrails are what a limb holds."""
-    low, high = LAB["min"], LAB["max"]
-    segments = []
-    for name, place, (roll, yaw) in HANDRAILS:
-        c, s = np.round([np.cos(np.deg2rad(roll)), np.sin(np.deg2rad(roll))], 9)
-        turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-        c, s = np.round([np.cos(np.deg2rad(yaw)), np.sin(np.deg2rad(yaw))], 9)
-        along = turn @ [c, s, 0.0]
-        start = np.array(place) + STAND_OFF * turn[:, 2]
-        segments.append(
-            {
-                "id": name, "face": {"port": "port", "stbd": "starboard"}.get(name[:4], "deck"),
-                "start": np.round(start, 6).tolist(),
-                "end": np.round(start + BAR * along, 6).tolist(),
-                "normal": (turn[:, 2] + 0.0).tolist(),
-                "width": BAR_SECTION[0], "thickness": BAR_SECTION[1],
-            }
-        )  # fmt: skip
-    walls = []
-    for name, axis, at, sign in (
-        ("deck", 2, low[2], -1), ("overhead", 2, high[2], 1),
-        ("port", 1, low[1], -1), ("starboard", 1, high[1], 1),
-    ):  # fmt: skip
-        ends = [list(low), list(high)]
-        ends[0][axis], ends[1][axis] = sorted((at, round(at + sign * PANEL, 6)))
-        walls.append({"id": name, "face": name, "min": ends[0], "max": ends[1]})
-    return {
-        "name": "uslab",
-        "description": "The US Laboratory Module (Destiny), climbed by its handrails.",
-        "frame": "that of the handrails' source: x along the module, y starboard, z overhead; "
-        "metres",
-        "sources": {
-            "handrails": "Chunting/r2_planning commit 353f2f7e7e72e7d40a4341e7fc71111a32501d45 "
-            "(BSD), r2_planning_demos/world/iss_navigation.world.yaml: poses of 14 handrails of "
-            "41.5 inches in the world of Robonaut 2",
-            "racks": "Boeing and NASA pages on Destiny: six racks a face, each 1.067 m wide",
-            "bar": "cross-section and stand-off as measured in the JEM, jem.json",
-        },
-        "provenance": {
-            "handrails": "published poses; assumed that a pose is the end of a bar, which runs "
-            "along its x axis with z outwards, roll after yaw: so read all bars lie in the room",
-            "points": "assumed: every 0.2 m of a bar",
-            "boxes": "assumed: four walls, at the planes on which the handrails stand; overhead, "
-            "where none stands, at the starboard distance",
-            "cabin": "assumed: from the racks and the walls",
-        },
-        "segments": segments,
-        "spacing": 0.2,
-        "cabin": LAB,
-        "boxes": walls,
-    }
 
 
 BODY_EDGE, BODY_MASS = 1.0, 500.0
@@ -302,7 +220,7 @@ def ssrms2() -> dict[str, Any]:
 SOURCES = {
     "jem": "NASA's mesh of the JEM, measured",
     "truss": "NASA's dimensions of S0, S1 and P1",
-    "uslab": "handrail poses of Chunting/r2_planning (BSD)",
+    "uslab": "NASA's mesh of the US Lab, measured; handrail poses of Chunting/r2_planning (BSD)",
     "columbus": "ESA's dimensions; racks as measured in the JEM",
     "hatch": "as `columbus`; NASA's dimensions of Node 2",
     "station": "as `hatch` and `jem`; NASA's dimensions of Destiny",

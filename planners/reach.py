@@ -70,9 +70,9 @@ def reach_from(
     Examples
     --------
     >>> from mlivr_gym import stance_graph
-    >>> reach = reach_from(stance_graph("uslab"), ("stow:0", "stow:1"))
+    >>> reach = reach_from(stance_graph("truss", "ssrms2"), ("forward:1", "forward:3"))
     >>> int((reach.steps >= 0).sum()), int(reach.steps.max())
-    (70, 5)
+    (48, 2)
     """
     state = graph.validated_state(start) if isinstance(start, State) else graph.state(start)
     steps = np.full(len(graph.grasp_map), NOT_REACHED, dtype=np.int64)

@@ -28,7 +28,7 @@ EXAMPLES = {
     ),
     "reach": (
         "mlivr-gym reach --start D2a:4 D2b:4 --picture reach.png",
-        "mlivr-gym reach --map uslab --start stow:0 stow:1 --most-steps 3",
+        "mlivr-gym reach --map columbus --start D1a:2 F1a:0 --most-steps 1",
     ),
     "render": (
         "mlivr-gym render --start D2a:4 D2b:4 --out start.png",

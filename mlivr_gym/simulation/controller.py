@@ -144,7 +144,7 @@ is three times as soft as assumed."""
 
 STATION = ControllerParameters(
     kp_free=(2e5, 2e5, 1e5, 1e4, 5e3, 300.0), kd_free=(1e5, 1e5, 5e4, 5e3, 2e3, 100.0),
-    kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.3, patience=60.0,
+    kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.1, patience=60.0,
 )  # fmt: skip
 """Gains for arms of the size of a space station's.
 

@@ -57,7 +57,7 @@ def point_losses(
     >>> from mlivr_gym import stance_graph
     >>> worst = point_losses(stance_graph("uslab"))[0]
     >>> worst.id, worst.stances, worst.is_critical
-    ('deck_3:3', 74, False)
+    ('deck_4:0', 214, False)
     """
     ids = graph.grasp_map.ids
     return _losses(graph, {point: [k] for k, point in enumerate(ids)}, progress)

@@ -24,6 +24,15 @@ ENVIRONMENTS = {
 """Names, and what they promise."""
 
 
+PLACES = ("JEM", "USLab", "Columbus", "Hatch", "Station", "Truss")
+"""Places whose environments `test_places.py` checks on their own maps."""
+
+
+def test_every_environment_that_is_registered_is_checked():
+    found = {name for name in gymnasium.registry if name.startswith("MLIVR")}
+    assert found == ENVIRONMENTS.keys() | {f"MLIVR-{place}-v0" for place in PLACES}
+
+
 def arguments(small_map, name=""):
     if "ClosedLoop" in name:
         return {"map": small_map, "camera": {"pixels": 10, "period": 1.0}}

@@ -1,5 +1,8 @@
 """The maps that ship beside the JEM, against the published figures, and their names."""
 
+import math
+import re
+
 import gymnasium
 import numpy as np
 import pytest
@@ -61,9 +64,9 @@ def test_the_truss_has_the_published_size_and_its_points_lie_on_it():
 
 def test_handrails_of_the_lab_lie_in_the_room_and_as_published():
     """A pose is read as roll after yaw; so read, z points into the room on every wall."""
-    assert len(LAB.segments) == 14
     low, high = LAB.cabin
-    rails = {segment.id: segment for segment in LAB.segments}
+    rails = {segment.id: segment for segment in LAB.segments if segment.face == "handrails"}
+    assert len(rails) == 14
     for rail in rails.values():
         ends = np.array([rail.start, rail.end])
         assert (ends >= low).all()
@@ -80,13 +83,47 @@ def test_handrails_of_the_lab_lie_in_the_room_and_as_published():
         np.testing.assert_allclose(above, 0.0757 * turn[:, 2], atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["MLIVR-USLab-v0", "MLIVR-Truss-v0"])
-def test_an_environment_of_the_place_follows_its_mask(name):
-    env = gymnasium.make(f"mlivr_gym:{name}")
-    _, info = env.reset(seed=0)
-    for _ in range(3):
-        action = int(np.flatnonzero(info["action_mask"])[-1])
-        _, _, terminated, _, info = env.step(action)
-        assert not info["invalid_action"]
-        if terminated:
-            break
+def test_racks_of_the_lab_have_standard_tracks_at_the_standard_pitch():
+    """Racks are 42 inches apart (Boeing), each with the two tracks of those of the JEM."""
+    jem = {segment.id: segment for segment in jem_map().segments}
+    length = math.dist(jem["D1a"].start, jem["D1a"].end)
+    apart = abs(jem["D1a"].start[0] - jem["D1b"].start[0])
+    tracks = {segment.id: segment for segment in LAB.segments if " " not in segment.face}
+    racks = {name[:2] for name in tracks if re.fullmatch("[DOPS][1-6][ab]", name)}
+    assert len(racks) == 23
+    for rack in racks:
+        first, second = tracks[f"{rack}a"], tracks[f"{rack}b"]
+        assert math.dist(first.start, first.end) == pytest.approx(length, abs=0.006)
+        assert second.start[0] - first.start[0] == pytest.approx(apart, abs=0.003)
+    for side in "DPS":
+        places = [tracks[f"{side}{k}a"].start[0] for k in range(1, 7)]
+        assert (places[-1] - places[0]) / 5 == pytest.approx(42 * 0.0254, abs=0.006)
+
+
+def test_handrails_of_the_lab_stand_at_its_tracks():
+    """Two publications that know nothing of each other: the handrails' world, and the mesh."""
+    tracks = [segment for segment in LAB.segments if segment.face in ("deck", "port", "starboard")]
+    for rail in LAB.segments:
+        if rail.face != "handrails" or rail.id == "stow":
+            continue
+        axis = int(np.abs(rail.normal).argmax())
+        foot = np.subtract(rail.start, 0.0757 * np.array(rail.normal))
+        near = min(
+            (abs(track.start[0] - foot[0]), abs(track.start[axis] - foot[axis]))
+            for track in tracks
+            if np.dot(track.normal, rail.normal) > 0.99
+        )
+        assert near[0] < 0.06
+        assert near[1] < 0.03
+
+
+def test_tracks_at_45_degrees_run_along_the_four_corners_of_the_lab():
+    tracks = [segment for segment in LAB.segments if " " in segment.face]
+    assert len({segment.face for segment in tracks}) == 4
+    for track in tracks:
+        np.testing.assert_allclose(np.abs(track.normal), [0.0, 0.5**0.5, 0.5**0.5])
+        for end in (track.start, track.end):
+            assert np.dot(end, track.normal) == pytest.approx(-1.51, abs=0.02)
+        assert abs(track.start[1] - track.end[1]) + abs(track.start[2] - track.end[2]) < 1e-9
+    held = {LAB.faces[point] for point in np.unique(stance_graph(LAB).points)}
+    assert held == set(LAB.faces)
