@@ -78,13 +78,16 @@ class Course:
     def _foreseen(self, state: State) -> _Forecast | None:
         """Return what was planned ahead for a state, None if it does not hold in what is believed.
 
-        It holds in the world in which it was planned, and as long as its plan is good enough.
+        It holds in the world in which it was planned, and as long as its plan is good enough. That
+        there is none is taken to hold while nothing goes, though it is proved of then alone.
         """
-        found = self._forecast
+        found, graph = self._forecast, self._graph
         if found is None or found.state != state:
             return None
-        is_present = found.version == self._graph.version
-        return found if is_present or self._is_good(found.result.plan, 0, state) else None
+        is_present, plan = found.version == graph.version, found.result.plan
+        if plan is None and found.result.reason in PROVED_IMPOSSIBLE:
+            return found if is_present or graph.has_all_since(found.version) else None
+        return found if is_present or self._is_good(plan, 0, state) else None
 
     def _search(self, state: State, patience: float = 1.0) -> PlanningResult:
         """Plan from a state in what is believed now."""
@@ -106,11 +109,12 @@ class Course:
             self.is_new = False
             return self._last
         foreseen = self._foreseen(state)
+        is_present = foreseen is None or foreseen.version == self._graph.version
         result = foreseen.result if foreseen else self._plan_from(state, 1.0)
         while result.plan is None and not self._remains(state):
-            if not belief.relax():
+            if not belief.relax() and is_present:
                 break
-            result = self._search(state)
+            result, is_present = self._search(state), True
         is_proved = result.reason in PROVED_IMPOSSIBLE
         if result.plan is None and not is_proved and not self._remains(state):
             result = self._search(state, PATIENCE)
@@ -118,7 +122,6 @@ class Course:
         is_followed = new is not None and (
             self._is_preferred(new, is_retry) or not self._remains(state)
         )
-        is_present = foreseen is None or foreseen.version == self._graph.version
         self.is_new = is_followed and is_present
         if is_followed:
             self.plan, self.taken = new, 0

@@ -164,3 +164,30 @@ def test_there_is_no_planning_while_what_remains_is_possible_and_good_enough(gra
         assert not course.is_new  # its swings were checked in another world
     finally:
         graph.vacate()
+
+
+def test_that_no_plan_was_found_ahead_is_believed_until_it_would_end_the_walk(graph):
+    """A long proof is not repeated at each look, but the last one holds in the present world."""
+    asked, planner = [], Planner(graph)
+
+    def plan_from(state, _):
+        asked.append(graph.version)
+        return planner.plan(state, GOAL)
+
+    start, belief = graph.state(START), Belief(graph, 0.003)
+    goal = planner.plan(START, GOAL).unwrap().stances[-1]
+    others = set(graph.grasp_map.ids) - set(START)
+    course = Course(belief, plan_from)
+    try:
+        graph.occupy(sorted(others))
+        assert course.plan_ahead(start)
+        graph.occupy(["D2b:5"])
+        assert not course.plan_ahead(start)
+        version = graph.version
+        result = course.replan(start)
+        assert (result.reason, course.plan) == ("search exhausted", None)
+        assert asked == [version - 1, version]
+        graph.vacate([goal[0]])
+        assert course.plan_ahead(start)  # it may be another now
+    finally:
+        graph.vacate()
