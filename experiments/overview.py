@@ -9,7 +9,7 @@ base paths of a random sample of edges of the stance graph as thin lines. Writes
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,10 +21,9 @@ from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, save_figure
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
+from mlivr_gym.pictures.scene_shapes import add_capsule, rgba
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.boxes import BOX, scene_name
 
@@ -37,7 +36,8 @@ EDGES = 1500
 CUT_OPEN = ("deck/forward/closeout", "overhead/forward/closeout")
 """Boxes that are not drawn, because the camera looks through them and the forward wall."""
 
-EDGE_COLOUR = "#6f8299"
+EDGE_COLOUR, EDGE_RADIUS = "#6f8299", 0.0014
+"""Colour and radius of their lines [m]."""
 
 
 def edge_paths(graph: TwoLimbGraph) -> Array:
@@ -52,37 +52,20 @@ def edge_paths(graph: TwoLimbGraph) -> Array:
     return np.array(found)
 
 
-class RouteAmongEdges(Route):
-    """A plan in a scene, together with edges of the stance graph as thin lines."""
-
-    edges: ClassVar[Array]
-
-    def add_to(self, scene: Any) -> None:
-        """Add plan and edges to a `mujoco.MjvScene`."""
-        capsule, turn = mujoco.mjtGeom.mjGEOM_CAPSULE, np.eye(3).ravel()
-        colour = np.array([*rgba(EDGE_COLOUR)[:3], 0.45], dtype=np.float32)
-        for start, end in self.edges:
-            geom = scene.geoms[scene.ngeom]
-            mujoco.mjv_initGeom(geom, capsule, np.zeros(3), np.zeros(3), turn, colour)
-            mujoco.mjv_connector(geom, capsule, 0.0014, start, end)
-            geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # which casts no shadow
-            scene.ngeom += 1
-        super().add_to(scene)
-
-
 def overview(graph: TwoLimbGraph, plan: Plan, path: Path) -> None:
     """Draw the figure with its legend."""
     renderer = SceneRenderer(graph.grasp_map, graph.robot, WIDTH, HEIGHT)
     for box in CUT_OPEN:
         renderer.model.geom(scene_name(BOX, box)).rgba[3] = 0.0
-    RouteAmongEdges.edges = edge_paths(graph)
+    edges, colour = edge_paths(graph), rgba(EDGE_COLOUR, 0.45)
     points = graph.grasp_map.positions
     x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
     image = renderer.render(
         *plan.configuration(0),
         camera=Camera((x, y, z), distance=4.9, azimuth=98.0, elevation=-3.0),
-        route=RouteAmongEdges.of(graph.grasp_map, plan),
+        route=Route.of(graph.grasp_map, plan),
         ghosts=[plan.configuration(len(plan.steps))],
+        draw=lambda scene: [add_capsule(scene, ends, EDGE_RADIUS, colour) for ends in edges],
     )
     renderer.close()
     head = 0.85
