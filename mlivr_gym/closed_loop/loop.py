@@ -128,7 +128,8 @@ def run_closed_loop(
         Number of attempted steps after which the robot stops.
     time_limit
         Maximum time of each planning [s]. More than two limbs follow a plan that is proved within
-        `INFLATION`, or the best one found in this time; without a limit, the first one found. If
+        `INFLATION`, or the best one found in this time, and do not plan anew while its rest is
+        possible and proved to be that good; without a limit, they follow the first one found. If
         none is found, any plan is searched for, `PATIENCE` times as long, before the robot stops.
     show
         Called with each event.
