@@ -28,6 +28,7 @@ import format_tables
 import limb_starts
 import places
 import planning_report
+import point_clouds
 import public_arms
 import robots
 import simulation_figures
@@ -203,6 +204,7 @@ def parts(results: Path) -> dict[str, str]:
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
         "cargo": cargo.masses(data("cargo")),
+        "point_clouds": point_clouds.markdown(data("point_clouds")),
         "public_arms": public_arms.markdown(data("public_arms")),
         "ssik_arms": ssik_arms.markdown(data("ssik_arms")),
         "ur_speed": ur_speed.markdown(data("ur_speed")),

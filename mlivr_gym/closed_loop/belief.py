@@ -18,7 +18,7 @@ from scipy.special import ndtri
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.closed_loop.cautions import CAUTIONS, Caution
-from mlivr_gym.closed_loop.known_boxes import HITS, NOISE, KnownBoxes
+from mlivr_gym.closed_loop.known_boxes import HITS, NOISE, ROUNDING, KnownBoxes, mark_around
 from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -195,21 +195,37 @@ class Belief:
         if origins is not None:
             self.gone += self._known.see_through(hits, origins)
         unexplained, cells = self._known.unexplained(hits)
-        rows = self._rows(cells)
-        cubes = self._cubes
-        np.add.at(cubes["count"], rows, 1)
-        np.maximum.at(cubes["extent"], rows, np.stack([-unexplained, unexplained], axis=1))
+        self._count(unexplained, cells)
         self._find_sure()
         self._is_there = self._apart_from(present)
-        there = cubes["cell"][self._is_there]
+        there = self._cubes["cell"][self._is_there]
         new = there[~self._is_told_of[tuple(there.T)]]
-        _mark_around(new, APART, self._is_told_of)
+        mark_around(new, APART, self._is_told_of)
         return len(new)
+
+    def _count(self, hits: Array, cells: IntArray) -> None:
+        """Count hits in their cubes, shape (k, 3) each; a cube that has none yet gets a row."""
+        number = np.ravel_multi_index(tuple(cells.T), self._row.shape)
+        order = np.argsort(number)
+        begins = np.flatnonzero(np.diff(number[order], prepend=-1))
+        found, hits = cells[order[begins]], hits[order]
+        rows, fresh = self._row[tuple(found.T)], found[self._row[tuple(found.T)] < 0]
+        if len(fresh):
+            rows[rows < 0] = len(self._cubes) + np.arange(len(fresh))
+            self._row[tuple(found.T)] = rows
+            added = np.zeros(len(fresh), dtype=_CUBES)
+            added["cell"] = fresh
+            added["extent"] = added["graph_extent"] = added["path_extent"] = -np.inf
+            self._cubes = np.concatenate([self._cubes, added])
+        if len(rows):
+            self._cubes["count"][rows] += np.diff(begins, append=len(number))
+            both = np.maximum.reduceat(np.stack([-hits, hits], axis=1), begins)
+            self._cubes["extent"][rows] = np.maximum(self._cubes["extent"][rows], both)
 
     def _find_sure(self) -> None:
         """Find the cubes that have got enough hits, those beside them, and so the obstacles."""
         cubes, is_sure = self._cubes, self._cubes["count"] >= self.caution.hits
-        _mark_around(cubes["cell"][is_sure & ~cubes["is_sure"]], 1, self._is_beside)
+        mark_around(cubes["cell"][is_sure & ~cubes["is_sure"]], 1, self._is_beside)
         cubes["is_sure"] = is_sure
         self._is_solid = self._is_beside[tuple(cubes["cell"].T)]
 
@@ -218,7 +234,11 @@ class Belief:
         there, solid = self._is_solid.copy(), np.flatnonzero(self._is_solid)
         reach = 0.5 * np.sqrt(3.0) * CUBE + CAUTIONS[0].margin + self.graph.settings.clearance
         centres = self._origin + CUBE * (self._cubes["cell"][solid] + 0.5)
-        first, second = robot_axes(self.graph.robot, self.shapes, configuration).swapaxes(0, 1)
+        axes = robot_axes(self.graph.robot, self.shapes, configuration)
+        outside = np.maximum(axes.min(axis=(0, 1)) - centres, centres - axes.max(axis=(0, 1)))
+        is_within = (outside <= reach + robot_radii(self.shapes).max() + ROUNDING).all(axis=1)
+        solid, centres = solid[is_within], centres[is_within]
+        first, second = axes.swapaxes(0, 1)
         along = second - first
         square = np.maximum(np.sum(along * along, axis=1), 1e-12)
         share = np.sum((centres[:, None] - first) * along, axis=2) / square
@@ -226,20 +246,6 @@ class Belief:
         away = np.linalg.norm(centres[:, None] - nearest, axis=2) - robot_radii(self.shapes)
         there[solid[(away <= reach).any(axis=1)]] = False
         return there
-
-    def _rows(self, cells: IntArray) -> IntArray:
-        """Return the rows of cubes, shape (k, 3); a cube that has none yet gets one."""
-        where = tuple(cells.T)
-        fresh = cells[self._row[where] < 0]
-        if len(fresh):
-            fresh = np.unique(fresh, axis=0)
-            self._row[tuple(fresh.T)] = len(self._cubes) + np.arange(len(fresh))
-            added = np.zeros(len(fresh), dtype=_CUBES)
-            added["cell"] = fresh
-            added["extent"] = added["graph_extent"] = added["path_extent"] = -np.inf
-            self._cubes = np.concatenate([self._cubes, added])
-        rows: IntArray = self._row[where]
-        return rows
 
     @checked(GIVEN)
     def update_graph(self, state: State) -> None:
@@ -366,27 +372,19 @@ class Belief:
         row[tuple((cells[inside] - corner).T)] = inside
         is_chosen = np.zeros(row.shape, dtype=np.bool_)
         is_chosen[tuple((cells[chosen] - corner).T)] = True
-        corners = []
+        parts = []
         for first, last in merged_cells(is_chosen, row >= 0):
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
-            cubes = self._cubes[row[where].ravel()]
-            below, high = cubes["extent"].max(axis=0)
-            half = 0.5 * (high + below)
-            excess = self._noise * _outermost(int(cubes["count"].sum())) if is_denoised else 0.0
-            inwards = np.minimum(excess, half) - margin
-            corners.append((inwards - below, high - inwards))
-        low, high = np.array(corners).swapaxes(0, 1)
-        return Box.each_between(f"{SENSED}/", "obstacle", low, high, number)
+            parts.append(row[where].ravel())
+        cubes, begins = np.concatenate(parts), np.cumsum([0, *map(len, parts[:-1])])
+        extent = np.maximum.reduceat(self._cubes["extent"][cubes], begins)
+        below, high = extent.swapaxes(0, 1)
+        count = np.add.reduceat(self._cubes["count"][cubes], begins)
+        excess = is_denoised * self._noise * _outermost(count)[:, None]
+        inwards = np.minimum(excess, 0.5 * (high + below)) - margin
+        return Box.each_between(f"{SENSED}/", "obstacle", inwards - below, high - inwards, number)
 
 
-def _outermost(count: int) -> float:
-    """Return the mean of the largest of some standard normal numbers (Blom 1958)."""
-    return float(ndtri((count - 0.375) / (count + 0.25)))
-
-
-def _mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:
-    """Mark the cubes of a grid that are at most `reach` cubes away from some cubes, (k, 3)."""
-    along = np.arange(-reach, reach + 1)
-    offsets = np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3)
-    marked = np.clip((cells[:, None] + offsets).reshape(-1, 3), 0, np.array(grid.shape) - 1)
-    grid[tuple(marked.T)] = True
+def _outermost(count: IntArray) -> Array:
+    """Return the means of the largest of some standard normal numbers (Blom 1958)."""
+    return np.asarray(ndtri((count - 0.375) / (count + 0.25)))

@@ -101,6 +101,23 @@ def surface_distances(box: Box, positions: Array) -> Array:
     return np.asarray(np.where(outside > 0.0, outside, -excess.max(axis=1)))
 
 
+def mark_around(cells: IntArray, reach: int, grid: BoolArray) -> None:
+    """Mark the cubes of a grid that are at most `reach` cubes away from some cubes, (k, 3)."""
+    if not len(cells):
+        return
+    low = np.maximum(cells.min(axis=0) - reach, 0)
+    where = tuple(map(slice, low, cells.max(axis=0) + reach + 1))
+    marked = np.zeros(grid[where].shape, dtype=np.bool_)
+    marked[tuple((cells - low).T)] = True
+    for axis in range(3):
+        along = np.moveaxis(marked, axis, 0)
+        begin = along.copy()
+        for k in range(1, reach + 1):
+            along[k:] |= begin[:-k]
+            along[:-k] |= begin[k:]
+    grid[where] |= marked
+
+
 class KnownBoxes:
     """Boxes sorted by the cubes of a grid, so that a hit is compared with those at its cube."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
 from mlivr_gym.compiled.records import Matrix, Record, Vector
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.world.boxes import UNIT, Box
 
 CELL_EDGE = 0.25
 """Edge of a grid cell [m], doubled where that would make too many cells."""
@@ -90,8 +90,11 @@ def box_grid(boxes: Sequence[Box], edge: float = CELL_EDGE) -> BoxGrid:
     rows = GridBox.rows(len(boxes))
     if boxes:
         rows["centre"], rows["half"] = [box.centre for box in boxes], [box.half for box in boxes]
-        rows["rotation"] = [box.rotation for box in boxes]
-        rows["is_rotated"] = np.abs(rows["rotation"] - np.eye(3)).max(axis=(1, 2)) > 1e-12
+        rows["rotation"] = np.eye(3)
+        turned = [k for k, box in enumerate(boxes) if box.rotation is not UNIT]
+        if turned:
+            rows["rotation"][turned] = [boxes[k].rotation for k in turned]
+            rows["is_rotated"] = np.abs(rows["rotation"] - np.eye(3)).max(axis=(1, 2)) > 1e-12
         rows["cause"] = [CAUSES.get(box.kind, CABIN) for box in boxes]
     reach = np.einsum("nij,nj->ni", np.abs(rows["rotation"]), rows["half"])
     low, high = rows["centre"] - reach, rows["centre"] + reach
@@ -107,7 +110,6 @@ def box_grid(boxes: Sequence[Box], edge: float = CELL_EDGE) -> BoxGrid:
     owner = np.repeat(np.arange(len(boxes)), total)
     number = np.arange(len(owner)) - np.repeat(np.cumsum(total) - total, total)
     _, side, top = counts[owner].T
-    offsets = np.stack([number // (side * top), number // top % side, number % top])
     offsets = np.stack([number // (side * top), number // top % side, number % top])
     i, j, k = first[owner].T + offsets
     cell = (i * frame["cells"][1] + j) * frame["cells"][2] + k

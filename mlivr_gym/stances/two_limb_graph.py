@@ -196,9 +196,10 @@ class TwoLimbGraph(StanceGraph):
         # A step may touch an obstacle that is farther from both ends than the robot reaches.
         around = self.robot.extent + self.settings.clearance
         reach = around + 0.8 * self.max_displacement
-        close = self.close_to_obstacles(self._cells, reach, added)
-        closest = self.close_to_obstacles(self._cells, around, added)
-        new = box_grid(added, OBSTACLE_CELL_EDGE)
+        is_all = len(added) == len(self.obstacles)
+        new = (is_all and self.obstacle_grid) or box_grid(added, OBSTACLE_CELL_EDGE)
+        close = self.close_to_obstacles(self._cells, reach, new)
+        closest = self.close_to_obstacles(self._cells, around, new)
         forbidden = self.solver.causes_at_points(new) > 0
         forbidden[list(self.occupied)] = True
         gone = np.asarray(forbidden[self.points].any(axis=1))

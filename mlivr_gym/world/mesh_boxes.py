@@ -170,18 +170,26 @@ def merged_cells(
     Each box begins at the first marked cell that is not covered yet and grows along z, then y, then
     x. Without `allowed` each marked cell is covered once.
     """
-    waiting, boxes = touched.copy(), []
-    free = waiting if allowed is None else allowed
-    for x, y, z in np.argwhere(touched).tolist():
-        if not waiting[x, y, z]:
-            continue
-        top, side, end = z + 1, y + 1, x + 1
-        while top < touched.shape[2] and free[x, y, top]:
-            top += 1
-        while side < touched.shape[1] and free[x, side, z:top].all():
-            side += 1
-        while end < touched.shape[0] and free[end, y:side, z:top].all():
-            end += 1
-        waiting[x:end, y:side, z:top] = False
-        boxes.append((np.array([x, y, z]), np.array([end, side, top])))
+    waiting, boxes = _columns(touched), []
+    free = waiting if allowed is None else _columns(allowed)
+    for x, y in np.argwhere(touched.any(axis=2)).tolist():
+        while rest := waiting[x][y]:
+            z = (rest & -rest).bit_length() - 1
+            above = free[x][y] >> z
+            top = z + max((~above & (above + 1)).bit_length() - 1, 1)
+            cells = (1 << top) - (1 << z)
+            side, end = y + 1, x + 1
+            while side < touched.shape[1] and free[x][side] & cells == cells:
+                side += 1
+            while end < touched.shape[0] and all(one & cells == cells for one in free[end][y:side]):
+                end += 1
+            for columns in waiting[x:end]:
+                columns[y:side] = [one & ~cells for one in columns[y:side]]
+            boxes.append((np.array([x, y, z]), np.array([end, side, top])))
     return boxes
+
+
+def _columns(cells: BoolArray) -> list[list[int]]:
+    """Return the cells along z as the bits of a number, the first one the lowest, by x and y."""
+    packed = np.packbits(cells, axis=2, bitorder="little")
+    return [[int.from_bytes(column, "little") for column in plane.tolist()] for plane in packed]
