@@ -20,7 +20,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.arm_motion import Handle, LimbMover, limb_trajectory
 from mlivr_gym.collisions.carrying import carrying_robot
 from mlivr_gym.collisions.contacts import lies_behind
-from mlivr_gym.errors import NoPlanError, RobotError, ShapeError
+from mlivr_gym.errors import NoPlanError, RobotError, SettingError, ShapeError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.planners import Planner
@@ -198,6 +198,10 @@ def plan_cargo_mission(
     MlivrError
         If an argument cannot be used.
     """
+    if pick == stow:
+        raise SettingError(f"pick and stow are both {pick!r}; they must be two points")
+    if pick in (held := graph.ids(graph.indices(start))):
+        raise SettingError(f"pick is {pick!r}, which limb {held.index(pick)} holds at the start")
     handles = [_handle(graph.grasp_map, point, cargo) for point in (pick, stow)]
     for point, handle in zip((pick, stow), handles, strict=True):
         _check_place(graph, point, _bag(handle, cargo))

@@ -179,6 +179,10 @@ def test_what_cannot_be_is_refused(graph):
         plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[5])
     with pytest.raises(MlivrError, match="on point 'D2b:5' the bag would come closer than"):
         plan_cargo_mission(graph, START, "D2b:5", STOW, BAG)
+    with pytest.raises(MlivrError, match="pick and stow are both 'D2b:3'"):
+        plan_cargo_mission(graph, START, PICK, PICK, BAG)
+    with pytest.raises(MlivrError, match="pick is 'D3a:1', which limb 1 holds at the start"):
+        plan_cargo_mission(graph, START, START[1], STOW, BAG)
     assert not graph.obstacles
 
 
