@@ -193,6 +193,17 @@ def points_to_add(
     return AddedPoints(found, (), places, len(found) <= 2)
 
 
+def with_candidates(here: GraspMap, places: GraspMap) -> GraspMap:
+    """Return a map with the points of another one, which come last."""
+    return replace(
+        here,
+        ids=here.ids + places.ids,
+        positions=np.concatenate([here.positions, places.positions]),
+        rotations=np.concatenate([here.rotations, places.rotations]),
+        faces=here.faces + places.faces,
+    )
+
+
 class _Trial:
     """A graph with all candidates, of which some are taken away as occupied points are."""
 
@@ -200,13 +211,7 @@ class _Trial:
 
     def __init__(self, graph: TwoLimbGraph, places: GraspMap, held: tuple[int, ...]) -> None:
         here = graph.grasp_map
-        joined = replace(
-            here,
-            ids=here.ids + places.ids,
-            positions=np.concatenate([here.positions, places.positions]),
-            rotations=np.concatenate([here.rotations, places.rotations]),
-            faces=here.faces + places.faces,
-        )
+        joined = with_candidates(here, places)
         made = stance_graph(joined, graph.robot, graph.settings)
         assert isinstance(made, TwoLimbGraph)
         self.graph, self.held, self.occupied = made, held, graph.occupied

@@ -2,8 +2,9 @@
 
 Each rule is left out in turn (obstacles, collisions, thresholds, joint limits, step checks) and the
 query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
-plan gives the cause. For two limbs, whose queries are exact, a small change is found, too: which
-obstacles and points must go, or how far the threshold of w_m must fall.
+plan gives the cause. For two limbs, whose queries are exact, the smallest change is found, too:
+which obstacles and points must go, or how far the threshold of w_m must fall. Changes of all kinds
+are compared in `smallest_change`.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ out."""
 THRESHOLD_RESOLUTION = 0.002
 """Resolution of the threshold of w_m that would have a plan."""
 
+MOST_CONFLICTS = 60
+"""Maximum number of conflicts by which the fewest obstacles in the way are sought."""
+
 T = TypeVar("T")
 
 
@@ -62,7 +66,7 @@ class Cause(NamedTuple):
     """One sentence for people."""
     removed: tuple[str, ...] = ()
     """Ids of obstacles and occupied points without which a plan exists, where these alone cut the
-    goal off: none of them may stay while the others go. There may be other such sets."""
+    goal off; see `Removals`."""
     limb_threshold: float | None = None
     """A lower threshold of w_m with which a plan exists, where the thresholds alone cut the goal
     off; a multiple of `THRESHOLD_RESOLUTION`, with no plan at the next higher multiple."""
@@ -100,8 +104,11 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
             if not isinstance(graph, TwoLimbGraph):
                 return Cause((name,), message)
             if name == OBSTACLES:
-                return _with_removals(graph, start, goal, limit)
-            lower = None if name != THRESHOLDS else _lower_threshold(graph, start, goal, limit)
+                removed, is_smallest, _ = removals(graph, start, goal, limit)
+                few = ", and not if any more of them stay" if is_smallest else ""
+                message = f"the goal is cut off by {name}: a plan exists without "
+                return Cause((name,), f"{message}{', '.join(removed)}{few}", removed)
+            lower = None if name != THRESHOLDS else lower_threshold(graph, start, goal, limit)
             if lower is not None:
                 message += f"; a plan exists with limb_threshold={lower:g}"
             return Cause((name,), message, (), lower)
@@ -112,8 +119,23 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
     return Cause((), "no path of this robot leads to the goal, whatever rule is left out")
 
 
-def _with_removals(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
-    """Return the cause of a goal that obstacles and occupied points cut off."""
+class Removals(NamedTuple):
+    """Obstacles and occupied points without which a plan exists."""
+
+    ids: tuple[str, ...]
+    """Their ids; there may be other such sets."""
+    is_smallest: bool
+    """Whether it is proved that no fewer suffice; if not, at least none of them may stay."""
+    graph: StanceGraph
+    """The graph without them."""
+
+
+def removals(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Removals:
+    """Return the fewest obstacles and occupied points without which a plan exists.
+
+    It exists without all of them. The problem is known as minimum constraint removal (Hauser, The
+    International Journal of Robotics Research 33, 2014).
+    """
     free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
     boxes = {box.id: box for box in graph.obstacles}
     points = dict(zip(graph.ids(sorted(graph.occupied)), sorted(graph.occupied), strict=True))
@@ -124,15 +146,56 @@ def _with_removals(graph: StanceGraph, start: State, goal: Goal, limit: int) -> 
         free.vacate()
         free.add_obstacles([box for name, box in boxes.items() if name not in removed])
         free.occupy([point for name, point in points.items() if name not in removed])
-        return _is_plan_found(free, start, goal, limit)
+        return is_plan_found(free, start, goal, limit)
 
-    removed = tuple(smallest_subset([*boxes, *points], suffices))
-    message = (
-        f"the goal is cut off by {OBSTACLES}: a plan exists without {', '.join(removed)}"
-        if removed
-        else f"the goal is cut off by {OBSTACLES}: {RULES[OBSTACLES][1]}"
-    )
-    return Cause((OBSTACLES,), message, removed)
+    found, is_smallest = minimum_subset([*boxes, *points], suffices)
+    suffices(found)
+    return Removals(tuple(found), is_smallest, free)
+
+
+def minimum_subset(
+    entries: list[T], suffices: Callable[[list[T]], bool], most: int = MOST_CONFLICTS
+) -> tuple[list[T], bool]:
+    """Return the fewest entries that suffice together, and whether it is proved that they are.
+
+    Each set that does not suffice shows a conflict: entries of which at least one is needed. The
+    fewest entries that meet all conflicts so far are tried next (implicit hitting sets:
+    Moreno-Centeno and Karp, Operations Research 61, 2013).
+
+    Parameters
+    ----------
+    entries
+        The entries, which suffice together.
+    suffices
+        Whether some entries suffice; so do any that contain them.
+    most
+        Maximum number of conflicts. Beyond it the entries are those of `smallest_subset`.
+    """
+    enough, conflicts = smallest_subset(entries, suffices), list[list[T]]()
+    for size in range(len(enough)):
+        while (tried := _hitting(conflicts, size)) is not None:
+            if suffices(tried):
+                return [one for one in entries if one in tried], True
+            if len(conflicts) == most:
+                return enough, False
+            rest = [one for one in entries if one not in tried]
+            conflicts.append(
+                smallest_subset(
+                    rest, lambda kept: not suffices([one for one in entries if one not in kept])
+                )
+            )
+    return enough, True
+
+
+def _hitting(conflicts: list[list[T]], size: int) -> list[T] | None:
+    """Return at most `size` entries, one of each conflict at least; None if there are none."""
+    if not conflicts or not size:
+        return None if conflicts else []
+    for one in min(conflicts, key=len):
+        others = _hitting([entries for entries in conflicts if one not in entries], size - 1)
+        if others is not None:
+            return [one, *others]
+    return None
 
 
 def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> list[T]:
@@ -161,13 +224,13 @@ def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> li
     return needed([], True, entries) if entries else []
 
 
-def _lower_threshold(graph: StanceGraph, start: State, goal: Goal, limit: int) -> float | None:
+def lower_threshold(graph: StanceGraph, start: State, goal: Goal, limit: int) -> float | None:
     """Return a lower threshold of w_m with which a plan exists, by bisection; None if none does."""
 
     def has_plan(count: int) -> bool:
         """Return whether a plan exists with a threshold of some units."""
         settings = replace(graph.settings, limb_threshold=count * THRESHOLD_RESOLUTION)
-        return _is_plan_found(_in_world_of(graph, settings), start, goal, limit)
+        return is_plan_found(in_world_of(graph, settings), start, goal, limit)
 
     low, high = 0, int(np.ceil(graph.settings.limb_threshold / THRESHOLD_RESOLUTION))
     if not has_plan(low):
@@ -218,13 +281,13 @@ def _plan_exists(
     """Return whether a plan leads to the goal with some rules left out."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
-    relaxed = _in_world_of(graph, settings, without_obstacles=OBSTACLES in rules)
+    relaxed = in_world_of(graph, settings, without_obstacles=OBSTACLES in rules)
     if JOINTS in rules:
         relaxed.checks.ignore_joint_limits()
-    return _is_plan_found(relaxed, start, goal, limit)
+    return is_plan_found(relaxed, start, goal, limit)
 
 
-def _in_world_of(
+def in_world_of(
     graph: StanceGraph, settings: Settings, without_obstacles: bool = False
 ) -> StanceGraph:
     """Return a graph with other settings among the obstacles of a graph, or without them."""
@@ -235,7 +298,7 @@ def _in_world_of(
     return other
 
 
-def _is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool:
+def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool:
     """Return whether a plan from the stance of a state leads to the goal on a graph."""
     try:
         here = graph.state(start.stance, start.pose)

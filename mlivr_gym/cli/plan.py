@@ -27,9 +27,9 @@ from mlivr_gym.cli.robots import chosen_robot
 from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
-from mlivr_gym.planners.additions import one_more_limb, points_to_add
 from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
+from mlivr_gym.planners.smallest_change import smallest_changes
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import find_table
@@ -48,7 +48,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
     text = "shorten the base path afterwards by other base poses on the same footholds"
     option(parser, "--refined", text)
-    text = "if there is no plan, try what would help: points added on rails, one limb more"
+    text = "if there is no plan, say what would help: fewer obstacles, a lower threshold of w_m, "
+    text += "points added on rails, or one limb more"
     option(parser, "--suggest", text)
     text = "compute only the stances near a route to the goal, and those of the whole map only if "
     option(parser, "--corridor", f"{text}there is no plan; needs --start and --goal")
@@ -152,24 +153,17 @@ def suggestions(
     start: tuple[str, ...],
     goal: tuple[float, ...],
     args: argparse.Namespace,
-) -> list[str]:
-    """Return sentences on what would make the goal reachable, and store them as data."""
+) -> str:
+    """Return in words which changes would make the goal reachable, and store them as data."""
     query: Any = {"goal_tolerance": args.tolerance, "goal_face": args.goal_face}
-    told: dict[str, Any] = {}
-    messages = []
-    if isinstance(graph, TwoLimbGraph) and graph.grasp_map.segments:
-        with Progress("candidates tried", quiet=args.quiet) as progress:
-            found = points_to_add(graph, start, goal, progress=progress.show, **query)
-        messages.append(found.message)
-        told |= {"points": found.points, "points_alone": found.alone}
-        told |= {"is_smallest": found.is_smallest, "candidates": len(found.candidates)}
-    with Progress("trying one limb more", quiet=args.quiet):
-        more = one_more_limb(graph, start, goal, **query)
-    if more is not None:
-        messages.append(more.message)
-        told |= {"robot": more.robot, "robot_start": more.start, "robot_status": more.status}
-    args.result["suggestions"] = told
-    return messages
+    with Progress("trying changes: candidates for points", quiet=args.quiet) as progress:
+        found = smallest_changes(graph, start, goal, progress=progress.show, **query)
+    args.result["suggestions"] = [change._asdict() for change in found]
+    if not found:
+        return "no change of one kind would help: obstacles, limb_threshold, points or a limb"
+    return "smallest changes with which a plan exists: " + "; ".join(
+        f"{k}. {change.message}" for k, change in enumerate(found, 1)
+    )
 
 
 def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
@@ -209,8 +203,10 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
-        found = suggestions(graph, start, goal, args) if "suggest" in args and args.suggest else []
-        raise NoPlanError("; ".join([result.message, cause.message, *found]))
+        found = [result.message, cause.message]
+        if "suggest" in args and args.suggest:
+            found.append(suggestions(graph, start, goal, args))
+        raise NoPlanError("; ".join(found))
     if best is not None:
         result = replace(result, plan=best.plan)
     print_plan(graph, result, start, goal)

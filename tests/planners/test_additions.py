@@ -13,6 +13,7 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MapError, SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.additions import one_more_limb, places_on_rails, points_to_add
+from mlivr_gym.planners.smallest_change import smallest_changes
 
 FREE = Settings(manipulability=False)
 START, GOAL = ("R0:0", "R1:0"), (4.2, 0.0, 0.65)
@@ -128,6 +129,6 @@ def test_the_command_says_what_would_help(broken, tmp_path, capsys):
     words += [*map(str, GOAL), "--cost", "steps", "--suggest"]
     assert main([*words, "--json"]) == 3
     told = json.loads(capsys.readouterr().out)
-    found = points_to_add(stance_graph(broken, settings=FREE), START, GOAL)
-    assert told["suggestions"]["points_alone"] == list(found.alone)
-    assert found.message in told["error"]
+    found = smallest_changes(stance_graph(broken, settings=FREE), START, GOAL)
+    assert [change["parts"] for change in told["suggestions"]] == [list(c.parts) for c in found]
+    assert all(change.message in told["error"] for change in found)

@@ -18,6 +18,7 @@ from mlivr_gym.planners.why_not import (
     THRESHOLD_RESOLUTION,
     THRESHOLDS,
     goal_occupancy,
+    minimum_subset,
     smallest_subset,
 )
 from mlivr_gym.robot.specification import robot_spec
@@ -139,6 +140,23 @@ def test_no_entry_of_a_smallest_subset_can_be_spared(enough):
     assert sorted(found) == found
 
 
+@given(st.lists(st.sets(st.integers(0, 8), min_size=1), min_size=1, max_size=6))
+def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
+    """Against all subsets; for some of them the subset of which none can be spared is larger."""
+
+    def suffices(some):
+        return any(one <= set(some) for one in enough)
+
+    entries = [*range(9)]
+    found, is_proved = minimum_subset(entries, suffices)
+    assert suffices(found)
+    assert is_proved
+    assert len(found) == min(map(len, enough))
+    few, is_proved = minimum_subset(entries, suffices, most=0)
+    assert suffices(few)
+    assert is_proved == (not smallest_subset(entries, suffices))
+
+
 def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
     small_checked_graph,
 ):
@@ -159,7 +177,7 @@ def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_
     try:
         cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
         assert set(cause.removed) == {"wall0", "wall1"}
-        assert "a plan exists without wall0, wall1" in cause.message
+        assert "a plan exists without wall0, wall1, and not if any more" in cause.message
         for kept in ([], *([wall] for wall in walls)):
             graph.remove_obstacles()
             graph.add_obstacles([far, *kept])

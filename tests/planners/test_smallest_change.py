@@ -1,0 +1,96 @@
+"""The smallest changes of several kinds: each lets a plan through, and no smaller one does."""
+
+import itertools
+
+import numpy as np
+import pytest
+from map_data import BRIDGE
+
+from mlivr_gym import Box, GraspMap, Settings, stance_graph
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.additions import places_on_rails, with_candidates
+from mlivr_gym.planners.smallest_change import KINDS, smallest_changes
+
+START, GOAL = ("R0:0", "R1:0"), (4.2, 0.0, 0.65)
+SETTINGS = Settings(manipulability=False)
+
+
+def boxes_over_bridge():
+    """Boxes over the only point between two platforms, one on another, and one elsewhere."""
+    lid = Box.between("lid", "obstacle", (1.6, -0.3, 0.05), (2.2, 0.3, 0.4))
+    crate = Box.between("crate", "obstacle", (1.6, -0.3, 0.55), (2.2, 0.3, 1.1))
+    far = Box.between("far", "obstacle", (30.0, 0.0, 0.0), (31.0, 1.0, 1.0))
+    return [far, lid, crate]
+
+
+@pytest.fixture(scope="module")
+def bridge():
+    return GraspMap.from_dict(BRIDGE)
+
+
+def steps(world, settings=SETTINGS, boxes=(), occupied=()):
+    """Steps of a plan on a graph of its own, None without one."""
+    graph = stance_graph(world, settings=settings)
+    graph.add_obstacles(boxes)
+    graph.occupy(occupied)
+    found = Planner(graph).plan(START, GOAL, "steps")
+    return len(found.plan.steps) if found.plan is not None else None
+
+
+def test_fewer_obstacles_or_one_point_more_open_the_way_and_less_does_not(bridge):
+    """All sets of obstacles are tried, and each point alone."""
+    graph, blocked = stance_graph(bridge, settings=SETTINGS), ["R2:0"]
+    graph.add_obstacles(boxes_over_bridge())
+    graph.occupy(blocked)
+    assert not Planner(graph).plan(START, GOAL, "steps")
+    found = {change.kind: change for change in smallest_changes(graph, START, GOAL, limit=50)}
+    sizes = [(change.size, KINDS.index(kind)) for kind, change in found.items()]
+    assert sizes == sorted(sizes)
+
+    def without(gone):
+        kept = [box for box in boxes_over_bridge() if box.id not in gone]
+        return steps(bridge, boxes=kept, occupied=[p for p in blocked if p not in gone])
+
+    names = [*(box.id for box in graph.obstacles), *blocked]
+    enough = next(
+        size
+        for size in range(len(names) + 1)
+        if any(without(some) for some in itertools.combinations(names, size))
+    )
+    removed = found["obstacles"]
+    assert removed.is_smallest
+    assert removed.size == enough > 1
+    assert "far" not in removed.parts
+    assert without(removed.parts) == removed.steps is not None
+
+
+def test_points_are_a_change_of_the_map_that_is_given(bridge):
+    broken = bridge.subset(np.array(bridge.ids) != "R2:0", "broken")
+    graph, places = stance_graph(broken, settings=SETTINGS), places_on_rails(broken)
+    found = next(c for c in smallest_changes(graph, START, GOAL, limit=50) if c.kind == "points")
+    assert found.is_smallest
+    for name in found.alternatives:
+        world = with_candidates(broken, places.subset(np.array(places.ids) == name))
+        assert steps(world) is not None
+    world = with_candidates(broken, places.subset(np.isin(places.ids, found.parts)))
+    assert steps(world) == found.steps
+
+
+def test_a_lower_threshold_is_one_change(jem):
+    few = jem.subset(np.random.default_rng(0).random(len(jem)) < 0.35, "sparse")
+    settings, rng = Settings(limb_threshold=0.15, collisions=False), np.random.default_rng(0)
+    graph = stance_graph(few, settings=settings)
+    planner, changes = Planner(graph), []
+    while not changes:
+        start, there = (graph.points[k].tolist() for k in rng.integers(len(graph), size=2))
+        goal = graph.posture(there).base_position[0]
+        if planner.plan(start, goal, "steps", goal_tolerance=0.05):
+            continue
+        found = smallest_changes(graph, start, goal, goal_tolerance=0.05, limit=50)
+        changes = [change for change in found if change.kind == "limb_threshold"]
+    (change,) = changes
+    value = float(change.parts[0])
+    for threshold in (value, value + 0.002):
+        other = stance_graph(few, settings=Settings(limb_threshold=threshold, collisions=False))
+        plan = Planner(other).plan(start, goal, "steps", goal_tolerance=0.05).plan
+        assert (len(plan.steps) if plan else None) == (change.steps if threshold == value else None)
