@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from reports import command_line, two_limb_graph
 
@@ -20,6 +19,7 @@ from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
 from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import rgba
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 

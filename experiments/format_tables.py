@@ -95,8 +95,9 @@ def in_words(schema: dict[str, Any]) -> str:
         case {"type": "integer" | "number"}:
             return _numbers(schema, ())
         case {"type": "object"}:
-            names = ", ".join(f"`{name}`" for name in schema["required"][:3])
-            return f"object with {names}" if 0 < len(schema["required"]) < 3 else "object"
+            needed = schema["required"]
+            with_ = " with " + ", ".join(f"`{name}`" for name in needed) if needed else ""
+            return f"object{with_ if len(needed) < 3 else ''}"
         case {"$ref": _}:
             return "object"
         case {"type": kind}:

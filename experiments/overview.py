@@ -58,6 +58,11 @@ def overview(graph: TwoLimbGraph, plan: Plan, path: Path) -> None:
     for box in CUT_OPEN:
         renderer.model.geom(scene_name(BOX, box)).rgba[3] = 0.0
     edges, colour = edge_paths(graph), rgba(EDGE_COLOUR, 0.45)
+
+    def draw_edges(scene: Any) -> None:
+        for ends in edges:
+            add_capsule(scene, ends, EDGE_RADIUS, colour)
+
     points = graph.grasp_map.positions
     x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
     image = renderer.render(
@@ -65,7 +70,7 @@ def overview(graph: TwoLimbGraph, plan: Plan, path: Path) -> None:
         camera=Camera((x, y, z), distance=4.9, azimuth=98.0, elevation=-3.0),
         route=Route.of(graph.grasp_map, plan),
         ghosts=[plan.configuration(len(plan.steps))],
-        draw=lambda scene: [add_capsule(scene, ends, EDGE_RADIUS, colour) for ends in edges],
+        draw=draw_edges,
     )
     renderer.close()
     head = 0.85

@@ -95,13 +95,14 @@ def study_stances(
         touching += scene.penetrates(*places[-1])
     ruled_out = [s for s in range(len(free)) if graph.find(free.points[s].tolist()) < 0]
     close = overlap = 0
-    grasps, clearance = free.solver.grasps, graph.settings.clearance
+    clearance = graph.settings.clearance
     for s in ruled_out:
         a, b = free.points[s].tolist()
         here = free.configuration(State((a, b), tuple(1 << int(k) for k in free.branch[s])))
-        held = [(i, grasps["point"][p], grasps["normal"][p]) for i, p in enumerate((a, b))]
-        close += bool(contacts(free.robot, free.grasp_map.boxes, here, clearance, held))
-        overlap += scene.penetrates(here, [(0, a), (1, b)])
+        held = [(0, a), (1, b)]
+        grasps = grasps_of(free, held)
+        close += bool(contacts(free.robot, free.grasp_map.boxes, here, clearance, grasps))
+        overlap += scene.penetrates(here, held)
     ruler = Ruler(graph.robot, graph.grasp_map.boxes)
     return {
         "free": count,

@@ -5,6 +5,7 @@ import re
 import gymnasium
 import numpy as np
 import pytest
+from coal_ruler import grasps_of
 from plans import first_steps
 from scipy.spatial.transform import Rotation
 from state_graph import least_cost, reachable, within
@@ -114,8 +115,7 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
     geometry = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
     swinging = motion.phase == 1
     for k in np.flatnonzero(swinging)[::3]:
-        rows = graph.solver.grasps
-        grasps = [(i, rows[p]["point"], rows[p]["normal"]) for i, p in geometry.items()]
+        grasps = grasps_of(graph, geometry.items())
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
     execution = execute(graph, first_steps(plan, 1), Durations.of_step(25.0))

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 from branches import arm_of, solutions
+from coal_ruler import grasps_of
 from compiled import called
 from oracle import flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
@@ -92,9 +93,7 @@ def among(graph):
 def chosen_by_definition(graph, stance):
     """Return the posture chosen by definition, and how many candidates tied in the margin."""
     clearance, boxes = among(graph)
-    grasps = [
-        (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
-    ]
+    grasps = grasps_of(graph, enumerate(stance))
     untried = sorted(candidates(graph, stance), key=lambda c: -c[0])
     while untried:
         tied = [c for c in untried if c[0] >= untried[0][0] * (1.0 - TIE)]
@@ -195,9 +194,7 @@ def branch_sets_by_definition(graph, s):
     found = [{c[0]: c for c in limb} for limb in choices(graph, stance, base, axes)]
     quaternion = Rotation.from_matrix(axes).as_quat(scalar_first=True)
     clearance, boxes = among(graph)
-    grasps = [
-        (i, graph.grasp_map.positions[p], graph.grasp_map.normals[p]) for i, p in enumerate(stance)
-    ]
+    grasps = grasps_of(graph, enumerate(stance))
 
     def close(labels, around):
         """Limbs of pairs that are too close; None stands for body, mounts and what is around."""
@@ -266,10 +263,7 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
         same = (checked_graph.branch[c] == graph.branch[s]).all() and np.allclose(
             checked_graph.base_position[c], graph.base_position[s], atol=1e-6
         )
-        grasps = [
-            (i, graph.solver.grasps[p]["point"], graph.solver.grasps[p]["normal"])
-            for i, p in enumerate(points)
-        ]
+        grasps = grasps_of(graph, enumerate(points))
         here = best_configuration(graph, s)
         assert same == (not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02, grasps))
         assert not contacts(graph.robot, (), here, 0.0, grasps)
