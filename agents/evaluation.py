@@ -31,35 +31,24 @@ class EvaluationTask(NamedTuple):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results of k episodes.
-
-    Attributes
-    ----------
-    success
-        Whether the goal was reached, shape (k,).
-    steps
-        Number of actions, failed episodes included, shape (k,).
-    base_translation
-        Sum of base displacements [m], shape (k,).
-    first_decision
-        Time of the reset and of the choice of the first action [s], shape (k,).
-    decision
-        Mean time in which the policy chooses an action [s], shape (k,).
-    failed_grasps
-        Number of actions whose grasp failed by `MlivrEnv`'s `grasp_failure`, shape (k,). A step
-        that fails in simulation is not among them.
-    executed
-        1 if `execute` could execute the states of the episode, 0 if not, NaN if it was not asked,
-        shape (k,).
-    """
+    """Results of k episodes."""
 
     success: BoolArray
+    """Whether the goal was reached, shape (k,)."""
     steps: IntArray
+    """Number of actions, failed episodes included, shape (k,)."""
     base_translation: Array
+    """Sum of base displacements [m], shape (k,)."""
     first_decision: Array
+    """Time of the reset and of the choice of the first action [s], shape (k,)."""
     decision: Array
+    """Mean time in which the policy chooses an action [s], shape (k,)."""
     failed_grasps: IntArray
+    """Number of actions whose grasp failed by `MlivrEnv`'s `grasp_failure`, shape (k,). A step that
+    fails in simulation is not among them."""
     executed: Array
+    """1 if `execute` could execute the states of the episode, 0 if not, NaN if it was not asked,
+    shape (k,)."""
 
     @property
     def success_rate(self) -> float:

@@ -37,58 +37,39 @@ actor-critic acts after the first round (Ross et al., 2011). `"ppo"` is PPO with
 
 @dataclass(frozen=True)
 class ImitationHyperparameters:
-    """Hyperparameters of imitation learning.
-
-    Attributes
-    ----------
-    rounds
-        Number of rounds; in each one data are gathered and then learned from.
-    dagger
-        Whether the actor-critic acts in the rollouts after the first round (DAgger); otherwise
-        the expert acts in all rounds (behaviour cloning). The samples of all rounds are kept in
-        both.
-    layouts
-        Number of layouts in a round; a layout is a subset of the points of the map.
-    goals
-        Number of goals that are drawn on each layout; held-out ones are left out.
-    rollouts
-        Number of rollouts to each goal.
-    max_rollout_steps
-        Number of steps after which a rollout ends without having reached its goal.
-    most_removed
-        Maximum share of the points that a layout lacks; every third layout has all points.
-    noise
-        Probability of a random action in a rollout, among those after which the goal can still be
-        reached.
-    updates
-        Number of gradient steps in a round.
-    batch
-        Number of states in a minibatch, of which each gradient step takes one.
-    learning_rate
-        Initial learning rate of Adam, which a cosine lowers to a tenth.
-    averaging
-        Decay of the exponential moving average of the weights, which is the final policy.
-    value_weight
-        Weight of the squared error of the value in the loss.
-    discount
-        Discount per step of the return that the value head learns, for the reward `"steps"`; for
-        `"base"` this return is undiscounted. The optimal actions do not depend on it.
-    """
+    """Hyperparameters of imitation learning."""
 
     rounds: int = 6
+    """Number of rounds; in each one data are gathered and then learned from."""
     dagger: bool = True
+    """Whether the actor-critic acts in the rollouts after the first round (DAgger); otherwise the
+    expert acts in all rounds (behaviour cloning). The samples of all rounds are kept in both."""
     layouts: int = 9
+    """Number of layouts in a round; a layout is a subset of the points of the map."""
     goals: int = 12
+    """Number of goals that are drawn on each layout; held-out ones are left out."""
     rollouts: int = 40
+    """Number of rollouts to each goal."""
     max_rollout_steps: int = 20
+    """Number of steps after which a rollout ends without having reached its goal."""
     most_removed: float = 0.6
+    """Maximum share of the points that a layout lacks; every third layout has all points."""
     noise: float = 0.05
+    """Probability of a random action in a rollout, among those after which the goal can still be
+    reached."""
     updates: int = 400
+    """Number of gradient steps in a round."""
     batch: int = 256
+    """Number of states in a minibatch, of which each gradient step takes one."""
     learning_rate: float = 2e-3
+    """Initial learning rate of Adam, which a cosine lowers to a tenth."""
     averaging: float = 0.997
+    """Decay of the exponential moving average of the weights, which is the final policy."""
     value_weight: float = 0.02
+    """Weight of the squared error of the value in the loss."""
     discount: float = 0.99
+    """Discount per step of the return that the value head learns, for the reward `"steps"`; for
+    `"base"` this return is undiscounted. The optimal actions do not depend on it."""
 
     def __post_init__(self) -> None:
         """Check all values."""

@@ -65,16 +65,8 @@ class LearnedPolicy:
     there are none, the most probable of all valid actions is taken. Without this rule a
     deterministic policy that once steps back and forth never stops. With the network `"pointer"`
     its input is computed from the environment (`env_features`), and the observation that `act`
-    receives is not used.
-
-    Attributes
-    ----------
-    actor_critic
-        Actor-critic of sb3-contrib, which has the network.
-    network
-        `"pointer"` or `"mlp"`.
-    config
-        Configuration of its training, as in the file; empty if it was not loaded or trained here.
+    receives is not used; the other network is `"mlp"`. `config` is the configuration of the
+    training, as in the file; empty if the policy was not loaded or trained here.
     """
 
     def __init__(

@@ -47,16 +47,8 @@ class UnknownMapEnv(MlivrEnv):
     looks, which `steps` includes, and `fewest_steps`, those of an optimal plan with the layout
     known: no policy takes fewer attempts.
 
-    Attributes
-    ----------
-    look_range
-        Distance from the base within which a look sees points [m].
-    look_cost
-        What a look costs, in the unit of the reward.
-    seen
-        Whether each point was seen, shape (m,).
-    layout
-        The points that are occupied, seen or not, which policies must not use.
+    `seen` says whether each point was seen, shape (m,); `layout` are the points that are occupied,
+    seen or not, which policies must not use.
     """
 
     @checked({"look_range": NOT_NEGATIVE, "look_cost": NOT_NEGATIVE, "tasks": TASKS})
@@ -69,8 +61,9 @@ class UnknownMapEnv(MlivrEnv):
     ) -> None:
         """Build the environment; `tasks` and `options` are arguments of `MlivrEnv`.
 
-        Raises a `MlivrError` if an argument cannot be used: tasks must have layouts, and grasps
-        fail by the layout alone.
+        A look sees the points within `look_range` of the base [m] and costs `look_cost`, in the
+        unit of the reward. Raises a `MlivrError` if an argument cannot be used: tasks must have
+        layouts, and grasps fail by the layout alone.
         """
         drawn = TASKS.read(tasks, FieldPath("tasks", SettingError))
         if not isinstance(drawn, LayoutTasks):

@@ -64,20 +64,8 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
     When points or obstacles of `env.graph` change, the tables are made again, and masks and steps
     are those of the new world, as in `MlivrEnv`.
 
-    Attributes
-    ----------
-    tables
-        Tables of all steps.
-    goals
-        Goal positions [m], shape (k, 3).
-    stances
-        Stance index of each sub-environment in `tables`, shape (k,).
-    branch_sets
-        Branch sets of both limbs, shape (k, 2).
-    steps
-        Number of actions since the reset, shape (k,).
-    base_translation
-        Sum of base displacements since the reset [m], shape (k,).
+    The states are in `stances`, their indices in `tables` of all steps, shape (k,), and
+    `branch_sets` of both limbs, (k, 2); `goals` are goal positions, shape (k, 3) [m].
     """
 
     @checked(VECTOR_ARGUMENTS)

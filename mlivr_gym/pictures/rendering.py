@@ -49,14 +49,7 @@ SIZE = Reader(_size)
 
 
 class SceneRenderer:
-    """Renderer of configurations of a robot in its module.
-
-    Attributes
-    ----------
-    grasp_map
-        The map.
-    obstacles
-        Boxes that are drawn in addition to those of the map.
+    """Renderer of configurations of a robot in its module, with `obstacles` in addition.
 
     Examples
     --------
