@@ -68,7 +68,8 @@ def evaluate(
 ) -> Evaluation:
     """Run a policy and return its results; episode k starts from `reset(seed=seed + k)`.
 
-    An episode that starts in the goal region is a success without an action.
+    An episode that starts in the goal region is a success without an action. Raises a
+    `SettingError` if there is no episode, or the environment is wrapped.
 
     Parameters
     ----------
@@ -90,16 +91,6 @@ def evaluate(
         Function that executes the states of a successful episode, for example in MuJoCo. It takes
         the environment and the states, and returns whether it could execute them, or None if it did
         not try.
-
-    Returns
-    -------
-    Evaluation
-        The results.
-
-    Raises
-    ------
-    SettingError
-        If there is no episode, or the environment is wrapped.
 
     Examples
     --------

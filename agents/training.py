@@ -51,7 +51,10 @@ def train(
     progress: Progress | None = None,
     logs: str | Path | None = None,
 ) -> LearnedPolicy:
-    """Train a policy for the two-limb environment.
+    """Train a policy for the two-limb environment, and return it.
+
+    If the training is interrupted, `out` contains the policy learned so far. Raises a `MlivrError`
+    if an argument cannot be used; the message names it.
 
     Parameters
     ----------
@@ -82,18 +85,6 @@ def train(
         environment steps), the steps done, their total number, and figures by name.
     logs
         Folder for TensorBoard logs; needs the package `tensorboard`.
-
-    Returns
-    -------
-    LearnedPolicy
-        The trained policy.
-
-    Raises
-    ------
-    MlivrError
-        If an argument cannot be used; the message names it.
-    KeyboardInterrupt
-        If the training is interrupted; `out` then contains the policy learned so far.
 
     Examples
     --------

@@ -82,7 +82,9 @@ def film(
 
     The camera is as close as possible while the robot stays inside every frame. With a plan the
     film shows base path, goal and footholds, and a caption with time, speed, step and phase. It
-    has `RATE` frames a second; the last one stays for `PAUSE`.
+    has `RATE` frames a second; the last one stays for `PAUSE`. Raises a `RenderError` if no GL
+    library can be used, or films of this format cannot be written, and a `FileError` if the file
+    cannot be written.
 
     Parameters
     ----------
@@ -106,13 +108,6 @@ def film(
         Draw limbs by their collision shapes, not by their visual meshes.
     progress
         Function called with the number of frames rendered so far.
-
-    Raises
-    ------
-    RenderError
-        If no GL library can be used, or films of this format cannot be written.
-    FileError
-        If the file cannot be written.
     """
     check_film_format(path)
     speed = default_speed(recording) if speed is None else speed
