@@ -1,13 +1,15 @@
-"""What a robot of two limbs still reaches when a joint of one limb has failed.
+"""What a robot still reaches when a joint of one limb has failed.
 
     python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8] [--workers 2]
+                                        [--only mlivr3]
 
 A joint of limb 0 is locked at its present angle, in drawn states of a robot on the JEM, collisions
 checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
 are the stances of the robot that results and the drawn goals to which it has a plan from the state
 in which it is. Two UR5e have no such choice: counted are the stances that limb 0 can hold where it
-is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and
-`failed_joints.md`.
+is with the joint at its angle, and the goals at which they are. Of three, limb 0 lets go and folds,
+and the others walk: counted are the starts at which it can, and the goals to which they have a
+plan. Writes `failed_joints.json` and `failed_joints.md`.
 """
 
 from __future__ import annotations
@@ -15,17 +17,22 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from reports import CORES, NOTHING, experiment, study_rows, table
+from reports import CORES, NOTHING, ROOT, experiment, read, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.planning_result import START_INFEASIBLE
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-NAMES = ("mlivr2", "mlivr2-iiwa")
+NAMES = ("mlivr2", "mlivr3", "mlivr2-iiwa")
 """Robots that are compared."""
+
+THREE = "mlivr3"
+"""That of three limbs, of which one folds; its tables are those of the default settings."""
 
 SETTINGS = Settings(limb_threshold=0.05)
 """Half the default threshold of w_m, which no stance of an iiwa with joint 1 or 2 held meets.
@@ -41,7 +48,7 @@ SAME_ANGLE = 1e-3
 """A joint within this of its angle counts as at it [rad]."""
 
 
-def joint_angles(graph: TwoLimbGraph, state: State) -> np.ndarray:
+def joint_angles(graph: StanceGraph, state: State) -> np.ndarray:
     """Return the angles of all joints of limb 0 [rad]."""
     angles: np.ndarray = graph.robot.every_limb[0].all_angles(graph.configuration(state)[2][0])
     return angles
@@ -85,31 +92,53 @@ def reached_with_the_joint_held(
     return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
 
 
+def reached_by_the_others(
+    graph: StanceGraph, state: State, joint: int, goals: np.ndarray
+) -> tuple[int, int]:
+    """Return whether limb 0 can let go and fold, and the goals that the others reach."""
+    angle = float(joint_angles(graph, state)[joint - 1])
+    planner, failed = Planner(graph), [(0, joint, angle)]
+    found = [planner.plan(state, goal, "steps", failed_joints=failed) for goal in goals]
+    folded = any(result.reason != START_INFEASIBLE for result in found)
+    return int(folded), sum(result.plan is not None for result in found)
+
+
 def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, Any]:
-    """Return the stances of a robot and the shares of them and of goals left by a failed joint."""
-    graph, rng = stance_graph(robot=robot, settings=SETTINGS), np.random.default_rng(0)
+    """Return the shares of stances, or of starts, and of goals that a failed joint leaves."""
+    settings = Settings() if robot == THREE else SETTINGS
+    graph, rng = stance_graph(robot=robot, settings=settings), np.random.default_rng(0)
     states = [random_state(graph, rng) for _ in range(starts)]
-    places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
-    held = graph.robot.every_limb[0].held_joint
-    count = reached_on_the_spot if held is None else reached_with_the_joint_held
-    out: dict[str, Any] = {"all": len(graph), "reason": None, "stances": None, "goals": None}
+    if isinstance(graph, TwoLimbGraph):
+        places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
+        held = graph.robot.every_limb[0].held_joint
+        count: Any = reached_on_the_spot if held is None else reached_with_the_joint_held
+        every = len(graph)
+    else:
+        ends = [random_state(graph, rng) for _ in range(goals)]
+        places = np.array([graph.configuration(end)[0] for end in ends])
+        count, every = reached_by_the_others, 1
+    out: dict[str, Any] = {"reason": None, "stances": None, "goals": None}
     try:
         counts = np.array([count(graph, state, task + 1, places) for state in states])
     except RobotError as fault:
         return out | {"reason": str(fault)}
-    shares = counts.sum(axis=0) / (starts * np.array([len(graph), goals]))
+    shares = counts.sum(axis=0) / (starts * np.array([every, goals]))
     return out | dict(zip(("stances", "goals"), shares.tolist(), strict=True))
 
 
-def measured(starts: int, goals: int, workers: int) -> dict[str, Any]:
-    """Return what is left of each robot for each joint of limb 0."""
-    found: dict[str, Any] = {"starts": starts, "goals": goals}
+def measured(starts: int, goals: int, workers: int, only: str) -> dict[str, Any]:
+    """Return what is left of each robot for each joint of limb 0.
+
+    If one is named, the others are those that are stored.
+    """
+    found: dict[str, Any] = read(ROOT / "results", "failed_joints") if only else {}
     given = {"starts": [starts], "goals": [goals]}
-    for name in NAMES:
+    for name in [only] if only else NAMES:
         joints = len(robot_spec(name).limb.joint_limits)
         rows = study_rows("failed_joints:without_joint", joints, workers, robot=[name], **given)
         found[name] = {
-            "stances": rows[0]["all"],
+            "starts": starts,
+            "goals": goals,
             "joints": {
                 str(row["task"] + 1): {key: row[key] for key in ("stances", "goals", "reason")}
                 for row in rows
@@ -120,20 +149,28 @@ def measured(starts: int, goals: int, workers: int) -> dict[str, Any]:
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
+    shown = {THREE: (None, "goals", "stances")}
     rows = [
-        (name, joint, *(NOTHING if row[key] is None else f"{100 * row[key]:.3g} %"
-                        for key in ("stances", "goals")))
+        (name, f"{data[name]['starts']}, {data[name]['goals']}", joint,
+         *(NOTHING if key is None or row[key] is None else f"{100 * row[key]:.3g} %"
+           for key in shown.get(name, ("stances", "goals", None))))
         for name in NAMES
         for joint, row in data[name]["joints"].items()
     ]  # fmt: skip
-    head = "robot | failed joint of limb 0 | stances left | goals reached"
+    head = (
+        "robot | starts, goals | failed joint of limb 0 | stances left | goals reached | "
+        "starts at which it folds"
+    )
     return (
-        f"# Failed joints\n\nMeans over {data['starts']} drawn states and {data['goals']} drawn "
-        "goals each, made by `experiments/failed_joints.py`; collisions checked, w_m >= "
-        f"{SETTINGS.limb_threshold:g}. A dash: the other "
-        "six joints have no closed form here, so that the limb cannot move.\n\n" + table(head, rows)
+        "# Failed joints\n\nMeans over drawn starts and drawn goals for each, made by "
+        "`experiments/failed_joints.py`; collisions checked, w_m >= "
+        f"{SETTINGS.limb_threshold:g}, of `{THREE}` {Settings().limb_threshold:g}. Of `{THREE}` "
+        "limb 0 lets go and folds, and the two others walk. A dash in both columns of another: its "
+        "other six joints have no closed form here, so that the limb cannot move.\n\n"
+        + table(head, rows)
     )
 
 
 if __name__ == "__main__":
-    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8, workers=CORES)
+    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8, workers=CORES,
+               only="")  # fmt: skip

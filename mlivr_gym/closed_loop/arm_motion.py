@@ -2,8 +2,8 @@
 
 A limb that picks a bag up, folds with it or stows it moves from knot to knot on lines in joint
 space, at rest at each. The ends at a handle are lines along its normal. Between them RRT-Connect
-(Kuffner and LaValle 2000) finds knots. Configurations `RESOLUTION` apart keep the clearance from
-everything; between them a motion is not certified, unlike the steps of a walk.
+finds knots. Configurations `RESOLUTION` apart keep the clearance from everything; between them a
+motion is not certified, unlike the steps of a walk.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.time_scaling import quintic
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.cargo import Cargo
@@ -34,12 +35,6 @@ from mlivr_gym.world.boxes import BOX, Box, scene_name
 
 RESOLUTION = 0.02
 """Distance of the configurations that are checked, in the joint that moves most [rad]."""
-
-EXTENSION = 0.4
-"""Longest line by which a tree of RRT-Connect grows [rad]."""
-
-MOST_SAMPLES, SHORTCUTS = 1500, 60
-"""Samples of RRT-Connect, and random shortcuts that are tried on what it found."""
 
 LINE_SAMPLES = 12
 """Number of configurations on a line along a normal."""
@@ -172,53 +167,8 @@ class LimbMover:
 
     def connect(self, first: Array, last: Array, seed: int = 0) -> Array | None:
         """Return knots of a clear path between joint angles, (k, 6) [rad], or None."""
-        if not (self.is_clear(first) and self.is_clear(last)):
-            return None
-        if self._is_line_clear(first, last):
-            return np.array([first, last])
-        rng, trees = np.random.default_rng(seed), ([(first, -1)], [(last, -1)])
-        for k in range(MOST_SAMPLES):
-            here, there = trees[k % 2], trees[1 - k % 2]
-            if self._extend(here, rng.uniform(self._low, self._high)):
-                target = here[-1][0]
-                while self._extend(there, target):
-                    if np.abs(there[-1][0] - target).max() < 1e-9:
-                        path = _to_root(trees[0], -1)[::-1] + _to_root(trees[1], -1)[1:]
-                        return self._shortened(path, rng)
-        return None
-
-    def _extend(self, tree: list[tuple[Array, int]], target: Array) -> bool:
-        """Add a node towards a target to a tree, if the line to it is clear."""
-        away = np.abs(np.array([node for node, _ in tree]) - target).max(axis=1)
-        nearest = int(np.argmin(away))
-        start, size = tree[nearest][0], float(away[nearest])
-        if size < 1e-12:
-            return False
-        end = start + min(1.0, EXTENSION / size) * (target - start)
-        if not self._is_line_clear(start, end):
-            return False
-        tree.append((end, nearest))
-        return True
-
-    def _shortened(self, path: list[Array], rng: np.random.Generator) -> Array:
-        """Return a path without knots that a clear line can replace."""
-        for _ in range(SHORTCUTS):
-            if len(path) < 3:
-                break
-            a, b = sorted(rng.choice(len(path), 2, replace=False).tolist())
-            if b > a + 1 and self._is_line_clear(path[a], path[b]):
-                path = path[: a + 1] + path[b:]
-        return np.array(path)
-
-
-def _to_root(tree: list[tuple[Array, int]], node: int) -> list[Array]:
-    """Return the nodes from one of a tree to its root."""
-    nodes = []
-    node %= len(tree)
-    while node >= 0:
-        joints, node = tree[node]
-        nodes.append(joints)
-    return nodes
+        limits = np.column_stack([self._low, self._high])
+        return connected(first, last, limits, self._is_line_clear, seed)
 
 
 def limb_trajectory(

@@ -1,4 +1,4 @@
-"""Links of a limb whose capsules are close to each other, or to the body, in every posture.
+"""Links whose capsules are close to each other, or to the body, in every posture.
 
 Capsules that are fitted to a file's shapes exceed them. Where two links are near each other in
 every posture, as forearm and wrist 2 of a UR arm, the excess may leave no posture at all.
@@ -21,7 +21,7 @@ def always_close_links(robot: RobotSpec, clearance: float) -> tuple[tuple[str, s
     """Return links of a limb, or a link and the body, that are close in every drawn posture.
 
     Joint angles are drawn from the joint limits, uniformly and with a fixed seed. Pairs of `APART`
-    are in its order.
+    are in its order. Links of two limbs have the limb before their names.
 
     Parameters
     ----------
@@ -43,6 +43,8 @@ def always_close_links(robot: RobotSpec, clearance: float) -> tuple[tuple[str, s
                 close.add((BODY, (link or second)[0]))
             elif limb == other:
                 close.add((link[0], second[0]))
+            elif link and second:
+                close.add((f"{limb}/{link[0]}", f"{other}/{second[0]}"))
         kept = close if kept is None else kept & close
     return tuple(sorted(pair[::-1] if pair[::-1] in APART else pair for pair in kept or ()))
 
@@ -56,11 +58,13 @@ def told_always_close(robot: RobotSpec, clearance: float) -> str:
     remedies = ["a smaller clearance", "narrower capsules"]
     if robot.capsules is not None:
         remedies.append("capsules='ur5e' of from_urdf")
-    if any(BODY in pair for pair in pairs):
-        remedies.append("a larger mount_radius")
+    between = any("/" in pair[0] for pair in pairs)
+    if between or any(BODY in pair for pair in pairs):
+        remedies.append("a larger mount_radius" + ", or limbs farther apart" * between)
     if apart := [pair for pair in pairs if pair in APART]:
         remedies.append(f"apart={[*robot.apart, *apart]} if these links never meet")
     return (
-        f"{listed} of a limb are within {clearance:g} m of each other in every posture; give "
+        f"{listed}{'' if between else ' of a limb'} are within {clearance:g} m of each other in "
+        "every posture; give "
         f"{', '.join(remedies[:-1])}, or {remedies[-1]}"
     )

@@ -315,9 +315,11 @@ def _check_masses(spec: Any) -> None:
             rigid = rigid.parent
         masses[rigid.name] = masses.get(rigid.name, 0.0) + float(body.mass)
     for body in spec.bodies:
-        if len(body.joints) and masses.get(body.name, 0.0) <= 0.0:
+        mass = masses.get(body.name, 0.0)
+        if len(body.joints) and mass <= 0.0:
+            has = f"a mass of {mass:g} kg" if mass else "no mass"
             raise RobotError(
-                f"link {body.name!r} has no mass; give it an <inertial> with the mass [kg] and the "
+                f"link {body.name!r} has {has}; give it an <inertial> with the mass [kg] and the "
                 "inertia [kg m^2]"
             )
 
@@ -346,6 +348,10 @@ def _joint_data(
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint {joint}"
         low, high = model.jnt_range[joint].tolist()
         limited = bool(model.jnt_limited[joint]) and high > low
+        if high < low:
+            raise RobotError(
+                f"joint {name!r} has the limits {low:g} and {high:g} rad; the lower one comes first"
+            )
         address = int(model.jnt_dofadr[joint])
         out[joint] = JointData(
             name,

@@ -18,6 +18,9 @@ from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
 
+ENDLESS = 1000.0
+"""Limit from which on a joint turns without end [rad]."""
+
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
 
@@ -190,6 +193,12 @@ def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple
             raise RobotError(
                 f"joint {figures.name!r} has no limits; give it a lower and an upper angle [rad], "
                 "the lower one first"
+            )
+        if FARTHEST_TURN < max(np.abs(figures.limits)) < ENDLESS:
+            low, high = figures.limits
+            raise RobotError(
+                f"joint {figures.name!r} has limits from {low:g} to {high:g} rad; angles are in "
+                f"radians, at most {FARTHEST_TURN:g}: are these degrees?"
             )
         ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
         low, high = sorted(sign * end + offset for end in ends)

@@ -47,6 +47,18 @@ def test_a_robot_without_a_stance_is_told_which_links_and_what_would_help(small_
     assert len(stance_graph(small_map, robot)) > 0
 
 
+def test_limbs_that_are_mounted_in_one_place_are_named():
+    """A ball at each shoulder, whose middle no joint moves."""
+    robot = robot_spec("mlivr2")
+    balls = tuple(Capsule("upper_arm", (0.0, 0.0, z), (0.0, 0.0, z), 0.03) for z in (0.0, 0.1))
+    first = replace(robot.mounted[0], limb=None, capsules=None, dynamics=None, visuals=None)
+    x, y, z = first.position
+    beside = replace(first, position=(x, y, z + 0.05))
+    near = replace(robot, mounts=(first, beside), capsules=balls)
+    assert ("limb0/upper_arm", "limb1/upper_arm") in always_close_links(near, CLEARANCE)
+    assert always_close_links(replace(robot, capsules=balls), CLEARANCE) == ()
+
+
 def test_an_arm_from_a_file_stands_so_that_its_long_upper_arm_can_leave_the_body(tmp_path):
     """One capsule of 0.2 m about joint 2 and along the arm; joint 2 is 0.1807 m above the mount."""
     head, rest = one_arm().split('<link name="link2">')

@@ -92,7 +92,7 @@ def test_obstacles_and_occupied_points_of_the_graph_are_kept(iiwas):
         ([(0, 2, 0.4)], r"joint 2 of limb 0 is at -?\d\.\d+ rad at the start, not at 0.4000 rad"),
         ([(0, 4, 0.4)], "limb 0 cannot move with joint 4 failed"),
         ([(0, 2, -1.0), (0, 5, 0.4)], "joint 2 of limb 0 has failed at -1 rad already; with joint"),
-        ([(3, 2, 0.4)], "limb is 3; it must be a whole number from 0 to 1"),
+        ([(3, 2, 0.4)], r"failed_joints\[0\]\[0\] is 3; it must be a whole number from 0 to 1"),
         ([(0, 2)], r"failed_joints\[0\] is \(0, 2\); it must be limb, joint and angle"),
         ([(0, 2, "wide")], r"failed_joints\[0\]\[2\] is 'wide'; it must be a finite number"),
         ([(0, 9, 0.4)], r"failed_joints\[0\]\[1\] is 9; it must be a whole number from 1 to 7"),

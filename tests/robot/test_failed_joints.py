@@ -83,7 +83,8 @@ def test_a_failed_joint_cannot_be_held_at_another_angle_later():
     [
         ("mlivr2", (0, 3, 0.1), "limb 0 has 6 joints: with joint 3 failed it can hold its point, "
          "but neither step nor follow the body"),
-        ("mlivr3", (0, 3, 0.1), "a robot that it holds; but the others can walk while it stands"),
+        ("mlivr3", (0, 3, 0.1), "a robot that it holds; but with failed_joints of plan it "
+         "folds, and the others walk"),
         ("mlivr2", (2, 3, 0.1), "limb is 2; it must be a whole number from 0 to 1"),
         ("mlivr2-iiwa", (0, 8, 0.1), "joint is 8; it must be a whole number from 1 to 7"),
         ("mlivr2-iiwa", (0, 4, 0.1), "limb 0 cannot move with joint 4 failed: limb"),

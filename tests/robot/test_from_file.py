@@ -167,7 +167,15 @@ def in_millimetres(text):
         ),
         (
             replaced('<mass value="3.0"/>', '<mass value="-3"/>'),
-            {}, "arm.urdf': link 'link3' has no mass; give it an",
+            {}, "arm.urdf': link 'link3' has a mass of -3 kg; give it an",
+        ),
+        (
+            replaced('lower="-3.1" upper="3.0"', 'lower="3.1" upper="-3.0"'),
+            {}, "joint 'joint3' has the limits 3.1 and -3 rad; the lower one comes first",
+        ),
+        (
+            replaced('lower="-3.1" upper="3.0"', 'lower="-178" upper="172"'),
+            {}, "joint 'joint3' has limits from -178 to 172 rad; .* at most 100: are these deg",
         ),
         (replaced('ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"',
                   'ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"'),
