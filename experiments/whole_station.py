@@ -36,6 +36,8 @@ from station_plans import (
     TO_TENTH,
 )
 
+from mlivr_gym.planners.corridor import MANY
+
 TIME_LIMIT = 600.0
 """Time after which a process is ended [s]."""
 
@@ -196,7 +198,8 @@ One plan of two limbs from the first to the last module, or to the tenth, each b
 own that has no cached table; machine code is compiled before. A plan is proved to have at most
 *bound* times the fewest steps possible on the points that are used. *Whole* computes the stances of
 the whole map. *Corridor* (`planners.corridor.plan_in_corridor`) computes those near a
-route over cells that hold points, and widens the corridor, up to the whole map, until a plan is
+route over cells that hold points, of more than {MANY:,} only every other point at first, and \
+widens the corridor, up to the whole map, until a plan is
 found: it is not proved that no plan outside the corridor is shorter.
 
 The aim is {AIM["time"]:g} s and {AIM["memory"]:g} GB for ten modules. In the corridor the station \

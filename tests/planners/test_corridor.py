@@ -9,17 +9,19 @@ from walk_steps import count_steps
 from mlivr_gym import Box, GraspMap, Settings, robot_spec, stance_graph
 from mlivr_gym.errors import GoalError, StanceError, UnknownPointError
 from mlivr_gym.motion.plan_parts import World
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Plan, Planner, corridor
 from mlivr_gym.planners.corridor import around, nearest_distances, plan_in_corridor, route_of
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
 
-def test_the_plan_is_a_walk_of_the_whole_map(checked_graph):
+@pytest.mark.parametrize(("many", "most"), [(corridor.MANY, 200), (100, 140)])
+def test_the_plan_is_a_walk_of_the_whole_map(monkeypatch, checked_graph, many, most):
     """Every step is one of the whole graph, and no plan there is shorter."""
+    monkeypatch.setattr(corridor, "MANY", many)
     found = plan_in_corridor("jem", START, GOAL)
     assert not found.is_whole
-    assert len(found.graph.grasp_map) < 200
+    assert len(found.graph.grasp_map) < most
     plan = found.result.unwrap()
     state = checked_graph.state(plan.stances[0])
     for stance in plan.stances[1:]:
@@ -99,8 +101,10 @@ def test_distances_are_those_of_scipy(count):
     )
 
 
-def test_only_the_whole_map_proves_that_there_is_no_plan(jem):
+@pytest.mark.parametrize("many", [corridor.MANY, 10])
+def test_only_the_whole_map_proves_that_there_is_no_plan(monkeypatch, jem, many):
     """Points on two islands, farther apart than the span."""
+    monkeypatch.setattr(corridor, "MANY", many)
     keep = (jem.positions[:, 0] < 2.9) | (jem.positions[:, 0] > 6.0)
     apart = jem.subset(keep, "apart")
     settings = Settings(collisions=False)
