@@ -1,6 +1,6 @@
 """Find a start and a goal for which the four cases agree best with the paper's Table I.
 
-    python experiments/calibrate_start_goal.py [--pairs 3000]
+    python experiments/calibrate_start_goal.py [--pairs 3000] [--workers 2]
 
 The paper's map, start and goal are not public; its figures imply a walk from the deck to the
 overhead with a base translation of about 4.4 m. Candidate starts are stances on the deck with the
@@ -16,11 +16,12 @@ from __future__ import annotations
 
 import argparse
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
+from reports import CORES, study_rows
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
@@ -35,8 +36,8 @@ START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
 FACE = "overhead"
 """Face on which walks end."""
 
-SEEDS = range(60)
-"""Candidate seeds of the sparse map."""
+SEEDS = 60
+"""Number of candidate seeds of the sparse map."""
 
 FINALISTS = 200
 """Number of pairs with the smallest mismatch that are planned in all modes."""
@@ -61,8 +62,9 @@ def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Pl
     ).plan
 
 
+@cache
 def planners_of(mode: str) -> dict[int, Planner]:
-    """Return the planners of Cases 1 to 3 in a mode."""
+    """Return the planners of Cases 1 to 3 in a mode, once for each process."""
     first, second = (Planner(case_graph(case, {}, mode)) for case in (1, 2))
     return {1: first, 2: second, 3: second}
 
@@ -85,27 +87,48 @@ def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
     return starts, goals[((goals >= low) & (goals <= high)).all(axis=1)]
 
 
-def best_pair(pairs: int) -> tuple[float, dict[str, Any]]:
-    """Return mismatch and setup of the best of `pairs` random pairs."""
-    planners = {mode: planners_of(mode) for mode in MODES}
-    graph = planners["collisions"][2].graph
+@cache
+def drawn_pairs(pairs: int) -> list[dict[str, Any]]:
+    """Return random pairs of a start and a goal, once for each process."""
+    graph = planners_of("collisions")[2].graph
     assert isinstance(graph, TwoLimbGraph)
     starts, goals = candidates(graph)
-    rng, tried = np.random.default_rng(0), []
-    for _ in tqdm(range(pairs), desc="pairs", mininterval=2.0):
+    rng, found = np.random.default_rng(0), []
+    for _ in range(pairs):
         start = starts[int(rng.integers(len(starts)))]
         goal = np.round(goals[int(rng.integers(len(goals)))], 3).tolist()
-        setup = {"start": list(start), "goal": goal, "goal_face": FACE}
-        total = 0.0
-        for case in (1, 2, 3):
-            plan = planned(planners["faithful"][case], setup, case, "faithful")
-            total += np.inf if plan is None else mismatch(case, plan)
-        if np.isfinite(total):
-            tried.append((total, setup))
-    tried.sort(key=lambda entry: entry[0])
-    for total, setup in tried[:FINALISTS]:
+        found.append({"start": list(start), "goal": goal, "goal_face": FACE})
+    return found
+
+
+def pair_mismatch(task: int, pairs: int) -> dict[str, float | None]:
+    """Return the mismatch of a pair in Cases 1 to 3, None if one of them has no plan."""
+    setup, planners = drawn_pairs(pairs)[task], planners_of("faithful")
+    plans = {case: planned(planners[case], setup, case, "faithful") for case in (1, 2, 3)}
+    found = [mismatch(case, plan) for case, plan in plans.items() if plan is not None]
+    return {"mismatch": sum(found) if len(found) == len(plans) else None}
+
+
+def seed_mismatch(task: int, setup: str) -> dict[str, float | None]:
+    """Return the mismatch of Case 4 with a seed of the sparse map, None without a plan."""
+    pair = json.loads(setup) | {"sparse_seed": task}
+    plan = planned(Planner(case_graph(4, pair, "faithful")), pair, 4, "faithful")
+    return {"mismatch": None if plan is None else mismatch(4, plan)}
+
+
+def best_first(rows: list[dict[str, Any]]) -> list[tuple[float, int]]:
+    """Return mismatch and number of each task that has plans, the smallest mismatch first."""
+    found = [(row["mismatch"], row["task"]) for row in rows if row["mismatch"] is not None]
+    return sorted(found, key=lambda entry: entry[0])
+
+
+def best_pair(pairs: int, workers: int) -> tuple[float, dict[str, Any]]:
+    """Return mismatch and setup of the best of `pairs` random pairs."""
+    rows = study_rows("calibrate_start_goal:pair_mismatch", pairs, workers, pairs=[pairs])
+    for total, task in best_first(rows)[:FINALISTS]:
+        setup = drawn_pairs(pairs)[task]
         if all(
-            planned(planners[mode][case], setup, case, mode)
+            planned(planners_of(mode)[case], setup, case, mode)
             for mode in ("collisions", "steps")
             for case in (1, 2, 3)
         ):
@@ -113,15 +136,11 @@ def best_pair(pairs: int) -> tuple[float, dict[str, Any]]:
     raise SystemExit("no pair has plans for Cases 1 to 3 in all modes; try more pairs")
 
 
-def best_seed(pair: dict[str, Any]) -> tuple[float, dict[str, Any]]:
+def best_seed(pair: dict[str, Any], workers: int) -> tuple[float, dict[str, Any]]:
     """Return the mismatch of Case 4 and the setup with the best seed of the sparse map."""
-    found = []
-    for seed in tqdm(SEEDS, desc="seeds of the sparse map", mininterval=2.0):
-        setup = pair | {"sparse_seed": seed}
-        plan = planned(Planner(case_graph(4, setup, "faithful")), setup, 4, "faithful")
-        if plan is not None:
-            found.append((mismatch(4, plan), seed))
-    for value, seed in sorted(found):
+    given = [json.dumps(pair)]
+    rows = study_rows("calibrate_start_goal:seed_mismatch", SEEDS, workers, setup=given)
+    for value, seed in best_first(rows):
         setup = pair | {"sparse_seed": seed}
         if all(
             planned(Planner(case_graph(4, setup, mode)), setup, 4, mode)
@@ -135,9 +154,10 @@ def main() -> None:
     """Search over pairs and seeds, and write the best setup."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
-    pairs = parser.parse_args().pairs
-    total, pair = best_pair(pairs)
-    sparse, setup = best_seed(pair)
+    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
+    args = parser.parse_args()
+    total, pair = best_pair(args.pairs, args.workers)
+    sparse, setup = best_seed(pair, args.workers)
     found = {"source": "experiments/calibrate_start_goal.py", **setup}
     write_whole(SETUP, json.dumps(found, indent=1) + "\n")
     print(f"mismatch {total:.3f} + {sparse:.3f}: {found} written to {Path(SETUP).name}")

@@ -1,6 +1,6 @@
 """Compute the tables of two limbs that ship: the default world and the paper's cases.
 
-    python experiments/shipped_tables.py
+    python experiments/shipped_tables.py [--workers 2]
 
 Each table holds all nodes and edges of a stance graph of two limbs, with the branches that limbs
 can keep. Writes `envs_assets/pairs-*.npz` in some minutes, and removes tables of other graph rules,
@@ -10,7 +10,11 @@ three and four limbs are written by `mlivr-gym build --robot mlivr3 --out envs_a
 
 from __future__ import annotations
 
+import argparse
 import os
+from typing import Any
+
+from reports import CORES, study_rows
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
@@ -19,27 +23,39 @@ from mlivr_gym.stances.table_build import fill_rows, write_built
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
+SHIPPED = [("", 0), *((mode, case) for mode in MODES for case in CASES)]
+"""Modes and numbers of the paper's cases whose tables ship, after the default world."""
 
-def shipped_graphs() -> dict[str, TwoLimbGraph]:
-    """Return the stance graphs whose tables ship, by file name."""
-    setup = default_setup()
-    graphs = [stance_graph()]
-    graphs += [case_graph(case, setup, mode) for mode in MODES for case in CASES]
-    return {
-        TWO_LIMB_TABLES.name(graph): graph for graph in graphs if isinstance(graph, TwoLimbGraph)
-    }
+
+def made(task: int) -> TwoLimbGraph:
+    """Return the stance graph of one of the tables that ship."""
+    mode, case = SHIPPED[task]
+    graph = case_graph(case, default_setup(), mode) if mode else stance_graph()
+    assert isinstance(graph, TwoLimbGraph)
+    return graph
+
+
+def built(task: int) -> dict[str, Any]:
+    """Compute and write one of the tables anew."""
+    os.environ["MLIVR_GYM_CACHE"] = ""  # no table is read from the cache
+    path = asset_path(TWO_LIMB_TABLES.name(made(task)))
+    path.unlink(missing_ok=True)
+    graph = made(task)
+    fill_rows(graph)
+    write_built(graph, path)
+    return {"name": path.name, "stances": len(graph), "size": path.stat().st_size}
 
 
 def main() -> None:
     """Compute and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
+    rows = study_rows("shipped_tables:built", len(SHIPPED), parser.parse_args().workers)
     for old in asset_path("").glob("pairs-*.npz"):
-        old.unlink()
-    os.environ["MLIVR_GYM_CACHE"] = ""  # no table is read from the cache
-    for name, graph in shipped_graphs().items():
-        fill_rows(graph)
-        path = asset_path(name)
-        write_built(graph, path)
-        print(f"{name}: {len(graph)} stances, {path.stat().st_size / 1e6:.2f} MB", flush=True)
+        if old.name not in {row["name"] for row in rows}:
+            old.unlink()
+    for row in rows:
+        print(f"{row['name']}: {row['stances']} stances, {row['size'] / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":

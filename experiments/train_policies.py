@@ -1,6 +1,7 @@
 """Train the policies that `planner_vs_rl.py` compares.
 
-    python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...]
+    python experiments/train_policies.py [--out runs] [--seeds 3] [--only dagger-pointer ...] \
+        [--workers 1]
 
 Writes `METHOD-NETWORK-SEED.pt` and `.json` for each policy by the command `mlivr-gym train`; a
 checkpoint that exists is not trained again. The method `risky` is DAgger in an environment where
@@ -13,8 +14,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
-from reports import command_line
+from reports import command_line, study_rows
 
 GRASP_FAILURE = 0.2
 """Mean probability of a failing grasp in the family of unreliable grasps."""
@@ -31,21 +34,29 @@ RUNS = {
 """Name with network, and options of `mlivr-gym train`, in the order of training."""
 
 
+def trained(task: int, run: str, out: str) -> dict[str, Any]:
+    """Train a policy with the seed of a task, unless its checkpoint exists."""
+    path = Path(out) / f"{run}-{task}.pt"
+    if not path.exists():
+        options = [option.format(seed=task) for option in RUNS[run]]
+        options += ["--network", run.split("-")[1], "--seed", str(task), "--out", path.stem]
+        subprocess.run([sys.executable, "-m", "mlivr_gym", "train", *options], cwd=out, check=True)
+    return {"checkpoint": path.name, "size": path.stat().st_size}
+
+
 def main() -> None:
-    """Train the policies in order, except those whose checkpoint exists."""
+    """Train the policies, those that begin with another one last."""
     parser = command_line(__doc__, out="runs")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
     parser.add_argument("--only", nargs="+", choices=RUNS, default=RUNS, help="some of them")
+    parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    for seed in range(args.seeds):
-        for name in args.only:
-            if (args.out / f"{name}-{seed}.pt").exists():
-                continue
-            options = [option.format(seed=seed) for option in RUNS[name]]
-            options += ["--network", name.split("-")[1], "--seed", str(seed)]
-            command = [sys.executable, "-m", "mlivr_gym", "train", *options]
-            subprocess.run([*command, "--out", f"{name}-{seed}"], cwd=args.out, check=True)
+    for is_last in (False, True):
+        runs = [run for run in args.only if ("--init" in RUNS[run]) == is_last]
+        if runs:
+            where = {"run": runs, "out": [str(args.out.resolve())]}
+            study_rows("train_policies:trained", args.seeds, args.workers, **where)
 
 
 if __name__ == "__main__":
