@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import command_line, keep, table
+from reports import CORES, command_line, keep, study_rows, table
 from robots import shot
 
 from mlivr_gym import RobotSpec, Settings, stance_graph
@@ -83,11 +83,12 @@ def pictures(name: str, graph: TwoLimbGraph, plan: Plan) -> list[Any]:
     return out
 
 
-def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
-    """Return what is measured of a robot, and its pictures."""
+def measured(task: int, share: str) -> dict[str, Any]:
+    """Return what is measured of a robot, and its pictures side by side as bytes."""
+    name = list(ARMS)[task]
     file, threshold, options = ARMS[name]
-    robots = share / "example-robot-data" / "robots"
-    robot = RobotSpec.from_urdf(robots / file, package_dirs=[share], name=name, **options)
+    path = Path(share, "example-robot-data", "robots", file)
+    robot = RobotSpec.from_urdf(path, package_dirs=[share], name=name, **options)
     graph = stance_graph(robot=robot, settings=Settings(limb_threshold=threshold))
     assert isinstance(graph, TwoLimbGraph)
     plan = walk_of(graph)
@@ -98,7 +99,8 @@ def measured(name: str, share: Path) -> tuple[dict[str, Any], list[Any]]:
         "stances": len(graph), "steps": len(plan.steps), "walked": done.failure is None,
         "walk_s": done.simulated_time,
         "capture_m": max(capture.distance for capture in done.captures),
-    }, pictures(name, graph, plan)  # fmt: skip
+        "picture": np.hstack(pictures(name, graph, plan)).tobytes(),
+    }  # fmt: skip
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -117,13 +119,19 @@ def markdown(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure and write the results."""
-    parser, data, rows = command_line(__doc__), {}, []
+    parser = command_line(__doc__)
     parser.add_argument("share", type=Path, help="folder that holds example-robot-data/")
+    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
     args = parser.parse_args()
-    for name in ARMS:
-        data[name], shots = measured(name, args.share)
-        rows.append(np.hstack(shots))
-    save_image(np.vstack(rows), args.out / "public_arms.png")
+    share = [str(args.share.resolve())]
+    rows = study_rows("public_arms:measured", len(ARMS), args.workers, share=share)
+    shots = [np.frombuffer(row.pop("picture"), dtype=np.uint8) for row in rows]
+    save_image(np.vstack(shots).reshape(-1, 3 * SIZE[0], 3), args.out / "public_arms.png")
+    left_out = ("share", "run", "task", "error")
+    data = {
+        name: {key: value for key, value in row.items() if key not in left_out}
+        for name, row in zip(ARMS, rows, strict=True)
+    }
     keep(args.out, "public_arms", data)
     print(markdown(data))
 
