@@ -16,6 +16,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
+from mlivr_gym.stances.random_states import random_state
 
 FILES = [name for name in ROBOTS if name.startswith("mlivr2-")]
 
@@ -120,6 +121,25 @@ def test_a_robot_that_ships_walks_in_mujoco(name, planned):
     execution = execute(*planned(name))
     assert execution.failure is None
     assert len(execution.captures) == len(execution.plan.steps)
+
+
+@pytest.mark.parametrize("name", ["mlivr3", "mlivr4"])
+def test_robots_of_more_limbs_walk_in_mujoco(name):
+    """To the farthest base of those two steps away from a drawn stance."""
+    graph = stance_graph(robot=name)
+    start = random_state(graph, np.random.default_rng(1))
+    state = start
+    for _ in range(2):
+        steps = graph.successors(state)
+        away = np.linalg.norm(steps.base_position - graph.configuration(start)[0], axis=1)
+        k = int(away.argmax())
+        state = steps.after(state, k)
+    goal = {"goal": steps.base_position[k], "goal_tolerance": 0.05}
+    plan = Planner(graph).plan(start, cost="steps", **goal).unwrap()
+    assert len(plan.steps) > 0
+    execution = execute(graph, plan)
+    assert execution.failure is None
+    assert len(execution.captures) == len(plan.steps)
 
 
 def test_three_iiwa_walk_to_points_that_pinocchio_sees_them_reach(jem):
