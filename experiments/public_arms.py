@@ -127,9 +127,9 @@ def main() -> None:
     rows = study_rows("public_arms:measured", len(ARMS), args.workers, share=share)
     shots = [np.frombuffer(row.pop("picture"), dtype=np.uint8) for row in rows]
     save_image(np.vstack(shots).reshape(-1, 3 * SIZE[0], 3), args.out / "public_arms.png")
-    left_out = ("share", "run", "task", "error")
+    omitted = ("share", "run", "task", "error")
     data = {
-        name: {key: value for key, value in row.items() if key not in left_out}
+        name: {key: value for key, value in row.items() if key not in omitted}
         for name, row in zip(ARMS, rows, strict=True)
     }
     keep(args.out, "public_arms", data)
