@@ -59,6 +59,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py
 	$(BIN)/python experiments/closed_loop.py
+	$(BIN)/python experiments/closed_loop_policies.py
 	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/reaction.py
 	$(BIN)/python experiments/cargo.py
