@@ -37,11 +37,22 @@ def angle_at(graph, state):
     return float(graph.configuration(state)[2][LIMB, JOINT - 1])
 
 
-def test_it_lets_go_along_the_normal_and_the_way_to_the_fold_is_free(three, state):
+@pytest.mark.parametrize(
+    ("stance", "bits", "joint", "least"),
+    [
+        (("D2b:4", "D2a:1", "D1b:2"), (1, 1, 8), 3, 2),
+        (("D1a:6", "D2a:4", "D2a:1"), (1, 2, 2), 3, 4),
+        (("D1b:1", "D2a:4", "D3a:4"), (1, 2, 1), 5, 4),
+    ],
+)
+def test_it_lets_go_along_the_normal_and_the_way_to_the_fold_is_free(
+    three, stance, bits, joint, least
+):
     """The others hold by Pinocchio's kinematics; MuJoCo's shapes keep the clearance."""
+    state = three.state(stance)._replace(branch_sets=bits)
     position, quaternion, joints = three.configuration(state)
-    angle, ids = joints[LIMB, JOINT - 1], three.ids(state.stance)
-    folded = folded_limb(three, state, joints, LIMB, (JOINT, angle))
+    angle, ids = joints[LIMB, joint - 1], three.ids(state.stance)
+    folded = folded_limb(three, state, joints, LIMB, (joint, angle))
     model, grasp_map = oracle.pinocchio_arm(Limb()), three.grasp_map
     handle = point_handle(grasp_map, ids[LIMB])
     held, mover = [None, *ids[1:]], LimbMover(three, LIMB, ())
@@ -57,8 +68,9 @@ def test_it_lets_go_along_the_normal_and_the_way_to_the_fold_is_free(three, stat
         mover.stand(*here)
         assert mover.is_clear(angles[LIMB], handle)
     assert np.abs(np.diff(folded.joints, axis=0)).max() < 0.3
+    assert len(folded.knots) >= least
     np.testing.assert_array_equal(folded.knots[0], joints[LIMB])
-    np.testing.assert_array_equal(folded.knots[:, JOINT - 1], angle)
+    np.testing.assert_array_equal(folded.knots[:, joint - 1], angle)
     for first, last in zip(folded.knots[:-1], folded.knots[1:], strict=True):
         for s in np.linspace(0.0, 1.0, 200):
             assert mover.is_clear(first + s * (last - first))
