@@ -62,6 +62,9 @@ FROM_COLUMBUS = (
 INTO_LAB = (5.0, 0.0, 0.0)
 """Their goal in the lab [m]."""
 
+ACROSS, ACROSS_TIME = "mlivr4, across the station", 60.0
+"""Name of the measurement of four limbs across ten modules, and its time limit [s]."""
+
 BOUNDS = "bounds"
 """Name of the measurement of lower bounds."""
 
@@ -211,6 +214,24 @@ def through_a_node(method: str, began: float) -> dict[str, Any]:
     }
 
 
+def across(began: float) -> dict[str, Any]:
+    """Return how a search of four limbs from a module of the `station` to the last one ends."""
+    found = plan_in_corridor(
+        "station", FROM_COLUMBUS, query(0, 0)[1], robot="mlivr4",
+        goal_tolerance=LIMBED_TOLERANCE, time_limit=ACROSS_TIME,
+    )  # fmt: skip
+    used, plan = resource.getrusage(resource.RUSAGE_SELF), found.result.plan
+    return {
+        "points": len(found.graph.grasp_map),
+        "end": found.result.reason or "plan found",
+        "steps": None if plan is None else len(plan.steps),
+        "bound": None if plan is None else plan.statistics.bound,
+        "wall_s": time.time() - began,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "memory_gb": used.ru_maxrss / 1e6,
+    }
+
+
 def lower_bounds() -> dict[str, Any]:
     """Return lower bounds of the steps across the station, and the steps of plans."""
     import numpy as np
@@ -240,6 +261,8 @@ def figures(labs: int, method: str, began: float) -> dict[str, Any]:
     """Return the figures that a method gives."""
     if method == BOUNDS:
         return lower_bounds()
+    if method == ACROSS:
+        return across(began)
     if method in NODES:
         return through_a_node(method, began)
     if method in LIMBED:

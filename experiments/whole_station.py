@@ -26,6 +26,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from reports import NOTHING, ROOT, counted, experiment, study_rows, table
 from station_plans import (
+    ACROSS,
+    ACROSS_TIME,
     BOUNDS,
     LIMBED,
     LIMBED_TIME,
@@ -82,7 +84,7 @@ def all_measured(most: int) -> dict[str, Any]:
         "corridor": [0, *labs],
         "whole": [0, *(n for n in labs if n <= MOST_WHOLE)],
         TO_TENTH: [n for n in labs if n > SHORT],
-    } | {method: [0] for method in (BOUNDS, *LIMBED, *NODES)}
+    } | {method: [0] for method in (BOUNDS, ACROSS, *LIMBED, *NODES)}
     in_process(0, 2, "corridor")  # compiles
     rows = []
     for method in (method for method, some in todo.items() if some):
@@ -132,6 +134,13 @@ def nodes_section(rows: list[dict[str, Any]]) -> str:
         for row in rows
         if row["method"] in NODES
     ]  # fmt: skip
+    ends = [
+        f"With {ACROSS_TIME:g} s, the search in a corridor of {row['points']} points across "
+        f"the ten modules ended with *{row['end']}* ({row['processor_s']:.0f} s of processor time, "
+        f"{row['memory_gb']:.2f} GB)."
+        for row in rows
+        if row["method"] == ACROSS
+    ]
     return f"""## Four limbs through a node
 
 From inside the hatch of a module like Columbus, through a node of the `station` and its hatch at a
@@ -140,7 +149,8 @@ table of all nodes on these points is built first, which takes most of the time.
 nothing to hold in deck and overhead between its hatches. Node 2 has hatches there, too (NASA: six
 ports), which the node leaves out. *Around closed hatches*: with four handrails around each of these
 two, of the length and at the distance that are assumed at the others; they are no part of the map
-`station`. No plan of four limbs over ten modules is known: the other nodes are not tried, and
+`station`. No plan of four limbs over ten modules is known. \
+{" ".join(ends)} The other nodes are not tried, and
 through the hatch of the JEM, on whose side nothing is near it, no moves lead on the points that
 were tried.
 
@@ -170,7 +180,7 @@ def markdown(data: dict[str, Any]) -> str:
     """Return the report."""
     rows = []
     ten = next(r for r in data["rows"] if r["station"] and r["method"] == "corridor")
-    two = [row for row in data["rows"] if row["method"] not in (BOUNDS, *LIMBED, *NODES)]
+    two = [row for row in data["rows"] if row["method"] not in (BOUNDS, ACROSS, *LIMBED, *NODES)]
     for row in sorted(two, key=lambda row: (row["labs"], row["method"])):
         name = "`station`" if row["station"] else f"row of {row['labs']} labs"
         if "fault" in row:
